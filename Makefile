@@ -1,0 +1,43 @@
+# `make demo` and `make test` do everything on a fresh machine that has Python 3.11 or newer, pip and a package index.
+.DELETE_ON_ERROR:
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+# Byte-compile at install (uv does not by default): halves every later start.
+export UV_COMPILE_BYTECODE := 1
+
+.PHONY: demo test bench lint wheel lock clean
+demo: $(VENV)/.run
+	$(BIN)/resample-volume demo --output demo
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest
+bench: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+wheel: $(VENV)/.dev
+	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
+
+# --without-pip: works where Debian's python3-venv is missing; the machine's pip then installs uv into it.
+$(BIN)/uv:
+	$(PYTHON) -m venv --without-pip $(VENV)
+	$(PYTHON) -m pip --python $(VENV) install -q --disable-pip-version-check 'uv>=0.9'
+# The locks hold versions and hashes only, no addresses: whatever index the machine is set up for serves.
+define install
+	$(BIN)/uv pip install -q --python $(BIN)/python --require-hashes -r requirements/$(1).txt
+	$(BIN)/uv pip install -q --python $(BIN)/python --no-deps -e .
+endef
+$(VENV)/.run: requirements/run.txt pyproject.toml | $(BIN)/uv
+	$(call install,run)
+	touch $@
+$(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
+	$(call install,dev)
+	touch $@ $(VENV)/.run
+lock: | $(BIN)/uv
+	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
+	$(BIN)/uv pip compile -q pyproject.toml --all-extras --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+clean:
+	rm -rf $(VENV) dist demo
