@@ -3,13 +3,14 @@
 Conventions, stated once and kept everywhere:
 
 - The pixel in row i, column j covers [j, j + 1) × [i, i + 1); its center is at (j + 0.5, i + 0.5).
-- A camera looks along +z with x to the right and y down (OpenCV, COLMAP); poses map world to camera.
+- A camera looks along +z, x to the right and y down (OpenCV, COLMAP); poses map world to camera.
 - Images are float32, linear light, premultiplied RGBA, shape (H, W, 4).
 - Depth is z-depth: the distance along the viewing axis, in scene units.
 - Extinction is optical depth per scene unit of length.
 """
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,15 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Records = NDArray[np.void]
+Record = Any  # one element of Records
+Single = Any  # a number kept in float32: half the bytes, and twice as many at once
+
+# Rows of the correction table reach to this cone, rad; "less than 15° are usually sufficient"
+# (paper, section 4.2). Beyond it kernels evaluate the formula.
+LARGEST_CONE = math.radians(15)
+
+# The footprint models; see `resample.kernels.footprints`.
+AFFINE, CORRECTED, SMALL_ANGLE, EXACT = range(4)
 
 
 class Samples(NamedTuple):
@@ -28,6 +38,74 @@ class Samples(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
 
 
+# What a painter needs of one sample seen by a camera; records are read one by one, so no columns.
+# With (dx, dy) a pixel's offset from (x, y), q = a dx² + 2 b dx dy + c dy² is the squared index of
+# the affine and corrected models; the exact model divides q by the pixel ray's own length, see
+# `Rays`. A sphere that crosses the near plane has cone = -1 and its center in (a, b, c).
+FOOTPRINT = np.dtype(
+    [
+        ("x", np.float32),  # px, center of the footprint's quadratic form
+        ("y", np.float32),
+        ("a", np.float32),  # px⁻², see above
+        ("b", np.float32),
+        ("c", np.float32),
+        ("amplitude", np.float32),  # scene units; line integral = amplitude × table
+        ("cone", np.float32),  # rad, half the angle under which the sphere is seen
+        ("left", np.float32),  # px, bounds of all pixels the sample may touch; left > right: none
+        ("top", np.float32),
+        ("right", np.float32),
+        ("bottom", np.float32),
+        ("depth", np.float32),  # scene units along the view axis
+        ("spacing", np.float32),  # px between neighbouring samples on screen, where largest
+        ("mass", np.float32),  # px² × scene units: what the line integrals of all pixels sum to
+        ("obliquity", np.float32),  # length of a ray's way through a slab of thickness 1
+        ("red", np.float32),
+        ("green", np.float32),
+        ("blue", np.float32),
+        ("extinction", np.float32),  # optical depth per scene unit
+    ]
+)
+
+
+class View(NamedTuple):
+    """A camera as kernels see it."""
+
+    rotation: Doubles  # (3, 3) world to camera
+    translation: Doubles  # (3,) scene units
+    focal: Doubles  # (2,) fx, fy in px; px per scene unit where parallel
+    principal: Doubles  # (2,) cx, cy in px
+    near: float  # scene units; nothing in front of this plane is seen
+    perspective: bool
+
+
+class Ellipsoid(NamedTuple):
+    """The reconstruction ellipsoid around every sample, in camera axes."""
+
+    to_unit: Doubles  # (3, 3) maps it to the unit sphere
+    pixel_to_unit: Doubles  # (3, 2) maps px at depth 1, or px where parallel, into that space
+    from_unit: Doubles  # (3, 3) the inverse
+    covariance: Doubles  # (3, 3) from_unit from_unitᵀ; its diagonal holds the squared half extents
+    volume: float  # scene units³ that one sample stands for
+    scale: float  # what unit line integrals are multiplied by, 1 / radius³ in voxels
+    radius: float  # voxels
+
+
+class Screen(NamedTuple):
+    """The picture's size, and how far beyond its edges samples still matter."""
+
+    width: int  # px
+    height: int  # px
+    margin: float  # px, reach of the filters
+    sides: Doubles  # (4, 4) c is outside one if its product with (c, 1) is above 0; camera axes
+
+
+class Sheets(NamedTuple):
+    """How samples are put in order and which of them are summed before they are composited."""
+
+    key: Floats  # (N,) samples are painted in ascending order of it
+    sheet: NDArray[np.int32]  # (N,) consecutive points of one sheet are summed, then composited
+
+
 class RadialTable(NamedTuple):
     """A function of one distance, tabulated at equal steps of its argument from 0 to `extent`."""
 
@@ -35,11 +113,76 @@ class RadialTable(NamedTuple):
     extent: float  # px for pixel filters; 1 for footprints, whose argument is the squared index
 
 
-class CorrectionTable(NamedTuple):
-    """Flat index and cone angle to true distance (paper, section 4.2)."""
+class Tables(NamedTuple):
+    """All tabulated functions of one rendering."""
 
-    distance: Floats  # (A, K) in radii of the reconstruction sphere
-    largest_cone: float  # rad; beyond it kernels evaluate the formula
+    footprint: Floats  # (K + 1,) over the squared distance of a ray from the center, 0..1 radii²
+    density: Floats  # (K + 1,) over the squared distance from the center, 0..1 radii²
+    correction: Floats  # (A, I) true distance over cone, 0..LARGEST_CONE, and flat index, 0..1
+    point: Floats  # (K + 1,) 1-D profile of the filter that points are added under
+    point_extent: float  # widths at which it ends
+    pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
+    pixel_extent: float  # px at which it ends
+
+
+class Style(NamedTuple):
+    """Choices that a painter reads as numbers."""
+
+    model: int  # AFFINE, CORRECTED, SMALL_ANGLE or EXACT
+    threshold: float  # sub-pixels; a sample is a point when its spacing is at most this
+    subpixels: int  # per side of a pixel; 0: chosen per tile within the limits below
+    most_for_splats: int
+    most_for_points: int
+    point_extent: float  # widths at which the point profile ends
+    variance: float  # voxels², of the reconstruction along an axis; 0: points have width 1
+    linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
+    layer: float  # scene units, thickness of the layer that a sheet of points stands for
+    opaque: float  # transmittance below which nothing behind is painted
+    tint_red: float  # color that splats are drawn in; negative: their own
+    tint_green: float
+    tint_blue: float
+
+
+class Tiles(NamedTuple):
+    """Which samples touch which tile of the screen (compressed rows)."""
+
+    start: NDArray[np.int64]  # (T + 1,) where the members of tile t begin
+    member: NDArray[np.int32]  # (M,) sample
+    size: int  # px, side of a tile
+    columns: int  # tiles in a row of them
+
+
+class Canvas(NamedTuple):
+    """The sub-pixels of one tile and of the margin its pixel filter needs."""
+
+    pixel: Floats  # (h, w, 8): premultiplied RGB, transmittance, α × depth, weight, first depth, 0
+    sheet: Floats  # (h, w, 6): sums of α, α × RGB, α × depth and weight of the open sheet
+    ray: Floats  # (h, w, 2): 1 / |w|² and the amplitude of an exact footprint
+    dirty: NDArray[np.int64]  # (4,) first and last row, first and last column the sheet touches
+
+
+class Place(NamedTuple):
+    """Where a canvas lies on the screen."""
+
+    x: float  # px, its left edge
+    y: float  # px, its top edge
+    subpixels: int  # per side of a pixel
+
+
+class Statistics(NamedTuple):
+    """What a rendering did."""
+
+    samples: int
+    points: int  # samples painted as points
+    splats: int  # samples painted as splats
+    hidden: int  # of both, those that every pixel's opacity had covered before their turn
+    subpixels: int  # finest sub-pixel grid of any tile, per side
+    seconds: dict[str, float]  # per stage
+
+    @property
+    def splat_fraction(self) -> float:
+        """Share of the painted samples that were splats."""
+        return self.splats / max(1, self.points + self.splats)
 
 
 class Frame(NamedTuple):
@@ -49,3 +192,4 @@ class Frame(NamedTuple):
     depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where nothing is
     first_depth: Floats  # (H, W) z-depth of the nearest visible sample; inf where nothing is
     coverage: Floats  # (H, W) share of the pixel that samples cover, however transparent, 0..1
+    statistics: Statistics

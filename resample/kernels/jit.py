@@ -1,19 +1,18 @@
 """The one place with compiler flags and the kernels' cache on disk.
 
 numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
-kernel in another file, a caller would keep running the old machine code. The keys used here also
-hold a digest of all kernel sources and whether bounds are checked.
+kernel in another file, a caller would keep running the old machine code. Here the name of a cache
+file also holds a digest of all kernel sources and whether bounds are checked.
 """
 
 import hashlib
-import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,21 +29,28 @@ SOURCES = _digest()
 
 
 class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
-    """A cache that forgets a kernel when any kernel's source changes."""
+    """A cache whose files are those of one version of all kernel sources.
 
-    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        checked = bool(numba.config.BOUNDSCHECK)
-        return (*super()._index_key(sig, codegen), SOURCES, checked)
+    The version stands in the files' names, not only in the keys: an index that mentions a type
+    which has since gone could not even be read.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        version = f"{SOURCES[:12]}{'-checked' if numba.config.BOUNDSCHECK else ''}"
+        self._cache_file = IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=f"{self._impl.filename_base}-{version}",
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
 
 
 def _compile(function: Callable[P, R], *, parallel: bool) -> Callable[P, R]:
     # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
     compiled = numba.njit(function, nogil=True, parallel=parallel, error_model="numpy")
     if hasattr(compiled, "enable_caching"):
-        try:
+        with suppress(RuntimeError):  # no folder can be written to: compile in every process
             compiled._cache = _SourceAwareCache(function)
-        except RuntimeError:  # no folder can be written to: compile in every process
-            pass
     return compiled  # type: ignore[no-any-return]
 
 
@@ -60,13 +66,15 @@ def parallel_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def threads(count: int | None) -> Iterator[None]:
-    """Run parallel kernels on at most `count` threads; None takes all. Pixels do not depend on it."""
-    if count is None:
-        yield
-        return
+    """Run parallel kernels on at most `count` threads; None takes all. Pixels do not depend on it.
+
+    Tasks are handed out one by one: tiles differ too much in cost for equal shares.
+    """
     before = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(count, numba.config.NUMBA_NUM_THREADS, os.cpu_count() or 1)))
+    if count is not None:
+        numba.set_num_threads(max(1, min(count, numba.config.NUMBA_NUM_THREADS)))
     try:
-        yield
+        with numba.parallel_chunksize(1):
+            yield
     finally:
         numba.set_num_threads(before)

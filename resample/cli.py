@@ -1,0 +1,129 @@
+"""The `resample` command: what is installed, how pictures compare, and the applications."""
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+from cyclopts import App, Parameter
+
+from resample import registry
+from resample.options import run
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+app = App(
+    name="resample",
+    help="Hybrid forward resampling: points where samples shrink, splats where they grow.",
+    version=lambda: version("hybrid-resample"),
+)
+
+
+@app.command
+def plugins(group: str | None = None, /) -> None:
+    """List everything that can be chosen by name, with its parameters and their defaults.
+
+    Parameters
+    ----------
+    group
+        One of apps, filters, orders, readers, reconstructions; all of them if left out.
+    """
+    for name in registry.GROUPS if group is None else (group,):
+        listed = "\n".join(map(partial(_plugin, name), registry.names(name)))
+        sys.stdout.write(f"{name}\n{listed or '  none'}\n\n")
+
+
+@app.command
+def compare(
+    *pictures: Path,
+    reference: Annotated[Path, Parameter(alias="-R")],
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Measure pictures against a reference of the same size, as a screen shows them over black.
+
+    Parameters
+    ----------
+    pictures
+        Files to measure.
+    reference
+        The picture that they should equal.
+    output
+        Also write all of them side by side (.png).
+    as_json
+        Print JSON instead of a table; the PSNR of equal pictures is null.
+    """
+    from resample import compare as comparison
+
+    if not pictures:
+        raise ValueError("compare needs at least one picture besides the reference")
+    rows, images = comparison.measure_files(pictures, reference)
+    if output is not None:
+        captions = {str(row["picture"]): f"PSNR {row['psnr']:.2f} dB" for row in rows}
+        comparison.contact_sheet(images, output, captions=captions)
+    if as_json:
+        sys.stdout.write(json.dumps([_json(row) for row in rows], indent=2) + "\n")
+    elif sys.stdout.isatty():
+        _show(comparison.table(rows))
+    else:
+        sys.stdout.write(comparison.plain(rows))
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)
+
+
+def _plugin(group: str, name: str) -> str:
+    """Lines on a plugin: who brings it, what it is and takes, or why it cannot be used."""
+    try:
+        notes = _notes(registry.load(group, name))
+    except LookupError as error:
+        notes = [f"broken: {error}"]
+    return "\n      ".join([f"  {name}  ({registry.distribution(group, name)})", *notes])
+
+
+def _notes(plugin: Any) -> list[str]:
+    if isinstance(plugin, App):
+        return [str(plugin.help).partition("\n")[0]]
+    summary = (plugin.__doc__ or "no description").strip().partition("\n")[0]
+    return [summary, registry.described(plugin)]
+
+
+def _json(row: dict[str, object]) -> dict[str, object]:
+    """Row without infinity, which JSON cannot say."""
+    return {key: None if value == math.inf else value for key, value in row.items()}
+
+
+def _show(grid: "Table") -> None:
+    from rich.console import Console
+
+    Console().print(grid)
+
+
+def _door(name: str) -> Callable[..., Any]:
+    """Command that imports an application when it is called and hands it the words that follow."""
+
+    def launch(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]) -> Any:
+        application = registry.load("apps", name)
+        return application(
+            words, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+
+    return launch
+
+
+for _name in registry.names("apps"):
+    _application = App(
+        name=_name,
+        help=f"Application of {registry.distribution('apps', _name)}; has its own --help.",
+        help_flags=(),
+        version_flags=(),
+    )
+    _application.default(_door(_name))
+    app.command(_application)

@@ -1,0 +1,181 @@
+"""Pixel filters: how much a point of the picture weighs in a pixel, by distance.
+
+A filter is a symmetric profile of one distance, applied to x and to y in turn and multiplied; it is
+taken as 0 beyond its radius. Kernels never call it: they read its table.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, cast
+
+import numpy as np
+
+from resample.types import Doubles, RadialTable
+
+
+class PixelFilter(Protocol):
+    """What a pixel filter has; NumPy is enough to write one.
+
+    A plugin is a class with these two, whose constructor takes the user's parameters by name and
+    refuses bad ones with a `ValueError`; `resample.testing.check_filter` checks the rest.
+    """
+
+    @property
+    def radius(self) -> float:
+        """Largest distance with a weight, px."""
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        """Weight at each distance, 0..`radius` px; same shape, any scale: `table` normalises."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """The same weight everywhere: the mean over a square of the pixel's size."""
+
+    radius: float = 0.5  # px
+
+    def __post_init__(self) -> None:
+        _positive("radius", self.radius)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return np.ones_like(distance)
+
+
+@dataclass(frozen=True)
+class Tent:
+    """Weight that falls along a line to 0; radius 1 interpolates linearly."""
+
+    radius: float = 1.0  # px
+
+    def __post_init__(self) -> None:
+        _positive("radius", self.radius)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return np.maximum(1.0 - distance / self.radius, 0.0)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A bell curve, lowered by its value at the rim so that it ends at 0.
+
+    The cut at a radius leaves no step, whatever the radius (Pharr, Jakob and Humphreys, Physically
+    Based Rendering, 4th ed., section 8.8.1). At 3 σ the profile is lowered by 1.1 % of its peak.
+    """
+
+    sigma: float = 0.5  # px
+    radius: float = cast(float, None)  # px; left out, it is 3 σ
+
+    def __post_init__(self) -> None:
+        _positive("sigma", self.sigma)
+        if self.radius is None:
+            object.__setattr__(self, "radius", 3.0 * self.sigma)
+        _positive("radius", self.radius)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        rim = math.exp(-0.5 * (self.radius / self.sigma) ** 2)
+        return np.maximum(np.exp(-0.5 * (distance / self.sigma) ** 2) - rim, 0.0)
+
+
+@dataclass(frozen=True)
+class Mitchell:
+    """Two cubic pieces that balance blur against ringing; some weights are negative.
+
+    Mitchell and Netravali, Reconstruction Filters in Computer Graphics, SIGGRAPH 1988, equation 8.
+    They recommend 2c + b = 1; b = 1, c = 0 is the cubic B-spline.
+    """
+
+    b: float = 1 / 3
+    c: float = 1 / 3
+
+    radius: ClassVar[float] = 2.0  # px
+
+    def __post_init__(self) -> None:
+        _finite("b", self.b)
+        _finite("c", self.c)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        b, c, x = self.b, self.c, distance
+        near = (12 - 9 * b - 6 * c) * x**3 + (-18 + 12 * b + 6 * c) * x**2 + (6 - 2 * b)
+        far = -(b + 6 * c) * x**3 + (6 * b + 30 * c) * x**2 - (12 * b + 48 * c) * x + 8 * b + 24 * c
+        return np.where(x < 1, near, far) / 6
+
+
+@dataclass(frozen=True)
+class CatmullRom:
+    """The cubic that passes through the samples: sharp, with some negative weights.
+
+    Catmull and Rom, A Class of Local Interpolating Splines, 1974; Mitchell's with b = 0, c = 1/2.
+    """
+
+    radius: ClassVar[float] = 2.0  # px
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return Mitchell(b=0.0, c=0.5)(distance)
+
+
+@dataclass(frozen=True)
+class Lanczos:
+    """The ideal low-pass filter under a window of its own shape: sharpest, and it rings.
+
+    Duchon, Lanczos Filtering in One and Two Dimensions, Journal of Applied Meteorology 18, 1979.
+    """
+
+    a: int = 3  # px; lobes on each side
+
+    def __post_init__(self) -> None:
+        if self.a not in range(1, 17):
+            raise ValueError(f"a is a whole number of lobes from 1 to 16, not {self.a}")
+
+    @property
+    def radius(self) -> float:
+        return float(self.a)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return np.sinc(distance) * np.sinc(distance / self.a)
+
+
+def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
+    """Profile of a filter at equal steps, of unit mass.
+
+    Parameters
+    ----------
+    pixel_filter
+        Any `PixelFilter`.
+    steps
+        Number of intervals.
+
+    Returns
+    -------
+    Table of `steps + 1` values; read linearly, it integrates to 1 over −extent..extent.
+    `extent` is the filter's radius, and the value there is 0. A filter that ends in a step, as a
+    box does, gets its last interval laid across the rim, so that a point exactly on the border of
+    two pixels is shared by them, neither lost nor counted twice; `extent` is then larger than the
+    radius by half an interval.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than 2 steps, or the filter has no mass.
+    """
+    if steps < 2:
+        raise ValueError(f"a table needs at least 2 steps, not {steps}")
+    rim, peak = np.abs(pixel_filter(np.array([pixel_filter.radius, 0.0])))
+    steps_to_rim = steps - 0.5 if rim > 1e-4 * peak else steps
+    extent = pixel_filter.radius * (steps / steps_to_rim)
+    distance = np.linspace(0.0, extent, steps + 1)
+    values = np.zeros(steps + 1)
+    values[:-1] = pixel_filter(distance[:-1])
+    mass = 2.0 * np.trapezoid(values, distance)
+    if not mass > 0.0:
+        raise ValueError(f"{pixel_filter} has the integral {mass}, which cannot be scaled to 1")
+    return RadialTable((values / mass).astype(np.float32), extent)
+
+
+def _positive(name: str, value: float) -> None:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is a positive number of pixels, not {value}")
+
+
+def _finite(name: str, value: float) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is a finite number, not {value}")

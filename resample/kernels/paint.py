@@ -1,0 +1,260 @@
+"""Paint the tiles of a frame: each tile alone, front to back, until it is opaque."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from resample.kernels.grid import grid
+from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.lookup import radial
+from resample.kernels.points import MOST_TAPS, add_point, composite_sheet
+from resample.kernels.sorting import put_in_order
+from resample.kernels.splats import paint_splat, paint_splat_across_near
+from resample.types import (
+    EXACT,
+    Canvas,
+    Ellipsoid,
+    Floats,
+    Place,
+    Record,
+    Records,
+    Screen,
+    Sheets,
+    Style,
+    Tables,
+    Tiles,
+    View,
+)
+
+BLOCK = 256  # samples fetched at once: their scattered reads then overlap
+
+Tally = NDArray[np.int64]  # (T, 4) points, splats, hidden, sub-pixels
+
+
+class Home(NamedTuple):
+    """A tile and the frame it belongs to, px."""
+
+    left: int
+    top: int
+    size: int
+    width: int
+    height: int
+
+
+@kernel
+def _margin(extent: float) -> int:
+    """Pixels around a pixel that its filter reads; a box table ends a sliver beyond 0.5."""
+    return math.ceil(extent - 0.501)
+
+
+@kernel
+def _new_canvas(count: int) -> Canvas:
+    """Empty canvas of `count` sub-pixels per side."""
+    pixel = np.zeros((count, count, 8), np.float32)
+    pixel[:, :, 3] = 1.0
+    pixel[:, :, 6] = np.inf
+    return Canvas(
+        pixel,
+        np.zeros((count, count, 6), np.float32),
+        np.zeros((count, count, 2), np.float32),
+        np.array([count, 0, count, 0]),
+    )
+
+
+@kernel
+def _cast_rays(ray: Floats, place: Place, view: View, ellipsoid: Ellipsoid) -> None:
+    """Per sub-pixel, what the exact footprints of all samples share."""
+    n, unit = place.subpixels, ellipsoid.to_unit
+    for row in range(ray.shape[0]):
+        y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
+        for column in range(ray.shape[1]):
+            x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
+            if not view.perspective:
+                x, y = 0.0, 0.0
+            squared = 0.0
+            for axis in range(3):
+                across = unit[axis, 0] * x + unit[axis, 1] * y + unit[axis, 2]
+                squared += across * across
+            ray[row, column, 0] = 1.0 / squared
+            ray[row, column, 1] = ellipsoid.scale * math.sqrt((1.0 + x * x + y * y) / squared)
+
+
+@kernel
+def _survey(
+    members: NDArray[np.int32], footprints: Records, home: Home, style: Style, tally: Tally
+) -> None:
+    """Choose the tile's grid, and count its own samples: those whose centers lie in it."""
+    smallest = np.inf
+    for n in members:
+        smallest = min(smallest, float(footprints[n]["spacing"]))
+    subpixels = grid(smallest, style)
+    tally[3] = subpixels
+    for n in members:
+        if _is_at_home(footprints[n], home):
+            tally[0 if footprints[n]["spacing"] * subpixels <= style.threshold else 1] += 1
+
+
+@kernel
+def _is_at_home(record: Record, home: Home) -> bool:
+    """Whether the sample's center, moved into the frame, lies in the tile."""
+    x = max(0.0, min(home.width - 1.0, float(record["x"]))) - home.left
+    y = max(0.0, min(home.height - 1.0, float(record["y"]))) - home.top
+    return 0.0 <= x < home.size and 0.0 <= y < home.size
+
+
+@kernel
+def _paint_members(
+    members: NDArray[np.int32],
+    footprints: Records,
+    sheets: Sheets,
+    canvas: Canvas,
+    place: Place,
+    view: View,
+    ellipsoid: Ellipsoid,
+    style: Style,
+    tables: Tables,
+) -> int:
+    """Paint samples in their order; gives how many were painted before all was opaque."""
+    pixel, sheet, ray, dirty = canvas
+    across, down = np.zeros(MOST_TAPS, np.float32), np.zeros(MOST_TAPS, np.float32)
+    profile, table, correction = tables.point, tables.footprint, tables.correction
+    threshold = style.threshold / place.subpixels
+    still_open = pixel.shape[0] * pixel.shape[1]
+    open_sheet, has_points = 0, False
+    block = footprints[members[:BLOCK]]
+    for position in range(members.size):
+        if position % BLOCK == 0:
+            block = footprints[members[position : position + BLOCK]]
+        record = block[position % BLOCK]
+        sheet_number = sheets.sheet[members[position]]
+        if has_points and sheet_number != open_sheet:
+            still_open -= composite_sheet(pixel, sheet, dirty, style)
+            has_points = False
+        if still_open == 0:
+            return position
+        if record["spacing"] <= threshold:
+            add_point(sheet, dirty, place, record, style, profile, across, down)
+            open_sheet, has_points = sheet_number, True
+        elif record["cone"] >= 0.0:
+            still_open -= paint_splat(pixel, ray, place, record, style, table, correction)
+        else:
+            still_open -= paint_splat_across_near(
+                pixel, place, record, view, ellipsoid, style, tables.density
+            )
+    composite_sheet(pixel, sheet, dirty, style)
+    return members.size
+
+
+@kernel
+def _resolve(
+    pixels: Floats, n: int, tables: Tables, left: int, top: int, size: int, frame: Floats
+) -> None:
+    """Filter the sub-pixels of a tile to its pixels of the frame (H, W, 7)."""
+    margin = _margin(tables.pixel_extent)
+    taps = (2 * margin + 1) * n
+    weight = np.zeros(taps, np.float32)
+    for tap in range(taps):
+        weight[tap] = radial(tables.pixel, tables.pixel_extent, abs((tap + 0.5) / n - margin - 0.5))
+    weight /= weight.sum()
+    sums = np.zeros(7, np.float32)
+    for row in range(top, min(top + size, frame.shape[0])):
+        for column in range(left, min(left + size, frame.shape[1])):
+            sums[:] = 0.0
+            first = np.inf
+            for down in range(taps):
+                for right in range(taps):
+                    pixel = pixels[(row - top) * n + down, (column - left) * n + right]
+                    share = weight[down] * weight[right]
+                    if share == 0.0:
+                        continue
+                    for channel in range(4):
+                        sums[channel] += share * pixel[channel]
+                    covered = max(np.float32(1.0) - pixel[3], min(np.float32(1.0), pixel[5]))
+                    sums[4] += share * pixel[4]
+                    sums[5] += share * covered
+                    if (
+                        margin * n <= down < (margin + 1) * n
+                        and margin * n <= right < (margin + 1) * n
+                    ):
+                        first = min(first, pixel[6])
+            result = frame[row, column]
+            for channel in range(3):
+                result[channel] = max(np.float32(0.0), sums[channel])
+            alpha = min(np.float32(1.0), max(np.float32(0.0), np.float32(1.0) - sums[3]))
+            result[3] = alpha
+            result[4] = sums[4] / (1.0 - sums[3]) if alpha > 1e-6 else np.inf
+            result[5] = first
+            result[6] = min(np.float32(1.0), max(np.float32(0.0), sums[5]))
+
+
+@kernel
+def _paint_tile(
+    tile: int,
+    tiles: Tiles,
+    footprints: Records,
+    sheets: Sheets,
+    key_bits: NDArray[np.uint32],
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    frame: Floats,
+    tally: Tally,
+) -> None:
+    members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+    if members.size == 0:
+        return
+    margin = _margin(tables.pixel_extent)
+    left, top = tile % tiles.columns * tiles.size, tile // tiles.columns * tiles.size
+    home = Home(left, top, tiles.size, screen.width, screen.height)
+    _survey(members, footprints, home, style, tally[tile])
+    subpixels = tally[tile, 3]
+    place = Place(float(left - margin), float(top - margin), subpixels)
+    canvas = _new_canvas((tiles.size + 2 * margin) * subpixels)
+    if style.model == EXACT:
+        _cast_rays(canvas.ray, place, view, ellipsoid)
+    put_in_order(members, key_bits, footprints)
+    painted = _paint_members(
+        members, footprints, sheets, canvas, place, view, ellipsoid, style, tables
+    )
+    for n in members[painted:]:
+        if _is_at_home(footprints[n], home):
+            tally[tile, 2] += 1
+    _resolve(canvas.pixel, subpixels, tables, left, top, tiles.size, frame)
+
+
+@parallel_kernel
+def paint_tiles(
+    turn: NDArray[np.int64],
+    tiles: Tiles,
+    footprints: Records,
+    sheets: Sheets,
+    key_bits: NDArray[np.uint32],
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    frame: Floats,
+    tally: Tally,
+) -> None:
+    """Paint the tiles listed in `turn`. Tiles share no pixel, so no two threads meet."""
+    for place in prange(turn.size):
+        _paint_tile(
+            turn[place],
+            tiles,
+            footprints,
+            sheets,
+            key_bits,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            frame,
+            tally,
+        )

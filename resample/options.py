@@ -1,0 +1,79 @@
+"""What all command lines share: how they run and how they report a user's mistake."""
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    import cyclopts
+
+USER_ERROR = 2  # exit status of a mistake in the arguments, files or settings
+INTERRUPTED = 130  # what shells report for Ctrl-C
+
+
+def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command line and end the process.
+
+    Parameters
+    ----------
+    app
+        The commands. One that returns a whole number sets the exit status with it.
+    arguments
+        Words of the command line; None takes the process's own.
+
+    Raises
+    ------
+    SystemExit
+        Always. Status 0 after success. Status 2 and one line on stderr after a ValueError,
+        LookupError, OSError, MemoryError, a pydantic ValidationError or a word that the command
+        line does not know; 130 after Ctrl-C. A KeyError or an IndexError is a bug in a program,
+        not the user's mistake: these and all others pass through with their traceback.
+    """
+    from cyclopts import CycloptsError
+
+    try:
+        status = _call(app, arguments)
+    except (KeyboardInterrupt, SystemExit) as end:  # cyclopts turns the first into the second
+        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
+            raise
+        _complain("interrupted")
+        status = INTERRUPTED
+    except BrokenPipeError:  # the reader, `head` for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    except (KeyError, IndexError):
+        raise
+    except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
+        _complain(f"error: {one_line(error)}")
+        status = USER_ERROR
+    raise SystemExit(status)
+
+
+def one_line(error: BaseException) -> str:
+    """Message of an error without line breaks, for a user's eyes."""
+    if hasattr(error, "errors") and hasattr(error, "error_count"):  # pydantic.ValidationError
+        return "; ".join(map(_field_error, error.errors()))
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return " ".join(["not enough memory", *str(error).split()])
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
+    result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    sys.stdout.flush()  # a full disk must show here, not after the end
+    return result if isinstance(result, int) else 0
+
+
+def _field_error(detail: dict[str, object]) -> str:
+    """One field that pydantic refused: `camera.fov: Input should be a valid number (got 'x')`."""
+    place = detail["loc"]
+    field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
+    message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
+    return f"{field}: {message} (got {detail['input']!r:.60})" if field else message
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"resample: {text}\n")

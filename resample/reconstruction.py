@@ -1,0 +1,132 @@
+"""Reconstruction: radial 3-D kernels around samples, and their line integrals as tables.
+
+A reconstruction is a density over the distance from a sample, in voxels, zero beyond its radius.
+Its scale does not matter: tables are normalised so that the kernel's integral over space is one
+voxel, so that a constant field reconstructs as that constant (up to the ripple that
+`ripple` reports).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from resample.types import Doubles, RadialTable
+
+STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
+QUADRATURE = np.polynomial.legendre.leggauss(200)
+
+
+class Reconstruction(Protocol):
+    """Role of a reconstruction plugin; NumPy only, compiled for nobody."""
+
+    @property
+    def radius(self) -> float:
+        """Distance in voxels from which on the density is zero."""
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        """Density at distances in voxels, same shape."""
+
+
+@dataclass(frozen=True)
+class GaussianKernel:
+    """Gaussian, lowered by its value at the rim so that it ends there without a step.
+
+    Parameters
+    ----------
+    sigma
+        Standard deviation of the Gaussian before it is lowered, voxels. The default is where a
+        constant field is flattest for radius 2: from -0.37 % to +0.76 %.
+    radius
+        Where it ends, voxels.
+    """
+
+    sigma: float = 0.65
+    radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.sigma < np.inf and 0 < self.radius < np.inf):
+            raise ValueError(f"sigma {self.sigma} and radius {self.radius} must be above 0")
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        rim = np.exp(-0.5 * (self.radius / self.sigma) ** 2)
+        inside = np.maximum(np.exp(-0.5 * (distance / self.sigma) ** 2) - rim, 0)
+        return np.where(distance < self.radius, inside, 0.0)
+
+
+@dataclass(frozen=True)
+class BSplineKernel:
+    """Cubic B-spline of the distance: two continuous derivatives, flat within 0.21 %.
+
+    Parameters
+    ----------
+    radius
+        Where it ends, voxels; its knot lies at half of that.
+    """
+
+    radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.radius < np.inf:
+            raise ValueError(f"radius {self.radius} must be above 0")
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        t = 2 * distance / self.radius
+        near = 2 / 3 - t**2 + t**3 / 2
+        far = (2 - t) ** 3 / 6
+        return np.where(t < 1, near, np.where(t < 2, far, 0.0))
+
+
+def density_table(reconstruction: Reconstruction) -> RadialTable:
+    """Density over the squared distance in radii, with integral 1 over the unit ball."""
+    squared = np.linspace(0, 1, STEPS + 1)
+    density = reconstruction(np.sqrt(squared) * reconstruction.radius) / _mass(reconstruction)
+    return RadialTable(density.astype(np.float32), 1.0)
+
+
+def footprint_table(reconstruction: Reconstruction) -> RadialTable:
+    """Line integrals over the squared distance of the line from the center, in radii.
+
+    Normalised as `density_table` is: the integral over the unit disk is 1 (paper, section 4.2,
+    "footprint table", here for any radial kernel and without a square root per look-up).
+    """
+    node, weight = QUADRATURE
+    squared = np.linspace(0, 1, STEPS + 1)[:, None]
+    half_chord = np.sqrt(1 - squared)
+    along = half_chord * node
+    density = reconstruction(np.sqrt(squared + along**2) * reconstruction.radius)
+    integral = (density * weight).sum(axis=1) * half_chord[:, 0] / _mass(reconstruction)
+    return RadialTable(integral.astype(np.float32), 1.0)
+
+
+def variance(reconstruction: Reconstruction) -> float:
+    """Variance of the kernel along one axis, voxels²."""
+    r, shell = _shells(reconstruction)
+    return float((r**2 * shell).sum() / shell.sum() / 3) * reconstruction.radius**2
+
+
+def ripple(reconstruction: Reconstruction, steps: int = 12) -> tuple[float, float]:
+    """Smallest and largest relative error of a reconstructed constant field."""
+    reach = int(np.ceil(reconstruction.radius)) + 1
+    lattice = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1.0)] * 3), axis=-1).reshape(-1, 3)
+    place = np.stack(np.meshgrid(*[np.linspace(0, 0.5, steps)] * 3), axis=-1).reshape(-1, 1, 3)
+    distance = np.linalg.norm(place - lattice, axis=-1)
+    field = reconstruction(distance).sum(axis=1) / (
+        _mass(reconstruction) * reconstruction.radius**3
+    )
+    return float(field.min() - 1), float(field.max() - 1)
+
+
+def _shells(reconstruction: Reconstruction) -> tuple[Doubles, Doubles]:
+    """Radii in (0, 1) and what the shell around each adds to the kernel's integral."""
+    node, weight = QUADRATURE
+    r = (node + 1) / 2
+    return r, 4 * np.pi * r**2 * reconstruction(r * reconstruction.radius) * weight / 2
+
+
+def _mass(reconstruction: Reconstruction) -> float:
+    """Integral of the kernel over the unit ball."""
+    mass = float(_shells(reconstruction)[1].sum())
+    if not 0 < mass < np.inf:
+        raise ValueError(f"the integral of {reconstruction} is {mass}; it must be above 0")
+    return mass

@@ -1,0 +1,212 @@
+"""Plugins by name: the built-in parts and those of other packages come through one door.
+
+Whatever can be replaced is an entry point in a group `resample.<group>`; a package adds a plugin
+with one line of its pyproject.toml and nothing is imported before it is asked for:
+
+    [project.entry-points."resample.filters"]
+    hann = "my_package:Hann"
+
+Two packages may claim one name. Neither wins: such a plugin is listed, and has to be asked for, as
+`distribution/name`; the bare name is refused with both of them named.
+"""
+
+import difflib
+import inspect
+from collections import Counter
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+GROUPS = ("apps", "filters", "orders", "readers", "reconstructions")
+
+REQUIRED = inspect.Parameter.empty  # stands for the default of a parameter that has none
+
+
+def names(group: str) -> list[str]:
+    """Names to choose from, sorted.
+
+    Parameters
+    ----------
+    group
+        One of `GROUPS`.
+
+    Returns
+    -------
+    Names that `load` and `build` know; `distribution/name` where two packages use one name.
+
+    Raises
+    ------
+    LookupError
+        There is no such group.
+    """
+    return sorted(_entries(group))
+
+
+def distribution(group: str, name: str) -> str:
+    """Name of the package that brings a plugin."""
+    return _distribution(_entry(group, name))
+
+
+def load(group: str, name: str) -> Any:
+    """Import one plugin and no other.
+
+    Parameters
+    ----------
+    group, name
+        As `names` lists them.
+
+    Returns
+    -------
+    What the entry point names: for most groups a class whose parameters are the user's choices.
+
+    Raises
+    ------
+    LookupError
+        The name is unknown or claimed by two packages, or the plugin cannot be imported.
+    """
+    entry = _entry(group, name)
+    try:
+        return entry.load()
+    except Exception as error:  # a foreign module may fail in any way
+        reason = f"{type(error).__name__}: {_one_line(error)}"
+        owner = _distribution(entry)
+        raise LookupError(
+            f"{_singular(group)} {name!r} of {owner} cannot be imported: {reason}"
+        ) from error
+
+
+def build(group: str, spec: str) -> Any:
+    """Make a plugin's object from a name and parameters.
+
+    Parameters
+    ----------
+    group
+        One of `GROUPS`.
+    spec
+        `name` or `name:parameter=value,parameter=value`. Values are integers, numbers, `true`,
+        `false` or text; a parameter whose default is text takes its value as it is written.
+
+    Returns
+    -------
+    The plugin called with the parameters: `gaussian:sigma=0.6` gives `Gaussian(sigma=0.6)`.
+
+    Raises
+    ------
+    LookupError
+        As `load`.
+    ValueError
+        A parameter is unknown, malformed, missing or refused by the plugin.
+    """
+    name, colon, text = spec.partition(":")
+    plugin = load(group, name)
+    known = parameters(plugin)
+    try:
+        chosen = _parse(text, known) if colon else {}
+        missing = [
+            key for key, default in known.items() if default is REQUIRED and key not in chosen
+        ]
+        if missing:
+            raise ValueError(f"needs {', '.join(missing)}")
+    except ValueError as error:
+        raise ValueError(f"{spec}: {error}; {name} takes {described(plugin)}") from None
+    try:
+        return plugin(**chosen)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{spec}: {_one_line(error)}") from error
+
+
+def parameters(plugin: Any) -> dict[str, Any]:
+    """Parameters of a plugin with their defaults; `REQUIRED` where there is none."""
+    open_ended = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    signature = inspect.signature(plugin)
+    return {n: p.default for n, p in signature.parameters.items() if p.kind not in open_ended}
+
+
+def described(plugin: Any) -> str:
+    """Parameters in one line: `sigma=0.5, radius=None`."""
+    return ", ".join(map(_default, parameters(plugin).items())) or "no parameters"
+
+
+def _default(parameter: tuple[str, Any]) -> str:
+    name, default = parameter
+    if default is REQUIRED:
+        return name
+    return f"{name}={default:.4g}" if isinstance(default, float) else f"{name}={default}"
+
+
+def _entries(group: str) -> dict[str, EntryPoint]:
+    """Entry points by the name to ask for; a name that two packages use is qualified."""
+    if group not in GROUPS:
+        raise LookupError(f"there are no {group!r}; plugins come as {', '.join(GROUPS)}")
+    found = entry_points(group=f"resample.{group}")
+    uses = Counter(entry.name for entry in found)
+    return {
+        entry.name if uses[entry.name] == 1 else f"{_distribution(entry)}/{entry.name}": entry
+        for entry in found
+    }
+
+
+def _entry(group: str, name: str) -> EntryPoint:
+    known = _entries(group)
+    if name in known:
+        return known[name]
+    kind = _singular(group)
+    rivals = sorted(other for other in known if other.rpartition("/")[2] == name)
+    if len(rivals) > 1:
+        owners = " and ".join(rival.rpartition("/")[0] for rival in rivals)
+        raise LookupError(f"{kind} {name!r} comes from {owners}; say {' or '.join(rivals)}")
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f", did you mean {close[0]!r}?" if close else ";"
+    listed = ", ".join(sorted(known)) or "none"
+    raise LookupError(f"unknown {kind} {name!r}{hint} known {group}: {listed}")
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else "an unnamed package"
+
+
+def _singular(group: str) -> str:
+    return group.removesuffix("s")
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _parse(text: str, known: dict[str, Any]) -> dict[str, Any]:
+    """Parameters written as `key=value,key=value`."""
+    chosen: dict[str, Any] = {}
+    for part in text.split(","):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (key and equals and value):
+            raise ValueError(f"{part!r} is not of the form parameter=value")
+        if key not in known:
+            raise ValueError(f"there is no parameter {key!r}")
+        if key in chosen:
+            raise ValueError(f"{key} is given twice")
+        chosen[key] = _value(key, value, known[key])
+    return chosen
+
+
+def _value(key: str, text: str, default: Any) -> Any:
+    """Meaning of a value's text, given what the parameter holds otherwise."""
+    if isinstance(default, str):
+        return text
+    if default is None and text.lower() == "none":
+        return None
+    value = _guess(text)
+    if isinstance(default, bool) and not isinstance(value, bool):
+        raise ValueError(f"{key} is true or false, not {text!r}")
+    if isinstance(default, int | float) and type(value) not in (int, float, type(default)):
+        raise ValueError(f"{key} is a number, not {text!r}")
+    return value
+
+
+def _guess(text: str) -> int | float | bool | str:
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return text
