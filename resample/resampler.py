@@ -155,24 +155,25 @@ class Resampler:
         with _kernels(threads):
             return self._render(checked, camera.view(), height, width, progress)
 
+    def footprints(self, samples: Samples, camera: Camera, *, height: int, width: int) -> Records:
+        """Records (N,) of `resample.types.FOOTPRINT`: what the painters get to know of each sample.
+
+        Same parameters and errors as a call; left > right marks samples that cannot be seen.
+        """
+        _check_size(height, width)
+        with _kernels(None):
+            return self._project(check_samples(samples), camera.view(), height, width).footprints
+
     def _render(
         self, samples: Samples, view: View, height: int, width: int, progress: Progress | None
     ) -> Frame:
-        from resample.kernels.footprints import project
-
         clock = _Clock()
-        tables = self._tables()
-        style = self._style(tables, samples.lattice)
-        ellipsoid = ellipsoid_of(samples.lattice, view, self.reconstruction.radius)
-        screen = screen_of(width, height, _margin(tables, style), view, ellipsoid)
-        footprints = np.zeros(samples.extinction.size, FOOTPRINT)
-        project(footprints, samples, view, ellipsoid, screen, style)
+        scene = self._project(samples, view, height, width)
         clock.lap("project")
-        sheets = self.order(footprints, style.layer)
-        tiles = _bin(footprints, screen, style)
+        sheets = self.order(scene.footprints, scene.style.layer)
+        tiles = _bin(scene.footprints, scene.screen, scene.style)
         clock.lap("bin")
-        scene = _Scene(footprints, sheets, tiles, view, ellipsoid, screen, style, tables)
-        picture, tally = scene.paint(progress)
+        picture, tally = scene.paint(sheets, tiles, progress)
         clock.lap("paint")
         points, splats, hidden = (int(count) for count in tally[:, :3].sum(axis=0))
         statistics = Statistics(
@@ -181,6 +182,17 @@ class Resampler:
         return Frame(
             picture[..., :4], picture[..., 4], picture[..., 5], picture[..., 6], statistics
         )
+
+    def _project(self, samples: Samples, view: View, height: int, width: int) -> "_Scene":
+        from resample.kernels.footprints import project
+
+        tables = self._tables()
+        style = self._style(tables, samples.lattice)
+        ellipsoid = ellipsoid_of(samples.lattice, view, self.reconstruction.radius)
+        screen = screen_of(width, height, _margin(tables, style), view, ellipsoid)
+        footprints = np.zeros(samples.extinction.size, FOOTPRINT)
+        project(footprints, samples, view, ellipsoid, screen, style)
+        return _Scene(footprints, view, ellipsoid, screen, style, tables)
 
     def _tables(self) -> Tables:
         """Everything that kernels look up."""
@@ -231,21 +243,21 @@ class _Scene:
     """Everything the painters read."""
 
     footprints: Records
-    sheets: Sheets
-    tiles: Tiles
     view: View
     ellipsoid: Ellipsoid
     screen: Screen
     style: Style
     tables: Tables
 
-    def paint(self, progress: Progress | None) -> tuple[Floats, NDArray[np.int64]]:
+    def paint(
+        self, sheets: Sheets, tiles: Tiles, progress: Progress | None
+    ) -> tuple[Floats, NDArray[np.int64]]:
         """Frame (H, W, 7) and the tally of every tile, painted in steps that can be watched."""
         from resample.kernels.paint import paint_tiles
 
         frame = np.zeros((self.screen.height, self.screen.width, 7), np.float32)
         frame[..., 4:6] = np.inf
-        load = np.diff(self.tiles.start)
+        load = np.diff(tiles.start)
         tally = np.zeros((load.size, 4), np.int64)
         turn = np.argsort(-load, kind="stable")
         turn = turn[load[turn] > 0]
@@ -257,10 +269,10 @@ class _Scene:
             last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
             paint_tiles(
                 turn[first:last],
-                self.tiles,
+                tiles,
                 self.footprints,
-                self.sheets,
-                self.sheets.key.view(np.uint32),
+                sheets,
+                sheets.key.view(np.uint32),
                 self.view,
                 self.ellipsoid,
                 self.screen,

@@ -12,7 +12,7 @@ POINT_SPACING = 0.65
 
 
 @kernel
-def grid(smallest: Single, style: Style) -> int:
+def grid(smallest: float, style: Style) -> int:
     """Sub-pixels per side of a pixel for a tile whose closest samples are `smallest` px apart.
 
     Fine enough that splats are at least a sub-pixel apart; where that would be finer than splats

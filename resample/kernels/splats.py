@@ -24,13 +24,13 @@ NODE, WEIGHT = np.polynomial.legendre.leggauss(24)
 
 
 @kernel
-def _first(bound: Single, origin: float, subpixels: int) -> int:
+def _first(bound: float, origin: float, subpixels: int) -> int:
     """First sub-pixel whose center is not before `bound` px."""
     return max(0, math.ceil((bound - origin) * subpixels - 0.5))
 
 
 @kernel
-def _last(bound: Single, origin: float, subpixels: int, count: int) -> int:
+def _last(bound: float, origin: float, subpixels: int, count: int) -> int:
     """One past the last sub-pixel whose center is not after `bound` px."""
     return min(count, math.floor((bound - origin) * subpixels - 0.5) + 1)
 
