@@ -1,1 +1,46 @@
-"""x."""
+"""Hybrid forward resampling: points where samples shrink, splats where they grow.
+
+The names below are imported when they are first used, so that `import resample` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from resample.cameras import Camera, Orthographic, Pinhole, look_at, orbit
+    from resample.resampler import Footprint, Opacity, Primitive, Resampler
+    from resample.types import Frame, Samples
+
+_HOMES = {
+    "Camera": "cameras",
+    "Footprint": "resampler",
+    "Frame": "types",
+    "Opacity": "resampler",
+    "Orthographic": "cameras",
+    "Pinhole": "cameras",
+    "Primitive": "resampler",
+    "Resampler": "resampler",
+    "Samples": "types",
+    "look_at": "cameras",
+    "orbit": "cameras",
+}
+
+__all__ = [
+    "Camera",
+    "Footprint",
+    "Frame",
+    "Opacity",
+    "Orthographic",
+    "Pinhole",
+    "Primitive",
+    "Resampler",
+    "Samples",
+    "look_at",
+    "orbit",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

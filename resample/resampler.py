@@ -80,7 +80,7 @@ class Resampler:
     primitive
         Points, splats, or each where it is better.
     footprint
-        Model of the splats.
+        Model of the splats; None is exact, and corrected under `Primitive.PAPER`.
     pixel_filter
         Filter from sub-pixels to pixels; under `Primitive.PAPER` the filter that points are
         summed under at the pixels, where a box would do poorly: None chooses for the primitive.
@@ -101,7 +101,7 @@ class Resampler:
     """
 
     primitive: Primitive = Primitive.HYBRID
-    footprint: Footprint = Footprint.EXACT
+    footprint: Footprint | None = None
     pixel_filter: PixelFilter | None = None
     reconstruction: Reconstruction = field(default_factory=GaussianKernel)
     order: CompositingOrder = field(default_factory=EverySample)
@@ -214,7 +214,7 @@ class Resampler:
         """Choices as numbers."""
         primitive = self.primitive
         own = {
-            Primitive.HYBRID: 0.65,  # measured, see docs/quality.md
+            Primitive.HYBRID: 0.8,  # measured (docs/quality.md)
             Primitive.POINTS: np.inf,
             Primitive.SPLATS: 0.0,
             Primitive.PAPER: 1.0,  # "magnified" and "minified" taken literally
@@ -222,9 +222,11 @@ class Resampler:
         threshold = own[primitive] if self.threshold is None else self.threshold
         fixed = 1 if primitive in (Primitive.SPLATS, Primitive.PAPER) else 0
         tint = (-1.0, -1.0, -1.0) if self.splat_color is None else self.splat_color
+        paper_or_ours = Footprint.CORRECTED if primitive is Primitive.PAPER else Footprint.EXACT
+        footprint = self.footprint or paper_or_ours
         voxel = abs(np.linalg.det(lattice)) ** (1 / 3)
         return Style(
-            model=list(Footprint).index(self.footprint),
+            model=list(Footprint).index(footprint),
             threshold=float(threshold),
             subpixels=fixed if self.subpixels is None else self.subpixels,
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,

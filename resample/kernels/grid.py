@@ -7,8 +7,8 @@ import numpy as np
 from resample.kernels.jit import kernel
 from resample.types import Single, Style
 
-# Sub-pixels between points beyond which they are worse than splats, measured (docs/quality.md).
-POINT_SPACING = 0.65
+# Sub-pixels between the closest points of a tile, at most; measured (docs/quality.md).
+POINT_SPACING = 0.6
 
 
 @kernel

@@ -78,3 +78,10 @@ def threads(count: int | None) -> Iterator[None]:
             yield
     finally:
         numba.set_num_threads(before)
+
+
+def is_stored(compiled: Callable[..., Any]) -> bool:
+    """Whether machine code of this version of a kernel is on disk, so that it starts at once."""
+    cache = getattr(compiled, "_cache", None)
+    index = getattr(getattr(cache, "_cache_file", None), "_index_path", None)
+    return not hasattr(compiled, "_cache") or (index is not None and Path(index).exists())

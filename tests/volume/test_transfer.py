@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from resample.images import from_srgb
-from resample_volume.transfer import (
-    MOST_OPAQUE,
-    PRESETS,
-    TransferFunction,
-    extinction,
-    from_points,
-    load_transfer,
-    save_transfer,
-)
+from resample_volume.presets import PRESETS, load_transfer
+from resample_volume.transfer import MOST_OPAQUE, TransferFunction, extinction, from_points
+from resample_volume.transfer_files import save_transfer
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 RAMP = from_points([(10.0, BLACK, 0.2), (20.0, WHITE, 0.6)])

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from resample.types import Doubles
 from resample_volume import memory
-from resample_volume.transfer import from_points, load_transfer
+from resample_volume.presets import load_transfer
+from resample_volume.transfer import from_points
 from resample_volume.types import Volume
-from resample_volume.voxels import GRADIENTS, classify, finite_range, lattice_of
+from resample_volume.voxels import GRADIENTS, Voxels, classify, finite_range, lattice_of
 
 WHITE = (1.0, 1.0, 1.0)
 ALL = from_points([(0, (1.0, 0.0, 0.0), 0.5), (100, WHITE, 0.5)])
@@ -78,6 +79,11 @@ def naive_gradient(values: np.ndarray, voxel: tuple[int, ...], reach: int) -> li
     return gradient
 
 
+def assert_same(found: Voxels, expected: Voxels) -> None:
+    for field, wanted in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(field, wanted)
+
+
 def test_only_voxels_that_are_seen_are_kept_z_slowest(rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 5, 6), np.uint8)
     voxels = classify(unit_volume(values), UPPER)
@@ -105,10 +111,7 @@ def test_the_lattice_is_made_of_the_steps_between_voxels() -> None:
 def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 9, 8))
     expected = classify(unit_volume(values.astype(np.float64)), UPPER)
-    for field, wanted in zip(
-        classify(unit_volume(values.astype(kind)), UPPER), expected, strict=True
-    ):
-        np.testing.assert_array_equal(field, wanted)
+    assert_same(classify(unit_volume(values.astype(kind)), UPPER), expected)
 
 
 @pytest.mark.parametrize("kind", ["i1", "i2"])
@@ -125,28 +128,20 @@ def test_large_volumes_are_looked_at_in_chunks(
     volume = unit_volume(rng.normal(50, 30, (7, 6, 5)))
     whole = classify(volume, UPPER)
     monkeypatch.setattr("resample_volume.voxels.CHUNK", 70)  # 2 slices, 1 left over
-    for field, wanted in zip(classify(volume, UPPER), whole, strict=True):
-        np.testing.assert_array_equal(field, wanted)
+    assert_same(classify(volume, UPPER), whole)
 
 
 def test_a_mapped_file_gives_the_same_voxels(tmp_path: Path, rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 5, 6), np.uint8)
     values.tofile(tmp_path / "raw")
     mapped = np.memmap(tmp_path / "raw", np.uint8, "r", 0, values.shape)
-    for field, wanted in zip(
-        classify(unit_volume(mapped), UPPER), classify(unit_volume(values), UPPER), strict=True
-    ):
-        np.testing.assert_array_equal(field, wanted)
+    assert_same(classify(unit_volume(mapped), UPPER), classify(unit_volume(values), UPPER))
 
 
 def test_values_need_not_be_contiguous(rng: np.random.Generator) -> None:
     values = rng.normal(50, 30, (6, 5, 8))
-    for field, wanted in zip(
-        classify(unit_volume(values.T[::2]), UPPER),
-        classify(unit_volume(values.T[::2].copy()), UPPER),
-        strict=True,
-    ):
-        np.testing.assert_array_equal(field, wanted)
+    strided = values.T[::2]
+    assert_same(classify(unit_volume(strided), UPPER), classify(unit_volume(strided.copy()), UPPER))
 
 
 @pytest.mark.parametrize("gradient", [*GRADIENTS, None])

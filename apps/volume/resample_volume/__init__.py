@@ -1,1 +1,46 @@
-"""Volume rendering by hybrid forward resampling."""
+"""Volume rendering by hybrid forward resampling.
+
+The names below are imported when they are first used, so that `import resample_volume` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from resample_volume.framing import Orbit
+    from resample_volume.presets import load_transfer
+    from resample_volume.render import Appearance, as_volume, render
+    from resample_volume.shading import Light
+    from resample_volume.source import open_volume
+    from resample_volume.transfer import TransferFunction
+    from resample_volume.types import Volume
+
+_HOMES = {
+    "Appearance": "render",
+    "Light": "shading",
+    "Orbit": "framing",
+    "TransferFunction": "transfer",
+    "Volume": "types",
+    "as_volume": "render",
+    "load_transfer": "presets",
+    "open_volume": "source",
+    "render": "render",
+}
+
+__all__ = [
+    "Appearance",
+    "Light",
+    "Orbit",
+    "TransferFunction",
+    "Volume",
+    "as_volume",
+    "load_transfer",
+    "open_volume",
+    "render",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -105,7 +105,7 @@ class TiffStack:
     suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png")
 
     def __post_init__(self) -> None:
-        _three("spacing", self.spacing)
+        three_numbers("spacing", self.spacing)
 
     def __call__(self, path: Path) -> Volume:
         if path.is_dir():
@@ -116,7 +116,7 @@ class TiffStack:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
         pages = slices.stack_pages(paths)
         shape = (pages[0].width, pages[0].height, len(pages))
-        known = header(shape, pages[0].dtype, name, spacing=_three("spacing", self.spacing))
+        known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
         return volume(slices.stack_values(paths, known), known)
 
 
@@ -152,7 +152,7 @@ class Raw:
     suffixes: ClassVar[tuple[str, ...]] = (".raw", ".raw.gz")
 
     def __post_init__(self) -> None:
-        _three("spacing", self.spacing)
+        three_numbers("spacing", self.spacing)
         if self.shape:
             _sizes(self.shape)
         if self.dtype:
@@ -186,7 +186,7 @@ class Raw:
             _sizes(sizes),
             _type(kind, self.endian),
             found[1] if found else name,
-            spacing=_three("spacing", self.spacing),
+            spacing=three_numbers("spacing", self.spacing),
         )
 
 
@@ -199,7 +199,7 @@ class Npy:
     suffixes: ClassVar[tuple[str, ...]] = (".npy",)
 
     def __post_init__(self) -> None:
-        _three("spacing", self.spacing)
+        three_numbers("spacing", self.spacing)
 
     def __call__(self, path: Path) -> Volume:
         try:
@@ -207,7 +207,7 @@ class Npy:
         except (ValueError, EOFError) as error:
             reason = " ".join(str(error).split())
             raise ValueError(f"{path.name} is no array of numbers, or cut off: {reason}") from None
-        name, spacing = stem(path, self.suffixes), _three("spacing", self.spacing)
+        name, spacing = stem(path, self.suffixes), three_numbers("spacing", self.spacing)
         return volume(values, header(values.shape[::-1], values.dtype, name, spacing=spacing))
 
 
@@ -253,8 +253,14 @@ def _gunzipped(path: Path, known: Header, offset: int) -> NDArray[Any]:
     return values
 
 
-def _three(what: str, numbers: Numbers) -> tuple[float, ...]:
-    """Three positive numbers, given as such or as text."""
+def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
+    """Three positive numbers, given as such or as text like 1x1x1.4.
+
+    Raises
+    ------
+    ValueError
+        They are not.
+    """
     pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
     try:
         found = tuple(float(piece) for piece in pieces)
@@ -266,8 +272,8 @@ def _three(what: str, numbers: Numbers) -> tuple[float, ...]:
 
 
 def _sizes(shape: Numbers) -> tuple[int, ...]:
-    sizes = tuple(int(size) for size in _three("shape", shape))
-    if sizes != _three("shape", shape):
+    sizes = tuple(int(size) for size in three_numbers("shape", shape))
+    if sizes != three_numbers("shape", shape):
         raise ValueError(f"shape is three whole numbers like 256x256x128 (x, y, z), not {shape}")
     return sizes
 

@@ -25,9 +25,7 @@ class Voxels(NamedTuple):
     position: Floats  # (N, 3) scene units
     color: Floats  # (N, 3) linear light, unlit
     extinction: Floats  # (N,) optical depth per scene unit, > 0
-    gradient: (
-        Floats  # (N, 3) data units per scene unit, along the scene's axes; (0, 3) if not asked
-    )
+    gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
 
 

@@ -1,0 +1,146 @@
+"""What the command line lets a user choose about a volume and its look; no numerics in here."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from resample.cameras import Camera
+    from resample_volume.render import Appearance
+    from resample_volume.types import Volume
+    from resample_volume.voxels import Voxels
+
+
+class Source(BaseModel):
+    """What is read, where the file alone does not say it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    reader: Annotated[
+        str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
+    ] = None
+    shape: Annotated[
+        str | None, Field(description="Voxels of a raw file along x, y, z: 256x256x128.")
+    ] = None
+    dtype: Annotated[str | None, Field(description="Type of a raw file: uint8, int16...")] = None
+    spacing: Annotated[
+        str | None, Field(description="Distances between voxels: 1x1x1.4. From the file.")
+    ] = None
+
+    def open(self, name: str) -> "Volume":
+        """Volume of that name.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            See `resample_volume.source.open_volume`.
+        """
+        import numpy as np
+
+        from resample import registry
+        from resample_volume.readers import Raw, three_numbers
+        from resample_volume.source import open_volume
+
+        reader = None if self.reader is None else registry.build("readers", self.reader)
+        if self.shape is not None or self.dtype is not None:
+            if reader is not None:
+                raise ValueError("give either a reader or shape and dtype, not both")
+            reader = Raw(shape=self.shape or "", dtype=self.dtype or "")
+        volume = open_volume(Path(name) if Path(name).exists() else name, reader)
+        if self.spacing is not None:
+            volume = volume._replace(spacing=np.array(three_numbers("spacing", self.spacing)))
+        return volume
+
+
+class Look(BaseModel):
+    """What voxels look like and from where."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    transfer: Annotated[
+        str,
+        Field(
+            description="Transfer function: a preset, a matplotlib colormap, a .json or .toml "
+            "file, or auto. After a name :opacity=0.2,low=0.3 thins it."
+        ),
+    ] = "auto"
+    opacity_unit: Annotated[
+        float | None,
+        Field(gt=0, description="Length in scene units over which opacities hold. A voxel's size."),
+    ] = None
+    camera: Annotated[
+        str, Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file.")
+    ] = "30/20/1"
+    fov: Annotated[
+        float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
+    ] = 30.0
+    up: Annotated[
+        Literal["x", "y", "z", "-x", "-y", "-z"], Field(description="Axis that points upwards.")
+    ] = "z"
+    shading: Annotated[bool, Field(description="Light the voxels.")] = True
+    light: Annotated[
+        str, Field(description="Toward the light: eye, or a scene direction such as 1/-1/2.")
+    ] = "eye"
+    gradient: Annotated[
+        Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
+    ] = "central"
+    gradient_opacity: Annotated[
+        str | None,
+        Field(
+            description="Fade even regions: opacity rises between these fractions of the "
+            "steepest gradient, such as 0.1/0.5."
+        ),
+    ] = None
+
+    def appearance(self, volume: "Volume") -> "Appearance":
+        """Look of the voxels.
+
+        Raises
+        ------
+        ValueError
+            A choice is unknown or not allowed.
+        """
+        from resample_volume.presets import transfer_for
+        from resample_volume.render import Appearance
+        from resample_volume.shading import Light
+
+        transfer = transfer_for(self.transfer, volume)
+        if self.opacity_unit is not None:
+            transfer = replace(transfer, opacity_unit=self.opacity_unit)
+        light = Light()
+        if self.light != "eye":
+            x, y, z = _numbers("light", self.light, 3)
+            light = Light((x, y, z))
+        ramp = None
+        if self.gradient_opacity is not None:
+            low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
+            ramp = (low, high)
+        return Appearance(transfer, light if self.shading else None, self.gradient, ramp)
+
+    def place(self, voxels: "Voxels", volume: "Volume", size: tuple[int, int]) -> "Camera":
+        """Camera for a picture of that size (height, width) in px.
+
+        Raises
+        ------
+        ValueError, OSError
+            The camera is none; see `resample_volume.framing.parse_camera`.
+        """
+        from resample_volume.framing import Orbit, parse_camera, sphere_around
+
+        camera = parse_camera(self.camera, self.fov, self.up)
+        if isinstance(camera, Orbit):
+            return camera.around(sphere_around(voxels, volume), *size)
+        return camera
+
+
+def _numbers(name: str, text: str, count: int) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split("/")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        form = "/".join("abc"[:count])
+        raise ValueError(f"{name} {text!r}; give {count} numbers as {form}")
+    return numbers

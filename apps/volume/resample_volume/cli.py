@@ -1,0 +1,261 @@
+"""The `resample-volume` command."""
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+from cyclopts import App, Parameter
+
+from resample.options import run
+from resample.settings import Picture, Resampling, linear_color
+from resample_volume.choices import Look, Source
+
+Flat = Parameter(name="*")  # a model's fields are flags of their own
+Output = Annotated[Path, Parameter(alias="-o")]
+
+app = App(
+    name="resample-volume",
+    help="Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
+    "Example: resample-volume render checker-box -o box.png",
+    version=lambda: version("hybrid-resample"),
+)
+
+LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
+FAR_LOOK = Look(camera="30/20/0.3")  # where primitives differ
+DEMO_FOLDER = Path("demo")
+DEMO = {  # camera and side of the picture, px
+    "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
+    "vessel-tree": ("30/15/1", 400),
+    "marschner-lobb": ("30/40/1", 400),
+}
+
+
+@app.command
+def render(
+    volume: str,
+    /,
+    *,
+    output: Output,
+    look: Annotated[Look, Flat] = LOOK,
+    resampling: Annotated[Resampling, Flat] = RESAMPLING,
+    picture: Annotated[Picture, Flat] = PICTURE,
+    source: Annotated[Source, Flat] = SOURCE,
+    stats: Path | None = None,
+) -> None:
+    """Render a volume to a picture.
+
+    Example: resample-volume render engine.nhdr -o engine.png --camera 30/20/1.2
+
+    Parameters
+    ----------
+    volume
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
+    output
+        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+    stats
+        Also write counts and times (.json).
+    """
+    from resample.images import check_suffix, write_frame
+    from resample_volume.session import Session
+
+    check_suffix(output)
+    size = picture.height_and_width()
+    background = _background(picture.background, output)
+    resampler = resampling.resampler()
+    session = Session()
+    with session.stage("read"):
+        scene = source.open(volume)
+    samples, camera = session.samples(scene, look, size)
+    frame = session.paint(resampler, samples, camera, size, picture.threads)
+    with session.stage("write"):
+        write_frame(output, frame, bits=picture.bits, background=background)
+    if stats is not None:
+        _write_json(stats, session.report(frame))
+
+
+@app.command
+def compare(
+    volume: str,
+    /,
+    *,
+    primitive: str = "points,splats,hybrid",
+    footprint: str = "",
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    rays: int = 8,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    look: Annotated[Look, Flat] = FAR_LOOK,
+    size: str = "256",
+    source: Annotated[Source, Flat] = SOURCE,
+) -> None:
+    """Render a volume by several primitives or footprints and measure them.
+
+    The reference is made of exact splats at many rays per pixel.
+
+    Example: resample-volume compare checker-box --primitive points,splats,hybrid -o compare.png
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    primitive
+        Some of hybrid, points, splats, paper.
+    footprint
+        Some of exact, corrected, small-angle, affine.
+    output
+        All pictures side by side (.png).
+    rays
+        Rays of the reference per side of a pixel, 1 to 32.
+    as_json
+        Print JSON instead of a table.
+    """
+    from resample.compare import contact_sheet, plain
+    from resample_volume.compare import compare as measured
+    from resample_volume.compare import variants
+    from resample_volume.session import Session
+
+    pixels = Picture(size=size).height_and_width()
+    choice = variants(Resampling().resampler(), _words(primitive), _words(footprint))
+    Resampling(subpixels=rays)
+    scene = source.open(volume)
+    samples, camera = Session().samples(scene, look, pixels)
+    rows, pictures = measured(choice, samples, camera, pixels, rays)
+    if output is not None:
+        notes = {str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in rows}
+        contact_sheet(pictures, output, captions=notes)
+    sys.stdout.write(json.dumps(rows, indent=2) + "\n" if as_json else plain(rows))
+
+
+@app.command
+def info(
+    volume: str,
+    /,
+    *,
+    bins: int = 16,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    source: Annotated[Source, Flat] = SOURCE,
+) -> None:
+    """Print a volume's size, spacing, range of values and histogram.
+
+    Example: resample-volume info engine.nhdr
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    bins
+        Of the histogram.
+    as_json
+        Print JSON.
+    """
+    from resample_volume.source import describe
+
+    facts = describe(source.open(volume), bins)
+    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
+
+
+@app.command
+def generate(name: str, /, *, output: Output) -> None:
+    """Write a generated volume to a file.
+
+    Example: resample-volume generate vessel-tree:size=256 -o vessels.nrrd
+
+    Parameters
+    ----------
+    name
+        checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
+    output
+        Anything that SimpleITK writes: .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz; or .npy.
+    """
+    from resample_volume.source import generate as generated
+    from resample_volume.writing import write_volume
+
+    write_volume(output, generated(name))
+
+
+@app.command
+def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+    """Download a public volume, check it and print where it is; without a name, list them.
+
+    Example: resample-volume render $(resample-volume fetch engine) -o engine.png
+
+    Parameters
+    ----------
+    name
+        Of the open-scivis collection.
+    folder
+        Where to keep it; the user's cache.
+    """
+    from resample_volume import fetch as store
+
+    if name is None:
+        entries = store.available()
+        sys.stdout.write(
+            "".join(f"{key}  {entry['description']}\n" for key, entry in entries.items())
+        )
+    else:
+        sys.stdout.write(f"{store.fetch(name, folder=folder)}\n")
+
+
+@app.command
+def demo(*, output: Output = DEMO_FOLDER) -> None:
+    """Render the generated volumes by all three primitives.
+
+    Parameters
+    ----------
+    output
+        Folder; created if missing.
+    """
+    from resample.compare import contact_sheet
+    from resample.images import write_frame
+    from resample_volume.session import Session, say
+    from resample_volume.source import generate as generated
+
+    output.mkdir(parents=True, exist_ok=True)
+    for name, (camera_angles, side) in DEMO.items():
+        session, size, pictures = Session(), (side, side), {}
+        samples, camera = session.samples(generated(name), Look(camera=camera_angles), size)
+        for primitive in ("hybrid", "points", "splats"):
+            resampler = Resampling(primitive=primitive).resampler()
+            frame = session.paint(resampler, samples, camera, size, None)
+            path = output / f"{name}-{primitive}.png"
+            write_frame(path, frame, background=(0.0, 0.0, 0.0))
+            say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
+            pictures[primitive] = frame.rgba
+        contact_sheet(pictures, output / f"{name}.png", columns=3)
+    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)
+
+
+def _background(name: str | None, output: Path) -> Any:
+    """Linear color behind the picture; None leaves it transparent."""
+    if name is None:
+        name = "none" if output.suffix.lower() == ".exr" else "black"
+    return linear_color(name)
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    from resample.images import replacing
+
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _listed(facts: dict[str, Any]) -> str:
+    """Facts as lines, the histogram as bars."""
+    lines = [f"{key:<10} {value}" for key, value in facts.items() if key != "histogram"]
+    counts = facts["histogram"]
+    low, high = facts["range"] or (0.0, 0.0)
+    for n, count in enumerate(counts):
+        bar = "#" * round(40 * count / max(*counts, 1))
+        lines.append(f"{low + (high - low) * n / len(counts):>12.6g}  {bar:<40}  {count}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,198 @@
+"""Cameras around a volume: by angles, or from a TOML file."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from resample_volume.types import Volume
+
+if TYPE_CHECKING:
+    from resample.cameras import Camera
+    from resample.types import Doubles
+    from resample_volume.voxels import Voxels
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A camera on a sphere around the middle of what is visible.
+
+    Parameters
+    ----------
+    azimuth, elevation
+        Degrees; see `resample.cameras.orbit`.
+    zoom
+        At 1 the sphere around all visible voxels just fits the picture; at 2 the camera is at half
+        the distance, and a parallel one shows everything at twice the size.
+    fov
+        Degrees along the picture's shorter side; 0 is parallel projection.
+    up
+        Axis that points upwards: x, y, z, -x, -y or -z.
+
+    Raises
+    ------
+    ValueError
+        The zoom is not above 0, the field of view is not in 0 to 180, or a number is not finite.
+    """
+
+    azimuth: float = 30.0
+    elevation: float = 20.0
+    zoom: float = 1.0
+    fov: float = 30.0
+    up: str = "z"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.zoom < float("inf"):
+            raise ValueError(f"a zoom of {self.zoom}; it must be above 0")
+        if not 0 <= self.fov < 180:
+            raise ValueError(f"a field of view of {self.fov} degrees; 0 to below 180 are allowed")
+        if not abs(self.azimuth) + abs(self.elevation) < float("inf"):
+            raise ValueError(f"a camera at azimuth {self.azimuth}, elevation {self.elevation}")
+
+    def around(self, sphere: "Sphere", height: int, width: int) -> "Camera":
+        """Camera for a picture of that size in px."""
+        import numpy as np
+
+        from resample.cameras import Orthographic, Pinhole, orbit
+
+        center, radius = sphere
+        if self.fov == 0:
+            scale = min(height, width) / (2 * radius) * self.zoom
+            pose = orbit(center, 2 * radius, self.azimuth, self.elevation, self.up)
+            return Orthographic(scale, scale, width / 2, height / 2, pose)
+        distance = radius / np.sin(np.radians(self.fov) / 2) / self.zoom
+        pose = orbit(center, distance, self.azimuth, self.elevation, self.up)
+        return Pinhole.from_fov(self.fov, height=height, width=width, world_to_camera=pose)
+
+
+class Sphere(NamedTuple):
+    """A ball that holds what is to be seen."""
+
+    center: "Doubles"  # (3,) scene units
+    radius: float  # scene units, > 0
+
+
+def sphere_around(voxels: "Voxels", volume: Volume) -> Sphere:
+    """Ball around all visible voxels, or around the volume where none is visible."""
+    import numpy as np
+
+    voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
+    position = voxels.position
+    if not position.size:
+        last = np.array(volume.values.shape[::-1]) - 1
+        ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
+        position = ends.astype(np.float32)
+    center = (position.min(axis=0).astype(np.float64) + position.max(axis=0)) / 2
+    away = position - center.astype(np.float32)
+    farthest = float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
+    return Sphere(center, farthest + voxel)
+
+
+def parse_camera(text: str, fov: float, up: str) -> "Orbit | Camera":
+    """Camera from `azimuth/elevation/zoom`, of which the last may be left out, or from a file.
+
+    Raises
+    ------
+    ValueError
+        The text is neither, or the file's content is no camera.
+    OSError
+        The file cannot be read.
+    """
+    if text.endswith(".toml"):
+        return read_camera(Path(text))
+    parts = text.split("/")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise ValueError(
+            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5, of which the zoom "
+            "may be left out, or a .toml file"
+        )
+    return Orbit(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 1.0, fov, up)
+
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Angles(_Strict):
+    """A camera around the volume."""
+
+    azimuth: float = 30.0
+    elevation: float = 20.0
+    zoom: float = 1.0
+    fov: float = 30.0
+    up: str = "z"
+
+    def camera(self) -> Orbit:
+        return Orbit(**self.model_dump())
+
+
+class _Look(_Strict):
+    """A camera at a place in the scene; the picture's size belongs to it."""
+
+    eye: Vector
+    target: Vector
+    up: Vector = [0.0, 0.0, 1.0]
+    fov: float = 30.0
+    near: float = 0.0
+    width: int
+    height: int
+
+    def camera(self) -> "Camera":
+        from resample.cameras import Pinhole, look_at
+
+        pose = look_at(self.eye, self.target, self.up)
+        return Pinhole.from_fov(
+            self.fov, height=self.height, width=self.width, world_to_camera=pose, near=self.near
+        )
+
+
+class _Intrinsics(_Strict):
+    """A calibrated camera; pixel centers are at halves."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    world_to_camera: list[list[float]]
+    near: float = 0.0
+
+    def camera(self) -> "Camera":
+        import numpy as np
+
+        from resample.cameras import Pinhole
+
+        pose = np.array(self.world_to_camera, np.float64)
+        return Pinhole(self.fx, self.fy, self.cx, self.cy, pose, self.near)
+
+
+def read_camera(path: Path) -> "Orbit | Camera":
+    """Camera from a TOML file.
+
+    It has either `azimuth`, `elevation`, `zoom`, `fov` and `up` (all may be left out), or `eye`,
+    `target`, `up`, `fov`, `near`, `width` and `height`, or `fx`, `fy`, `cx`, `cy`, `near` and the
+    rows of `world_to_camera`.
+
+    Raises
+    ------
+    ValueError
+        The content is none of these; says which key and why.
+    OSError
+        The file cannot be read.
+    """
+    from resample.options import one_line
+
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        form = _Look if "eye" in content else _Intrinsics if "fx" in content else _Angles
+        return form.model_validate(content).camera()
+    except ValueError as error:
+        raise ValueError(f"{path}: {one_line(error)}") from None

@@ -1,0 +1,133 @@
+"""Options that mean the same in every application, as the command lines and files give them.
+
+One model serves flags, TOML files and checks. Importing this module imports no numerics: `--help`
+stays quick.
+"""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from resample.resampler import Resampler
+
+Color = tuple[float, float, float]
+
+COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
+SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
+
+
+class Resampling(BaseModel):
+    """How samples become a picture."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    primitive: Annotated[
+        Literal["hybrid", "points", "splats", "paper"],
+        Field(
+            description="Points where samples shrink and splats where they grow, or one of them; "
+            "paper: as published, threshold 1 px."
+        ),
+    ] = "hybrid"
+    footprint: Annotated[
+        Literal["exact", "corrected", "small-angle", "affine"] | None,
+        Field(description="Model of splats in perspective. Exact, but corrected for paper."),
+    ] = None
+    threshold: Annotated[
+        float | None,
+        Field(ge=0, description="Points are what lies at most this many sub-pixels apart."),
+    ] = None
+    subpixels: Annotated[
+        int | None,
+        Field(ge=1, le=32, description="Sub-pixels per side of a pixel. Chosen per region."),
+    ] = None
+    filter: Annotated[
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Box.")
+    ] = None
+    kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
+    order: Annotated[str, Field(description="Compositing order.")] = "every-sample"
+    opacity: Annotated[
+        Literal["exact", "linear"],
+        Field(description="Exact transmittance of the field, or classic splatting's product."),
+    ] = "exact"
+    color_by: Annotated[
+        Literal["sample", "primitive"], Field(description="Primitive: draw splats in red.")
+    ] = "sample"
+
+    def resampler(self) -> "Resampler":
+        """Renderer with these choices.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A plugin is unknown or refuses its parameters.
+        """
+        from resample import registry
+        from resample.resampler import Footprint, Opacity, Primitive, Resampler
+
+        return Resampler(
+            primitive=Primitive(self.primitive),
+            footprint=None if self.footprint is None else Footprint(self.footprint),
+            pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
+            reconstruction=registry.build("reconstructions", self.kernel),
+            order=registry.build("orders", self.order),
+            threshold=self.threshold,
+            subpixels=self.subpixels,
+            opacity=Opacity(self.opacity),
+            splat_color=SPLAT_COLOR if self.color_by == "primitive" else None,
+        )
+
+
+class Picture(BaseModel):
+    """What kind of picture is written."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    size: Annotated[
+        str, Field(description="Pixels: 400 for a square, 640x480 for width and height.")
+    ] = "400"
+    background: Annotated[
+        str | None,
+        Field(description="black, white, #rrggbb or none for transparent. PNG: black, EXR: none."),
+    ] = None
+    bits: Annotated[Literal[8, 16], Field(description="Per channel of a PNG.")] = 8
+    threads: Annotated[
+        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
+    ] = None
+
+    def height_and_width(self) -> tuple[int, int]:
+        """Size in px.
+
+        Raises
+        ------
+        ValueError
+            It is not one or two whole numbers.
+        """
+        width, _, height = self.size.lower().partition("x")
+        try:
+            return int(height or width), int(width)
+        except ValueError:
+            raise ValueError(f"size {self.size!r}; give 400 or 640x480") from None
+
+
+def linear_color(name: str) -> Color | None:
+    """Linear RGB of a color's name or of #rrggbb; None for none.
+
+    Raises
+    ------
+    ValueError
+        The name is no color's.
+    """
+    if name == "none":
+        return None
+    if name in COLORS:
+        return COLORS[name]
+    import matplotlib.colors
+    import numpy as np
+
+    from resample.images import from_srgb
+
+    if not matplotlib.colors.is_color_like(name):
+        raise ValueError(f"background {name!r}; give none, #rrggbb or a color's name")
+    red, green, blue = from_srgb(np.array(matplotlib.colors.to_rgb(name))).tolist()
+    return red, green, blue

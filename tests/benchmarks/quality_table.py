@@ -1,0 +1,304 @@
+"""The scenes and measurements behind docs/quality.md; run as a program it prints their tables.
+
+.venv/bin/python -m tests.benchmarks.quality_table [minification grid zoom rotation flicker]
+"""
+
+import itertools
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.cameras import Pinhole, orbit
+from resample.quality import psnr, rms
+from resample.resampler import Footprint, Primitive, Resampler
+from resample.types import Frame, Samples
+
+HYBRID = Resampler()
+POINTS = Resampler(primitive=Primitive.POINTS)
+SPLATS = Resampler(primitive=Primitive.SPLATS)
+PAPER = Resampler(primitive=Primitive.PAPER, footprint=Footprint.CORRECTED)
+TRUTH = Resampler(primitive=Primitive.SPLATS, subpixels=16)
+FOUR_BY_FOUR = Resampler(primitive=Primitive.SPLATS, subpixels=4)
+FORMS = {"points": POINTS, "splats": SPLATS, "hybrid": HYBRID, "paper": PAPER}
+
+SCALES = (0.8, 0.5, 0.25, 0.125)  # px per voxel
+CRUST = {0.9: 8, 0.3: 30}  # voxels of that opacity behind which nothing is seen
+DEPTH = 1.2  # optical depth of the block along its axis: a transmittance of 0.30
+
+
+def checker_box(alpha: float, crust: int | None = None) -> Samples:
+    """Box of 100³ voxels in blocks of 10, every voxel of one of two colors and opacity `alpha`.
+
+    `crust` keeps only voxels that near to the three sides which `distant` sees.
+    """
+    z, y, x = np.indices((100, 100, 100)).reshape(3, -1)
+    if crust is not None:
+        seen = (x >= 100 - crust) | (y < crust) | (z >= 100 - crust)
+        x, y, z = x[seen], y[seen], z[seen]
+    even = (x // 10 + y // 10 + z // 10) % 2 == 1
+    color = np.where(even[:, None], [0.9, 0.2, 0.1], [0.1, 0.3, 0.9])
+    extinction = np.full(x.size, -np.log1p(-alpha))
+    return Samples(np.stack([x, y, z], axis=1) - 49.5, color, extinction, np.eye(3))
+
+
+class Shot(NamedTuple):
+    """A camera with its picture's size."""
+
+    camera: Pinhole
+    height: int
+    width: int
+
+    def by(self, resample: Resampler, samples: Samples) -> Frame:
+        """Frame of the samples."""
+        return resample(samples, self.camera, height=self.height, width=self.width)
+
+
+def distant(scale: float, azimuth: float = 30.0, shift: float = 0.0) -> Shot:
+    """View of the whole checker box with `scale` px per voxel, moved to the right by `shift` px."""
+    side = int(200 * scale) + 4
+    pose = orbit((0, 0, 0), 400, azimuth, 25)
+    # No symmetric place of the box among the pixels.
+    camera = Pinhole(400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose)
+    return Shot(camera, side, side)
+
+
+@lru_cache
+def checker_truth(alpha: float, scale: float) -> np.ndarray:
+    """Distant checker box with 16 × 16 rays per pixel, RGBA."""
+    return distant(scale).by(TRUTH, checker_box(alpha, CRUST[alpha])).rgba
+
+
+def object_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
+    """PSNR over premultiplied linear RGBA where there is anything to see, dB."""
+    return psnr(picture, truth, mask=truth[..., 3] > 1e-4)
+
+
+def minification(alpha: float, scale: float) -> dict[str, float]:
+    """PSNR of every form of the distant checker box, dB."""
+    samples, truth = checker_box(alpha, CRUST[alpha]), checker_truth(alpha, scale)
+    return {
+        name: object_psnr(distant(scale).by(form, samples).rgba, truth)
+        for name, form in FORMS.items()
+    }
+
+
+def block() -> Samples:
+    """Uniform block of 64³ white voxels around the origin."""
+    z, y, x = np.indices((64, 64, 64)).reshape(3, -1)
+    position = np.stack([x, y, z], axis=1) - 31.5
+    return Samples(position, np.ones((x.size, 3)), np.full(x.size, DEPTH / 64), np.eye(3))
+
+
+class Place(NamedTuple):
+    """From where the block is seen."""
+
+    distance: float  # voxels from its middle, whose front lies at 32
+    azimuth: float  # degrees
+    elevation: float  # degrees
+
+    def shot(self, scale: float) -> Shot:
+        """View with `scale` px per voxel in the block's middle; a zoom changes the focal length."""
+        pose = orbit((0, 0, 0), self.distance, self.azimuth, self.elevation)
+        return Shot(Pinhole(self.distance * scale, self.distance * scale, 16, 16, pose), 32, 32)
+
+
+def block_transmittance(shot: Shot) -> tuple[np.ndarray, np.ndarray]:
+    """Analytic transmittance of the block per pixel, and which pixels are interior.
+
+    A pixel is interior when the rays through its corners enter by the front face, leave by the back
+    face and stay more than 3 voxels away from the four sides.
+    """
+    path, _ = _through_block(shot, 0.0, 0.0)
+    corners = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    interior = np.all([_through_block(shot, *corner)[1] for corner in corners], axis=0)
+    return np.exp(-DEPTH / 64 * path), interior
+
+
+def _through_block(shot: Shot, right: float, down: float) -> tuple[np.ndarray, np.ndarray]:
+    """Length of every pixel's ray in the block, voxels, and whether it stays off the sides."""
+    camera = shot.camera
+    row, column = np.indices((shot.height, shot.width)) + 0.5
+    x, y = (column + right - camera.cx) / camera.fx, (row + down - camera.cy) / camera.fy
+    rotation, translation = camera.world_to_camera[:3, :3], camera.world_to_camera[:3, 3]
+    eye = -rotation.T @ translation
+    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    front, back = ((face - eye[1]) / ray[..., 1] for face in (-32, 32))  # it is seen along +y
+    sides = [np.abs(eye + t[..., None] * ray)[..., [0, 2]].max(axis=-1) for t in (front, back)]
+    return back - front, np.maximum(*sides) < 29
+
+
+class Still(NamedTuple):
+    """One frame of a zoom at the block."""
+
+    transmittance: np.ndarray  # (H, W) as rendered
+    analytic: np.ndarray  # (H, W)
+    interior: np.ndarray  # (H, W)
+    frame: Frame
+
+    @property
+    def error(self) -> np.ndarray:
+        """Relative error of the transmittance."""
+        return self.transmittance / self.analytic - 1
+
+
+def zoom(place: Place, scales: np.ndarray, form: Resampler) -> list[Still]:
+    """The block at every scale."""
+    samples, stills = block(), []
+    for scale in scales:
+        frame = place.shot(scale).by(form, samples)
+        stills.append(Still(1 - frame.rgba[..., 3], *block_transmittance(place.shot(scale)), frame))
+    return stills
+
+
+class Jumps(NamedTuple):
+    """Largest changes from one frame of a zoom to the next."""
+
+    mean: float  # of the mean transmittance of pixels interior to both
+    pixel: float  # of any of these pixels
+    error: float  # of the relative error of any of these pixels
+
+
+def jumps(stills: list[Still]) -> Jumps:
+    """Largest changes from frame to frame."""
+    steps = []
+    for before, after in itertools.pairwise(stills):
+        both = before.interior & after.interior
+        change = (after.transmittance - before.transmittance)[both]
+        error = (after.error - before.error)[both]
+        steps.append((abs(change.mean()), np.abs(change).max(), np.abs(error).max()))
+    return Jumps(*np.max(steps, axis=0))
+
+
+def rotation(form: Resampler, scale: float, azimuths: np.ndarray) -> np.ndarray:
+    """RMS difference of consecutive frames while the checker box turns, over all pixels."""
+    samples = checker_box(0.9, CRUST[0.9])
+    frames = (distant(scale, azimuth).by(form, samples).rgba for azimuth in azimuths)
+    return _differences(frames)
+
+
+def _differences(frames: Iterator[np.ndarray]) -> np.ndarray:
+    before, found = next(frames), []
+    for after in frames:
+        found.append(rms(after, before))
+        before = after
+    return np.array(found)
+
+
+def shifted_truths(alpha: float, scale: float, frames: int) -> list[np.ndarray]:
+    """Truths of the box moved by 1/16 px per frame: one fine picture, averaged from 16 offsets."""
+    camera, height, width = distant(scale)
+    fine = Pinhole(
+        camera.fx * 16,
+        camera.fy * 16,
+        (camera.cx + 1) * 16,
+        camera.cy * 16,
+        camera.world_to_camera,
+    )
+    samples = checker_box(alpha, CRUST[alpha])
+    rays = SPLATS(samples, fine, height=16 * height, width=16 * (width + 1)).rgba
+    moved = (rays[:, 16 - frame : 16 - frame + 16 * width] for frame in range(frames))
+    return [each.reshape(height, 16, width, 16, 4).mean(axis=(1, 3)) for each in moved]
+
+
+def flicker(alpha: float, scale: float, frames: int = 16) -> dict[str, float]:
+    """Temporal rms of every form's error, in levels of 255, while the box moves 1/16 px a frame.
+
+    The standard deviation of a pixel's error over the frames, root mean square over pixels.
+    """
+    samples, truths = checker_box(alpha, CRUST[alpha]), shifted_truths(alpha, scale, frames)
+    seen = np.max(truths, axis=0)[..., 3] > 1e-4
+    found = {}
+    for name, form in FORMS.items():
+        stills = [distant(scale, shift=n / 16).by(form, samples).rgba for n in range(frames)]
+        error = (np.array(stills) - truths)[:, seen]
+        found[name] = 255 * float(np.sqrt(error.var(axis=0).mean()))
+    return found
+
+
+def _write(*cells: object) -> None:
+    texts = [f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in cells]
+    sys.stdout.write(f"| {' | '.join(texts)} |\n")
+    sys.stdout.flush()
+
+
+def _head(*cells: str) -> None:
+    sys.stdout.write("\n")
+    _write(*cells)
+    _write(*["---"] * len(cells))
+
+
+def _print_minification() -> None:
+    _head("alpha", "px per voxel", *FORMS)
+    for alpha in CRUST:
+        for scale in SCALES:
+            _write(alpha, scale, *(f"{value:.1f}" for value in minification(alpha, scale).values()))
+
+
+def _print_grid() -> None:
+    _head("alpha", "px per voxel", "form", "grid", "sub-pixels per voxel", "dB", "paint, ms")
+    for alpha in CRUST:
+        for scale in (0.4, 0.25, 0.125):
+            for primitive in (Primitive.POINTS, Primitive.SPLATS):
+                for grid in _grids(primitive, scale):
+                    form = Resampler(primitive=primitive, subpixels=grid)
+                    quality, paint = _quality_and_time(form, alpha, scale)
+                    _write(alpha, scale, primitive, grid, grid * scale, f"{quality:.1f}", paint)
+
+
+def _grids(primitive: Primitive, scale: float) -> list[int]:
+    """Sub-pixel grids around the one that puts samples 0.55, or 1, sub-pixels apart."""
+    wanted = [0.45, 0.55, 0.65] if primitive is Primitive.POINTS else [0.5, 0.75, 1.0, 1.5]
+    return sorted({max(1, round(spacing / scale)) for spacing in wanted})
+
+
+def _quality_and_time(form: Resampler, alpha: float, scale: float) -> tuple[float, int]:
+    samples, shot = checker_box(alpha, CRUST[alpha]), distant(scale)
+    frames = [shot.by(form, samples) for _ in range(3)]
+    paint = np.median([frame.statistics.seconds["paint"] for frame in frames])
+    return object_psnr(frames[0].rgba, checker_truth(alpha, scale)), round(1000 * float(paint))
+
+
+def _print_zoom() -> None:
+    _head("view", "form", "largest error, %", "mean", "pixel", "relative error")
+    views = {"far": (Place(150, 0, 0), 4.0), "near": (Place(53, 9, 6), 0.6)}
+    for name, (place, largest) in views.items():
+        for form_name, form in {"hybrid": HYBRID, "splats 4 × 4": FOUR_BY_FOUR}.items():
+            stills = zoom(place, np.geomspace(largest, 0.1, 64), form)
+            error = max(float(np.abs(still.error[still.interior]).max()) for still in stills)
+            _write(name, form_name, 100 * error, *map(float, jumps(stills)))
+
+
+def _print_rotation() -> None:
+    _head("form", "px per voxel", "median", "largest", "at 45°", "largest / median")
+    for name, form, scale in (("hybrid", HYBRID, 0.5), ("splats", SPLATS, 1.5)):
+        change = rotation(form, scale, np.arange(40, 50.01, 0.25))
+        median = float(np.median(change))
+        at_45 = float(change[19:21].max())
+        _write(name, scale, median, float(change.max()), at_45, float(change.max() / median))
+
+
+def _print_flicker() -> None:
+    _head("alpha", "px per voxel", *FORMS)
+    for alpha in CRUST:
+        for scale in (0.4, 0.2, 0.1):
+            _write(alpha, scale, *(f"{level:.2f}" for level in flicker(alpha, scale).values()))
+
+
+TABLES: dict[str, Callable[[], None]] = {
+    "minification": _print_minification,
+    "grid": _print_grid,
+    "zoom": _print_zoom,
+    "rotation": _print_rotation,
+    "flicker": _print_flicker,
+}
+
+if __name__ == "__main__":
+    for chosen in sys.argv[1:] or TABLES:
+        start = time.perf_counter()
+        TABLES[chosen]()
+        sys.stdout.write(f"\n{chosen}: {time.perf_counter() - start:.0f} s\n")
