@@ -7,7 +7,7 @@ import itertools
 import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ CRUST = {0.9: 8, 0.3: 30}  # voxels of that opacity behind which nothing is seen
 DEPTH = 1.2  # optical depth of the block along its axis: a transmittance of 0.30
 
 
+@cache
 def checker_box(alpha: float, crust: int | None = None) -> Samples:
     """Box of 100³ voxels in blocks of 10, every voxel of one of two colors and opacity `alpha`.
 
@@ -42,7 +43,8 @@ def checker_box(alpha: float, crust: int | None = None) -> Samples:
     even = (x // 10 + y // 10 + z // 10) % 2 == 1
     color = np.where(even[:, None], [0.9, 0.2, 0.1], [0.1, 0.3, 0.9])
     extinction = np.full(x.size, -np.log1p(-alpha))
-    return Samples(np.stack([x, y, z], axis=1) - 49.5, color, extinction, np.eye(3))
+    position = (np.stack([x, y, z], axis=1) - 49.5).astype(np.float32)
+    return Samples(position, color.astype(np.float32), extinction.astype(np.float32), np.eye(3))
 
 
 class Shot(NamedTuple):
@@ -66,7 +68,7 @@ def distant(scale: float, azimuth: float = 30.0, shift: float = 0.0) -> Shot:
     return Shot(camera, side, side)
 
 
-@lru_cache
+@cache
 def checker_truth(alpha: float, scale: float) -> np.ndarray:
     """Distant checker box with 16 × 16 rays per pixel, RGBA."""
     return distant(scale).by(TRUTH, checker_box(alpha, CRUST[alpha])).rgba
@@ -79,7 +81,7 @@ def object_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
 
 def minification(alpha: float, scale: float) -> dict[str, float]:
     """PSNR of every form of the distant checker box, dB."""
-    samples, truth = checker_box(alpha, CRUST[alpha]), checker_truth(alpha, scale)
+    samples, truth = checker_box(alpha), checker_truth(alpha, scale)
     return {
         name: object_psnr(distant(scale).by(form, samples).rgba, truth)
         for name, form in FORMS.items()
@@ -189,6 +191,7 @@ def _differences(frames: Iterator[np.ndarray]) -> np.ndarray:
     return np.array(found)
 
 
+@cache
 def shifted_truths(alpha: float, scale: float, frames: int) -> list[np.ndarray]:
     """Truths of the box moved by 1/16 px per frame: one fine picture, averaged from 16 offsets."""
     camera, height, width = distant(scale)
@@ -205,19 +208,16 @@ def shifted_truths(alpha: float, scale: float, frames: int) -> list[np.ndarray]:
     return [each.reshape(height, 16, width, 16, 4).mean(axis=(1, 3)) for each in moved]
 
 
-def flicker(alpha: float, scale: float, frames: int = 16) -> dict[str, float]:
-    """Temporal rms of every form's error, in levels of 255, while the box moves 1/16 px a frame.
+def flicker(form: Resampler, alpha: float, scale: float, frames: int = 16) -> float:
+    """Temporal rms of a form's error, in levels of 255, while the box moves 1/16 px a frame.
 
     The standard deviation of a pixel's error over the frames, root mean square over pixels.
     """
-    samples, truths = checker_box(alpha, CRUST[alpha]), shifted_truths(alpha, scale, frames)
-    seen = np.max(truths, axis=0)[..., 3] > 1e-4
-    found = {}
-    for name, form in FORMS.items():
-        stills = [distant(scale, shift=n / 16).by(form, samples).rgba for n in range(frames)]
-        error = (np.array(stills) - truths)[:, seen]
-        found[name] = 255 * float(np.sqrt(error.var(axis=0).mean()))
-    return found
+    truths = np.array(shifted_truths(alpha, scale, frames))
+    moved = (distant(scale, shift=frame / 16) for frame in range(frames))
+    error = np.array([shot.by(form, checker_box(alpha)).rgba for shot in moved]) - truths
+    seen = truths[..., 3].max(axis=0) > 1e-4
+    return 255 * float(np.sqrt(error[:, seen].var(axis=0).mean()))
 
 
 def _write(*cells: object) -> None:
@@ -242,22 +242,25 @@ def _print_minification() -> None:
 def _print_grid() -> None:
     _head("alpha", "px per voxel", "form", "grid", "sub-pixels per voxel", "dB", "paint, ms")
     for alpha in CRUST:
-        for scale in (0.4, 0.25, 0.125):
-            for primitive in (Primitive.POINTS, Primitive.SPLATS):
-                for grid in _grids(primitive, scale):
-                    form = Resampler(primitive=primitive, subpixels=grid)
-                    quality, paint = _quality_and_time(form, alpha, scale)
-                    _write(alpha, scale, primitive, grid, grid * scale, f"{quality:.1f}", paint)
+        for scale in (0.3, 0.2, 0.125, 0.09):
+            for primitive, grid in _grids(scale):
+                form = Resampler(primitive=primitive, subpixels=grid)
+                quality, paint = _quality_and_time(form, alpha, scale)
+                _write(alpha, scale, primitive, grid, grid * scale, f"{quality:.1f}", paint)
 
 
-def _grids(primitive: Primitive, scale: float) -> list[int]:
-    """Sub-pixel grids around the one that puts samples 0.55, or 1, sub-pixels apart."""
-    wanted = [0.45, 0.55, 0.65] if primitive is Primitive.POINTS else [0.5, 0.75, 1.0, 1.5]
-    return sorted({max(1, round(spacing / scale)) for spacing in wanted})
+def _grids(scale: float) -> list[tuple[Primitive, int]]:
+    """Grids that put points about half a sub-pixel apart, and splats about a whole one."""
+    spacings = {Primitive.POINTS: [0.45, 0.55, 0.65], Primitive.SPLATS: [0.5, 0.75, 1.0, 1.5]}
+    return [
+        (primitive, grid)
+        for primitive, wanted in spacings.items()
+        for grid in sorted({max(1, round(spacing / scale)) for spacing in wanted})
+    ]
 
 
 def _quality_and_time(form: Resampler, alpha: float, scale: float) -> tuple[float, int]:
-    samples, shot = checker_box(alpha, CRUST[alpha]), distant(scale)
+    samples, shot = checker_box(alpha), distant(scale)
     frames = [shot.by(form, samples) for _ in range(3)]
     paint = np.median([frame.statistics.seconds["paint"] for frame in frames])
     return object_psnr(frames[0].rgba, checker_truth(alpha, scale)), round(1000 * float(paint))
@@ -286,7 +289,7 @@ def _print_flicker() -> None:
     _head("alpha", "px per voxel", *FORMS)
     for alpha in CRUST:
         for scale in (0.4, 0.2, 0.1):
-            _write(alpha, scale, *(f"{level:.2f}" for level in flicker(alpha, scale).values()))
+            _write(alpha, scale, *(f"{flicker(form, alpha, scale):.2f}" for form in FORMS.values()))
 
 
 TABLES: dict[str, Callable[[], None]] = {

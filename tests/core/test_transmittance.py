@@ -56,7 +56,7 @@ def assert_same_bits(first, second):
 
 
 def test_the_transmittance_of_a_cloud_is_the_exponential_of_its_optical_depth(rng):
-    samples = cloud(rng)
+    samples = cloud(rng, extinction=2.0)
     frame = draw(samples, primitive=Primitive.SPLATS)
     integral = naive.all_line_integrals(samples, CAMERA, GaussianKernel(), height=SIDE, width=SIDE)
     truth = np.exp(-(integral * samples.extinction[:, None, None]).sum(axis=0))

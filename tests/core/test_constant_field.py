@@ -1,0 +1,68 @@
+"""A uniform block has the transmittance of its depth, at any size and without a step in a zoom."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.quality_table import (
+    FOUR_BY_FOUR,
+    HYBRID,
+    POINTS,
+    SPLATS,
+    Place,
+    jumps,
+    zoom,
+)
+
+# The focal length zooms: rays keep their ways through the block, so that all that changes from
+# frame to frame is what a pixel sees and how it is computed.
+FAR = Place(distance=150, azimuth=0, elevation=0)  # along the lattice, where ripple is worst
+TILTED = Place(distance=150, azimuth=9, elevation=6)
+NEAR = Place(distance=53, azimuth=9, elevation=6)  # the back is four times as far as the front
+SCALES = np.geomspace(4.0, 0.2, 12)  # px per voxel in the block's middle
+FINE_SCALES = np.geomspace(4.0, 0.1, 64)  # through every grid and from all splats to nearly none
+MIXED_SCALES = np.geomspace(0.3, 0.11, 60)
+
+
+def largest_error(stills):
+    return max(np.abs(still.error[still.interior]).max() for still in stills)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [FAR, TILTED], ids=["along the lattice", "tilted"])
+@pytest.mark.parametrize(
+    ("form", "scales"),
+    [(POINTS, SCALES[SCALES < 0.6]), (SPLATS, SCALES[SCALES > 0.6]), (HYBRID, SCALES)],
+    ids=["points far", "splats near", "hybrid"],
+)
+def test_a_constant_field_has_the_analytic_transmittance(form, scales, place):
+    stills = zoom(place, scales, form)
+    assert all(0.2 < still.analytic[still.interior].min() < 0.5 for still in stills)
+    assert largest_error(stills) < 0.01  # of the transmittance; measured 0.005
+
+
+@pytest.mark.slow
+def test_a_mixture_of_points_and_splats_has_the_analytic_transmittance():
+    stills = zoom(NEAR, MIXED_SCALES[::6], HYBRID)
+    for still in stills:
+        assert still.frame.statistics.points > 0
+        assert still.frame.statistics.splats > 0
+    assert largest_error(stills) < 0.01  # of the transmittance; measured 0.004
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "scales"),
+    [(FAR, FINE_SCALES), (NEAR, MIXED_SCALES)],
+    ids=["from splats to points", "mixtures"],
+)
+def test_a_zoom_crosses_every_threshold_without_a_step(place, scales):
+    hybrid = zoom(place, scales, HYBRID)
+    grids = {still.frame.statistics.subpixels for still in hybrid}
+    assert len(grids) >= 3
+    ours, reference = jumps(hybrid), jumps(zoom(place, scales, FOUR_BY_FOUR))
+    sys.stdout.write(f"\ngrids {sorted(grids)}\nhybrid {ours}\nsplats 4 × 4 {reference}\n")
+    assert ours.mean <= 1.5 * reference.mean
+    assert ours.pixel <= 1.5 * reference.pixel
+    assert ours.error < 0.005  # of the transmittance: half of one of 255 levels; measured 0.003

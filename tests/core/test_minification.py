@@ -1,0 +1,88 @@
+"""A minified checker box against 16 × 16 rays per pixel: docs/quality.md, "Minified volumes"."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.quality_table import (
+    CRUST,
+    HYBRID,
+    SCALES,
+    SPLATS,
+    TRUTH,
+    checker_box,
+    distant,
+    minification,
+    object_psnr,
+)
+
+FLOOR = {0.9: 32.0, 0.3: 44.0}  # dB
+NOISE = 0.05  # dB, between pictures that are equally good
+
+
+@pytest.fixture(
+    scope="module",
+    params=[(alpha, scale) for alpha in CRUST for scale in SCALES],
+    ids=lambda case: f"alpha {case[0]}, {case[1]} px",
+)
+def measured(request) -> dict[str, float]:
+    """PSNR of every form in one case, and the floor that holds for hybrid there."""
+    alpha, scale = request.param
+    found = minification(alpha, scale)
+    shown = ", ".join(f"{name} {value:.1f}" for name, value in found.items())
+    sys.stdout.write(f"\nalpha {alpha}, {scale} px per voxel: {shown} dB\n")
+    return {**found, "floor": FLOOR[alpha]}
+
+
+@pytest.mark.slow
+def test_hybrid_comes_near_sixteen_by_sixteen_rays(measured):
+    assert measured["hybrid"] >= measured["floor"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("other", ["points", "splats"])
+def test_hybrid_is_at_least_as_good_as_either_primitive_alone(measured, other):
+    assert measured["hybrid"] >= measured[other] - NOISE
+
+
+@pytest.mark.slow
+def test_hybrid_is_better_than_the_papers_form(measured):
+    assert measured["hybrid"] > measured["paper"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alpha", CRUST)
+def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
+    crust, whole = (
+        distant(0.125).by(TRUTH, checker_box(alpha, depth)).rgba for depth in (CRUST[alpha], None)
+    )
+    np.testing.assert_allclose(crust, whole, rtol=0, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_truth_has_converged():
+    scale, samples = 0.125, checker_box(0.9, CRUST[0.9])
+    truth = distant(scale).by(TRUTH, samples).rgba
+    twice = 0.0
+    for right in (-0.25, 0.25):  # 32 rays a side, by moving the rays a quarter of their distance
+        for down in (-0.25, 0.25):
+            shot = distant(scale)
+            moved = shot.camera.__class__(
+                shot.camera.fx,
+                shot.camera.fy,
+                shot.camera.cx + right / 16,
+                shot.camera.cy + down / 16,
+                shot.camera.world_to_camera,
+            )
+            twice = twice + shot._replace(camera=moved).by(TRUTH, samples).rgba / 4
+    assert object_psnr(truth, twice) > 65  # dB; every claim here is below 60
+
+
+def test_the_program_tells_hybrid_from_one_ray_per_pixel():
+    # The gist of the slow tests in a coarser box, for every run.
+    shot, samples = distant(0.125), checker_box(0.9, CRUST[0.9])
+    truth = shot.by(TRUTH, samples).rgba
+    gain = object_psnr(shot.by(HYBRID, samples).rgba, truth)
+    gain -= object_psnr(shot.by(SPLATS, samples).rgba, truth)
+    assert gain > 10

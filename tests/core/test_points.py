@@ -1,0 +1,219 @@
+"""Truth 4: a point deposits its energy, no more and no less, wherever it falls."""
+
+import numpy as np
+import pytest
+
+from resample import registry
+from resample.cameras import Orthographic, Pinhole
+from resample.filters import CatmullRom, Gaussian, Lanczos, Mitchell
+from resample.reconstruction import GaussianKernel
+from resample.resampler import Primitive, Resampler
+from resample.types import Samples
+from tests import naive
+
+SIDE = 24  # px; tiles meet at 8 and 16, and at other multiples of 8
+DEPTH = 10.0  # scene units
+COLOR = (0.9, 0.5, 0.2)
+OFFSETS = np.linspace(-0.5, 0.5, 11)  # px, from a corner of tiles
+LOBED = [Mitchell(), CatmullRom(), Lanczos(2), Lanczos(3)]
+
+
+def one_point(position=(0.0, 0.0, DEPTH), *, extinction=0.7, spacing=1.0):
+    return Samples(
+        np.array([position], np.float32),
+        np.array([COLOR], np.float32),
+        np.array([extinction], np.float32),
+        spacing * np.eye(3),
+    )
+
+
+def bed(spacing_px, *, extinction=0.5):
+    """A layer of points that covers the picture seen through `camera(spacing_px)` evenly."""
+    reach = int(np.ceil(SIDE / spacing_px)) + 2
+    axis = np.arange(-reach, reach + 1.0)
+    place = np.stack(np.meshgrid(axis, axis, [DEPTH]), axis=-1).reshape(-1, 3)
+    count = len(place)
+    return Samples(
+        place.astype(np.float32),
+        np.full((count, 3), COLOR, np.float32),
+        np.full(count, extinction, np.float32),
+        np.eye(3),
+    )
+
+
+def together(*groups):
+    joined = (np.concatenate([group[n] for group in groups]) for n in range(3))
+    return Samples(*joined, lattice=groups[0].lattice)
+
+
+def camera(spacing_px, right=0.0, down=0.0):
+    """Samples one unit apart at `DEPTH` are that many pixels apart; the axis meets a tile corner."""
+    focal = spacing_px * DEPTH
+    return Pinhole(focal, focal, 8.0 + right, 16.0 + down)
+
+
+def draw(samples, seen_by, *, side=SIDE, **choices):
+    return Resampler(**choices)(samples, seen_by, height=side, width=side)
+
+
+def energy(frame):
+    return frame.rgba.astype(float).sum(axis=(0, 1))
+
+
+# Energy.
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
+def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spacing):
+    point = one_point()
+    area = spacing**2  # px² that a sample stands for
+    expected = area * (1 - np.exp(-0.7)) * np.array([*COLOR, 1.0])
+    for right in OFFSETS:
+        for down in OFFSETS:
+            frame = draw(point, camera(spacing, right, down), primitive=primitive)
+            # exp(-x) from a table: 7e-7.
+            np.testing.assert_allclose(energy(frame), expected, rtol=2e-5)
+
+
+@pytest.mark.parametrize("name", registry.names("filters"))
+def test_no_filter_loses_or_adds_energy(name):
+    """On a bed that keeps sums under negative lobes above 0, where they are not clamped."""
+    choices = {"primitive": Primitive.PAPER, "pixel_filter": registry.build("filters", name)}
+    spacing = 0.5
+    ground = bed(spacing)
+    both = together(ground, one_point(), one_point())
+    expected = 2 * spacing**2 * (1 - np.exp(-0.7)) * np.array([*COLOR, 1.0])
+    for right, down in zip(OFFSETS, np.roll(OFFSETS, 4), strict=True):
+        seen_by = camera(spacing, right, down)
+        added = energy(draw(both, seen_by, **choices)) - energy(draw(ground, seen_by, **choices))
+        np.testing.assert_allclose(added, expected, rtol=1e-4)  # float32 sums of 576 pixels
+
+
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
+@pytest.mark.parametrize("theta", [0, 20, 40, 60])
+def test_a_thin_point_deposits_what_its_rays_integrate_to(theta, primitive):
+    """Off the axis a sample's image grows by 1 / cos θ: V fx fy |c| / z³."""
+    aside = DEPTH * np.tan(np.radians(theta))
+    point, focal, extinction = one_point((aside, 0, DEPTH), extinction=1e-3), 2.0, 1e-3
+    seen_by = Pinhole(focal, focal, 12.2 - focal * aside / DEPTH, 11.9)
+    frame = draw(point, seen_by, primitive=primitive)
+    expected = extinction * focal**2 * np.hypot(aside, DEPTH) / DEPTH**3
+    assert energy(frame)[3] == pytest.approx(expected, rel=2e-3)  # thin: 1 − exp(−x) for x
+
+
+@pytest.mark.parametrize("theta", [0, 20, 40, 60])
+def test_the_mass_is_the_sum_of_line_integrals(theta):
+    aside = DEPTH * np.tan(np.radians(theta))
+    sample = one_point((aside, 0, DEPTH), spacing=0.02)
+    focal = 2500.0
+    seen_by = Pinhole(focal, focal, 32.0 - focal * aside / DEPTH, 32.0)
+    record = Resampler().footprints(sample, seen_by, height=64, width=64)[0]
+    integrals = naive.all_line_integrals(sample, seen_by, GaussianKernel(), height=64, width=64)
+    assert float(record["mass"]) == pytest.approx(integrals.sum(), rel=1e-3)  # cone of 0.2°
+
+
+# Form.
+
+
+def points(rng, count=50, *, extinction=2.0):
+    return Samples(
+        rng.uniform((-40, -40, 30), (40, 40, 50), (count, 3)).astype(np.float32),
+        rng.uniform(0, 1, (count, 3)).astype(np.float32),
+        rng.uniform(0, extinction, count).astype(np.float32),
+        np.eye(3) * 1.5,
+    )
+
+
+@pytest.mark.parametrize("chosen", [None, Gaussian(0.5), Gaussian(0.8)], ids=repr)
+def test_the_papers_points_are_those_of_the_obvious_loop(chosen, rng):
+    samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
+    frame = draw(samples, seen_by, primitive=Primitive.PAPER, pixel_filter=chosen)
+    profile = chosen or Gaussian(0.5)
+    truth = naive.paper_points(samples, seen_by, profile, profile.radius, height=SIDE, width=SIDE)
+    assert (truth[..., 3] > 1e-3).sum() > 50
+    assert frame.statistics.points == 50
+    np.testing.assert_allclose(frame.rgba, truth, atol=1e-5)  # table of 1024 steps, float32
+
+
+def test_the_papers_points_under_a_filter_with_negative_lobes_are_those_of_the_loop(rng):
+    samples, seen_by = points(rng, 200), Pinhole(12.0, 11.0, 12.3, 11.6)
+    frame = draw(samples, seen_by, primitive=Primitive.PAPER, pixel_filter=Mitchell())
+    truth = naive.paper_points(samples, seen_by, Mitchell(), 2.0, height=SIDE, width=SIDE)
+    np.testing.assert_allclose(frame.rgba[..., 3], truth[..., 3], atol=1e-5)
+
+
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
+@pytest.mark.parametrize(("right", "down"), [(1, 0), (0, 1), (8, 8), (5, 3)])
+def test_points_moved_by_whole_pixels_move_the_image_exactly(right, down, primitive, rng):
+    place = rng.integers(-96, 96, (60, 3)) / 16
+    samples = Samples(
+        place.astype(np.float32),
+        rng.uniform(0, 1, (60, 3)).astype(np.float32),
+        rng.uniform(0, 3, 60).astype(np.float32),
+        np.eye(3),
+    )
+    # Multiples of 1/64 px, which float32 holds.
+    before = draw(samples, Orthographic(0.25, 0.25, 8.0, 8.0, near=-10.0), primitive=primitive)
+    there = Orthographic(0.25, 0.25, 8.0 + right, 8.0 + down, near=-10.0)
+    after = draw(samples, there, primitive=primitive)
+    moved = np.roll(before.rgba, (down, right), axis=(0, 1))
+    assert before.rgba[..., 3].max() > 0.01
+    np.testing.assert_array_equal(after.rgba, moved)
+
+
+# Limits.
+
+
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
+def test_a_crowded_layer_covers_a_pixel_once(primitive):
+    ground = bed(0.3, extinction=50.0)
+    frame = draw(together(*[ground] * 3), camera(0.3), primitive=primitive)
+    middle = frame.rgba[4:-4, 4:-4]
+    np.testing.assert_allclose(middle[..., 3], 1.0, atol=1e-4)  # opaque from 1e-4 on
+    np.testing.assert_allclose(middle[..., :3], middle[..., 3:] * np.array(COLOR), atol=1e-6)
+    np.testing.assert_allclose(frame.coverage[4:-4, 4:-4], 1.0, atol=1e-6)
+    assert frame.coverage.max() <= 1.0
+
+
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS])
+def test_an_even_layer_looks_even(primitive):
+    frame = draw(bed(0.3, extinction=1.0), camera(0.3, 0.2, 0.3), primitive=primitive)
+    middle = frame.rgba[4:-4, 4:-4, 3]
+    # Rays are not all perpendicular to the layer: its way through it is 1 to 1 + 5e-3... long.
+    assert middle.min() == pytest.approx(1 - np.exp(-1.0), abs=0.02)
+    assert np.ptp(middle[4:-4, 4:-4]) < 0.02
+
+
+@pytest.mark.parametrize("lobed", LOBED, ids=repr)
+@pytest.mark.parametrize("count", [1, 20, 2000])
+@pytest.mark.parametrize("primitive", list(Primitive))
+def test_negative_lobes_neither_take_light_nor_make_opacity(primitive, count, lobed, rng):
+    samples, seen_by = points(rng, count, extinction=20.0), Pinhole(14.0, 14.0, 12.0, 12.0)
+    frame = draw(samples, seen_by, primitive=primitive, pixel_filter=lobed)
+    assert frame.rgba.min() >= 0.0
+    assert frame.rgba[..., 3].max() <= 1.0
+    assert frame.coverage.min() >= 0.0
+    assert frame.coverage.max() <= 1.0
+    assert np.isfinite(frame.rgba).all()
+
+
+@pytest.mark.parametrize("lobed", LOBED, ids=repr)
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.PAPER])
+def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
+    samples, seen_by = points(rng, 2000, extinction=20.0), Pinhole(14.0, 14.0, 12.0, 12.0)
+    frame = draw(samples, seen_by, primitive=primitive, pixel_filter=lobed)
+    plain = frame.rgba[..., 3] > 0.5
+    assert plain.sum() > 30
+    nearest, farthest = samples.position[:, 2].min(), samples.position[:, 2].max()
+    assert frame.depth[plain].min() >= nearest
+    assert frame.depth[plain].max() <= farthest
+
+
+@pytest.mark.parametrize("subpixels", [1, 2, 3, 8])
+def test_a_chosen_grid_conserves_energy_too(subpixels):
+    expected = 0.2**2 * (1 - np.exp(-0.7))
+    for right in OFFSETS:
+        frame = draw(one_point(), camera(0.2, right, 0.3), subpixels=subpixels)
+        assert frame.statistics.subpixels == subpixels
+        assert energy(frame)[3] == pytest.approx(expected, rel=2e-5)  # exp(-x) from a table
