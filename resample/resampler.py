@@ -408,6 +408,7 @@ def _bin(footprints: Records, screen: Screen, style: Style) -> Tiles:
     count_members(footprints, screen, size, columns, count)
     start = np.concatenate([[0], np.cumsum(count.sum(axis=0))])
     position = start[:-1] + np.cumsum(count, axis=0) - count
-    tiles = Tiles(start, np.zeros(start[-1], np.int32), size, columns)
-    deal_members(footprints, screen, tiles, position)
-    return tiles
+    smallest = np.full(count.shape, np.inf, np.float32)
+    tiles = Tiles(start, np.zeros(start[-1], np.int32), smallest[0], size, columns)
+    deal_members(footprints, screen, tiles, position, smallest)
+    return tiles._replace(spacing=smallest.min(axis=0))

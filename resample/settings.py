@@ -4,6 +4,7 @@ One model serves flags, TOML files and checks. Importing this module imports no 
 stays quick.
 """
 
+import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -101,13 +102,20 @@ class Picture(BaseModel):
         Raises
         ------
         ValueError
-            It is not one or two whole numbers.
+            It is not one or two whole numbers above 0, or more than a picture can hold.
         """
-        width, _, height = self.size.lower().partition("x")
-        try:
-            return int(height or width), int(width)
-        except ValueError:
-            raise ValueError(f"size {self.size!r}; give 400 or 640x480") from None
+        from resample.resampler import LARGEST_PICTURE
+
+        match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
+        if match is None:
+            raise ValueError(f"size {self.size!r}; give 400 or 640x480")
+        width, height = int(match[1]), int(match[2] or match[1])
+        if not 0 < width * height <= LARGEST_PICTURE:
+            raise ValueError(
+                f"a picture of {width} x {height} pixels; both sides must be at least 1 and there "
+                f"can be at most {LARGEST_PICTURE} pixels"
+            )
+        return height, width
 
 
 def linear_color(name: str) -> Color | None:

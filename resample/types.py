@@ -148,6 +148,7 @@ class Tiles(NamedTuple):
 
     start: NDArray[np.int64]  # (T + 1,) where the members of tile t begin
     member: NDArray[np.int32]  # (M,) sample
+    spacing: Floats  # (T,) smallest spacing of a member, px
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
 
@@ -156,7 +157,7 @@ class Canvas(NamedTuple):
     """The sub-pixels of one tile and of the margin its pixel filter needs."""
 
     pixel: Floats  # (h, w, 8): premultiplied RGB, transmittance, α × depth, weight, first depth, 0
-    sheet: Floats  # (h, w, 6): sums of α, α × RGB, α × depth and weight of the open sheet
+    sheet: Floats  # (h, w, 8): sums of α, α × RGB, α × depth and weight of the open sheet, 0, 0
     ray: Floats  # (h, w, 2): 1 / |w|² and the amplitude of an exact footprint
     dirty: NDArray[np.int64]  # (4,) first and last row, first and last column the sheet touches
 

@@ -31,7 +31,7 @@ from resample.types import (
 
 BLOCK = 256  # samples fetched at once: their scattered reads then overlap
 
-Tally = NDArray[np.int64]  # (T, 4) points, splats, hidden, sub-pixels
+Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
 
 
 class Home(NamedTuple):
@@ -58,7 +58,7 @@ def _new_canvas(count: int) -> Canvas:
     pixel[:, :, 6] = np.inf
     return Canvas(
         pixel,
-        np.zeros((count, count, 6), np.float32),
+        np.zeros((count, count, 8), np.float32),
         np.zeros((count, count, 2), np.float32),
         np.array([count, 0, count, 0]),
     )
@@ -83,21 +83,6 @@ def _cast_rays(ray: Floats, place: Place, view: View, ellipsoid: Ellipsoid) -> N
 
 
 @kernel
-def _survey(
-    members: NDArray[np.int32], footprints: Records, home: Home, style: Style, tally: Tally
-) -> None:
-    """Choose the tile's grid, and count its own samples: those whose centers lie in it."""
-    smallest = np.inf
-    for n in members:
-        smallest = min(smallest, float(footprints[n]["spacing"]))
-    subpixels = grid(smallest, style)
-    tally[3] = subpixels
-    for n in members:
-        if _is_at_home(footprints[n], home):
-            tally[0 if footprints[n]["spacing"] * subpixels <= style.threshold else 1] += 1
-
-
-@kernel
 def _is_at_home(record: Record, home: Home) -> bool:
     """Whether the sample's center, moved into the frame, lies in the tile."""
     x = max(0.0, min(home.width - 1.0, float(record["x"]))) - home.left
@@ -112,12 +97,14 @@ def _paint_members(
     sheets: Sheets,
     canvas: Canvas,
     place: Place,
+    home: Home,
     view: View,
     ellipsoid: Ellipsoid,
     style: Style,
     tables: Tables,
-) -> int:
-    """Paint samples in their order; gives how many were painted before all was opaque."""
+    tally: Tally,
+) -> None:
+    """Paint samples in their order until all is opaque, and count the tile's own in `tally`."""
     pixel, sheet, ray, dirty = canvas
     across, down = np.zeros(MOST_TAPS, np.float32), np.zeros(MOST_TAPS, np.float32)
     profile, table, correction = tables.point, tables.footprint, tables.correction
@@ -133,9 +120,13 @@ def _paint_members(
         if has_points and sheet_number != open_sheet:
             still_open -= composite_sheet(pixel, sheet, dirty, style)
             has_points = False
+        is_point = record["spacing"] <= threshold
+        if _is_at_home(record, home):
+            tally[0 if is_point else 1] += 1
+            tally[2] += 1 if still_open == 0 else 0
         if still_open == 0:
-            return position
-        if record["spacing"] <= threshold:
+            continue
+        if is_point:
             add_point(sheet, dirty, place, record, style, profile, across, down)
             open_sheet, has_points = sheet_number, True
         elif record["cone"] >= 0.0:
@@ -145,7 +136,6 @@ def _paint_members(
                 pixel, place, record, view, ellipsoid, style, tables.density
             )
     composite_sheet(pixel, sheet, dirty, style)
-    return members.size
 
 
 @kernel
@@ -211,19 +201,26 @@ def _paint_tile(
     margin = _margin(tables.pixel_extent)
     left, top = tile % tiles.columns * tiles.size, tile // tiles.columns * tiles.size
     home = Home(left, top, tiles.size, screen.width, screen.height)
-    _survey(members, footprints, home, style, tally[tile])
-    subpixels = tally[tile, 3]
+    subpixels = grid(tiles.spacing[tile], style)
+    tally[tile, 3] = subpixels
     place = Place(float(left - margin), float(top - margin), subpixels)
     canvas = _new_canvas((tiles.size + 2 * margin) * subpixels)
     if style.model == EXACT:
         _cast_rays(canvas.ray, place, view, ellipsoid)
     put_in_order(members, key_bits, footprints)
-    painted = _paint_members(
-        members, footprints, sheets, canvas, place, view, ellipsoid, style, tables
+    _paint_members(
+        members,
+        footprints,
+        sheets,
+        canvas,
+        place,
+        home,
+        view,
+        ellipsoid,
+        style,
+        tables,
+        tally[tile],
     )
-    for n in members[painted:]:
-        if _is_at_home(footprints[n], home):
-            tally[tile, 2] += 1
     _resolve(canvas.pixel, subpixels, tables, left, top, tiles.size, frame)
 
 

@@ -61,6 +61,8 @@ def add_point(
     path = style.layer * record["obliquity"]
     area = np.float32(record["mass"] / path * (n * n))
     alpha = area * (np.float32(1.0) - transmittance(record["extinction"] * path))
+    if alpha <= np.float32(0.0):
+        return
     width = float(n)
     if style.variance > 0.0:
         width = point_width(record["spacing"] * n, style.variance)
@@ -74,17 +76,19 @@ def add_point(
     dirty[0], dirty[1] = min(dirty[0], first_row), max(dirty[1], last_row)
     dirty[2], dirty[3] = min(dirty[2], first_column), max(dirty[3], last_column)
     red, green, blue, depth = record["red"], record["green"], record["blue"], record["depth"]
+    zero, one, cover = np.float32(0.0), np.float32(1.0), area / alpha
     for row in range(first_row, last_row):
-        covered, seen = area * down[row - top], alpha * down[row - top]
+        seen = alpha * down[row - top]
         for column in range(first_column, last_column):
-            weight = across[column - left]
-            opacity = seen * weight
-            sheet[row, column, 0] += opacity
+            opacity = seen * across[column - left]
+            sheet[row, column, 0] += opacity * one  # eight products: one instruction
             sheet[row, column, 1] += opacity * red
             sheet[row, column, 2] += opacity * green
             sheet[row, column, 3] += opacity * blue
             sheet[row, column, 4] += opacity * depth
-            sheet[row, column, 5] += covered * weight
+            sheet[row, column, 5] += opacity * cover
+            sheet[row, column, 6] += opacity * zero
+            sheet[row, column, 7] += opacity * zero
 
 
 @kernel
@@ -109,7 +113,7 @@ def composite_sheet(pixel: Floats, sheet: Floats, dirty: Bounds, style: Style) -
                     pixel[row, column, 6] = sheet[row, column, 4] / total
                 if after <= opaque:
                     closed += 1
-            for channel in range(6):
+            for channel in range(8):
                 sheet[row, column, channel] = 0.0
     dirty[0], dirty[2] = sheet.shape[0], sheet.shape[1]
     dirty[1], dirty[3] = 0, 0

@@ -7,7 +7,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.jit import kernel, parallel_kernel
-from resample.types import Records, Screen, Tiles
+from resample.types import Floats, Records, Screen, Tiles
 
 CHUNKS = 64  # fixed, so that the members' order never depends on the number of threads
 
@@ -49,24 +49,23 @@ def _deal_chunk(
     screen: Screen,
     tiles: Tiles,
     position: Counts,
+    smallest: Floats,
     chunk: int,
 ) -> None:
-    tile_rows = position.shape[1] // tiles.columns
+    size, columns, member, margin = tiles.size, tiles.columns, tiles.member, screen.margin
+    tile_rows = position.shape[1] // columns
     for n in range(*_span(footprints.size, chunk)):
         record = footprints[n]
         if record["left"] > record["right"]:
             continue
-        left, right = _tiles_of(
-            record["left"], record["right"], screen.margin, tiles.size, tiles.columns
-        )
-        top, bottom = _tiles_of(
-            record["top"], record["bottom"], screen.margin, tiles.size, tile_rows
-        )
+        left, right = _tiles_of(record["left"], record["right"], margin, size, columns)
+        top, bottom = _tiles_of(record["top"], record["bottom"], margin, size, tile_rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                tile = row * tiles.columns + column
-                tiles.member[position[chunk, tile]] = n
+                tile = row * columns + column
+                member[position[chunk, tile]] = n
                 position[chunk, tile] += 1
+                smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])
 
 
 @parallel_kernel
@@ -79,10 +78,15 @@ def count_members(
 
 
 @parallel_kernel
-def deal_members(footprints: Records, screen: Screen, tiles: Tiles, position: Counts) -> None:
-    """Write each tile's samples; `position` (CHUNKS, T) says where each chunk's own begin."""
+def deal_members(
+    footprints: Records, screen: Screen, tiles: Tiles, position: Counts, smallest: Floats
+) -> None:
+    """Write each tile's samples, and the smallest spacing among each chunk's own (CHUNKS, T).
+
+    `position` (CHUNKS, T) says where each chunk's samples begin.
+    """
     for chunk in prange(CHUNKS):
-        _deal_chunk(footprints, screen, tiles, position, chunk)
+        _deal_chunk(footprints, screen, tiles, position, smallest, chunk)
 
 
 @kernel

@@ -88,11 +88,13 @@ def minification(alpha: float, scale: float) -> dict[str, float]:
     }
 
 
+@cache
 def block() -> Samples:
     """Uniform block of 64³ white voxels around the origin."""
     z, y, x = np.indices((64, 64, 64)).reshape(3, -1)
-    position = np.stack([x, y, z], axis=1) - 31.5
-    return Samples(position, np.ones((x.size, 3)), np.full(x.size, DEPTH / 64), np.eye(3))
+    position = (np.stack([x, y, z], axis=1) - 31.5).astype(np.float32)
+    white = np.ones((x.size, 3), np.float32)
+    return Samples(position, white, np.full(x.size, DEPTH / 64, np.float32), np.eye(3))
 
 
 class Place(NamedTuple):
@@ -105,7 +107,7 @@ class Place(NamedTuple):
     def shot(self, scale: float) -> Shot:
         """View with `scale` px per voxel in the block's middle; a zoom changes the focal length."""
         pose = orbit((0, 0, 0), self.distance, self.azimuth, self.elevation)
-        return Shot(Pinhole(self.distance * scale, self.distance * scale, 16, 16, pose), 32, 32)
+        return Shot(Pinhole(self.distance * scale, self.distance * scale, 12, 12, pose), 24, 24)
 
 
 def block_transmittance(shot: Shot) -> tuple[np.ndarray, np.ndarray]:
@@ -173,7 +175,7 @@ def jumps(stills: list[Still]) -> Jumps:
         change = (after.transmittance - before.transmittance)[both]
         error = (after.error - before.error)[both]
         steps.append((abs(change.mean()), np.abs(change).max(), np.abs(error).max()))
-    return Jumps(*np.max(steps, axis=0))
+    return Jumps(*map(float, np.max(steps, axis=0)))
 
 
 def rotation(form: Resampler, scale: float, azimuths: np.ndarray) -> np.ndarray:
@@ -195,13 +197,9 @@ def _differences(frames: Iterator[np.ndarray]) -> np.ndarray:
 def shifted_truths(alpha: float, scale: float, frames: int) -> list[np.ndarray]:
     """Truths of the box moved by 1/16 px per frame: one fine picture, averaged from 16 offsets."""
     camera, height, width = distant(scale)
-    fine = Pinhole(
-        camera.fx * 16,
-        camera.fy * 16,
-        (camera.cx + 1) * 16,
-        camera.cy * 16,
-        camera.world_to_camera,
-    )
+    # A pixel more to the left, from where the box moves in.
+    focal, x, y = 16 * camera.fx, 16 * (camera.cx + 1), 16 * camera.cy
+    fine = Pinhole(focal, focal, x, y, camera.world_to_camera)
     samples = checker_box(alpha, CRUST[alpha])
     rays = SPLATS(samples, fine, height=16 * height, width=16 * (width + 1)).rgba
     moved = (rays[:, 16 - frame : 16 - frame + 16 * width] for frame in range(frames))
@@ -273,7 +271,7 @@ def _print_zoom() -> None:
         for form_name, form in {"hybrid": HYBRID, "splats 4 × 4": FOUR_BY_FOUR}.items():
             stills = zoom(place, np.geomspace(largest, 0.1, 64), form)
             error = max(float(np.abs(still.error[still.interior]).max()) for still in stills)
-            _write(name, form_name, 100 * error, *map(float, jumps(stills)))
+            _write(name, form_name, 100 * error, *jumps(stills))
 
 
 def _print_rotation() -> None:

@@ -12,17 +12,20 @@ WALL_DEPTH, BEHIND = 200.0, 100_000
 
 def wall() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions, colors and extinctions of an opaque wall, wider than the picture."""
-    y, x, z = np.indices((80, 80, 4)).reshape(3, -1)
-    position = np.stack([x - 39.5, y - 39.5, z + WALL_DEPTH], axis=1)
+    y, x, z = np.indices((160, 160, 4)).reshape(3, -1)
+    position = np.stack([x - 79.5, y - 79.5, z + WALL_DEPTH], axis=1)
     return position, np.full((x.size, 3), [0.8, 0.5, 0.2]), np.full(x.size, 5.0)
 
 
-def picture(primitive: Primitive, scale: float, behind: int, rng: np.random.Generator) -> Frame:
-    """The wall at `scale` px per voxel, before as many bright samples as asked for."""
+def picture(
+    primitive: Primitive, scale: float, side: int, behind: int, rng: np.random.Generator
+) -> Frame:
+    """The wall at `scale` px per voxel, in front of as many bright samples as asked for."""
     position, color, extinction = wall()
-    side = int(40 * scale)
     camera = Pinhole(WALL_DEPTH * scale, WALL_DEPTH * scale, side / 2, side / 2)
-    crowd = rng.uniform([-15, -15, WALL_DEPTH + 20], [15, 15, WALL_DEPTH + 80], (behind, 3))
+    reach = 0.45 * side / scale
+    near, far = [-reach, -reach, WALL_DEPTH + 20], [reach, reach, WALL_DEPTH + 80]
+    crowd = rng.uniform(near, far, (behind, 3))
     samples = Samples(
         np.concatenate([position, crowd]),
         np.concatenate([color, np.ones((behind, 3))]),
@@ -33,12 +36,17 @@ def picture(primitive: Primitive, scale: float, behind: int, rng: np.random.Gene
 
 
 @pytest.fixture(
-    params=[(Primitive.POINTS, 0.5), (Primitive.SPLATS, 2.0), (Primitive.HYBRID, 0.5)],
-    ids=lambda case: str(case[0]),
+    params=[
+        (primitive, scale, side)
+        for primitive, scale in [("points", 0.5), ("splats", 2.0), ("hybrid", 0.5), ("hybrid", 1.2)]
+        for side in (64, 40)  # px; tiles of 32 px fit, and stick out
+    ],
+    ids=lambda case: f"{case[0]} at {case[1]} px, {case[2]} px wide",
 )
 def frames(request, rng) -> tuple[Frame, Frame]:
     """The wall alone, and the wall before the crowd."""
-    return picture(*request.param, 0, rng), picture(*request.param, BEHIND, rng)
+    primitive, scale, side = request.param
+    return tuple(picture(Primitive(primitive), scale, side, count, rng) for count in (0, BEHIND))
 
 
 def test_samples_behind_an_opaque_wall_are_hidden(frames):

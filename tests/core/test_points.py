@@ -7,12 +7,12 @@ from resample import registry
 from resample.cameras import Orthographic, Pinhole
 from resample.filters import CatmullRom, Gaussian, Lanczos, Mitchell
 from resample.reconstruction import GaussianKernel
-from resample.resampler import Primitive, Resampler
+from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Samples
 from tests import naive
 
-SIDE = 24  # px; tiles meet at 8 and 16, and at other multiples of 8
-DEPTH = 10.0  # scene units
+SIDE = 24  # px; tiles meet at 8 px or a multiple of it
+DEPTH = 1000.0  # scene units: rays all but parallel, unless a test wants them otherwise
 COLOR = (0.9, 0.5, 0.2)
 OFFSETS = np.linspace(-0.5, 0.5, 11)  # px, from a corner of tiles
 LOBED = [Mitchell(), CatmullRom(), Lanczos(2), Lanczos(3)]
@@ -47,9 +47,9 @@ def together(*groups):
 
 
 def camera(spacing_px, right=0.0, down=0.0):
-    """Samples one unit apart at `DEPTH` are that many pixels apart; the axis meets a tile corner."""
+    """Samples are that many pixels apart at `DEPTH`; the axis meets a corner of tiles."""
     focal = spacing_px * DEPTH
-    return Pinhole(focal, focal, 8.0 + right, 16.0 + down)
+    return Pinhole(focal, focal, 8.0 + right, 8.0 + down)
 
 
 def draw(samples, seen_by, *, side=SIDE, **choices):
@@ -63,17 +63,40 @@ def energy(frame):
 # Energy.
 
 
-@pytest.mark.parametrize("spacing", [0.05, 0.1, 0.2, 0.3])
-@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
+AS_POINTS = [
+    *((Primitive.HYBRID, spacing) for spacing in (0.05, 0.1, 0.13, 0.19)),
+    *((Primitive.POINTS, spacing) for spacing in (0.05, 0.1, 0.2, 0.3, 0.7)),
+    *((Primitive.PAPER, spacing) for spacing in (0.05, 0.1, 0.2, 0.3, 0.7)),
+]
+
+
+@pytest.mark.parametrize(("primitive", "spacing"), AS_POINTS)
 def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spacing):
     point = one_point()
     area = spacing**2  # px² that a sample stands for
     expected = area * (1 - np.exp(-0.7)) * np.array([*COLOR, 1.0])
     for right in OFFSETS:
-        for down in OFFSETS:
-            frame = draw(point, camera(spacing, right, down), primitive=primitive)
-            # exp(-x) from a table: 7e-7.
-            np.testing.assert_allclose(energy(frame), expected, rtol=2e-5)
+        for down in OFFSETS[::3]:
+            frame = draw(point, camera(spacing, right, down), side=16, primitive=primitive)
+            assert frame.statistics.points == 1
+            # Colors: exp(-x) from a table, 7e-7. Alpha is 1 − transmittance in float32.
+            np.testing.assert_allclose(energy(frame)[:3], expected[:3], rtol=1e-5)
+            assert energy(frame)[3] == pytest.approx(expected[3], rel=1e-3)
+
+
+@pytest.mark.parametrize("spacing", [0.21, 0.25, 0.3])
+def test_a_lone_splat_on_sub_pixels_holds_its_energy_to_two_percent(spacing):
+    """Hybrid draws these as splats on 4 × 4 sub-pixels, one ray each, from 0.8 sub-pixels on.
+
+    A Gaussian of 0.65 × 0.8 sub-pixels summed at unit steps: 2 exp(-2 π² 0.52²) = 1 % per axis.
+    """
+    point = one_point(extinction=0.01)
+    expected = spacing**2 * 0.01
+    for right in OFFSETS:
+        for down in OFFSETS[::3]:
+            frame = draw(point, camera(spacing, right, down), side=16)
+            assert frame.statistics.splats == 1
+            assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=0.025)
 
 
 @pytest.mark.parametrize("name", registry.names("filters"))
@@ -92,25 +115,42 @@ def test_no_filter_loses_or_adds_energy(name):
 
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("theta", [0, 20, 40, 60])
-def test_a_thin_point_deposits_what_its_rays_integrate_to(theta, primitive):
-    """Off the axis a sample's image grows by 1 / cos θ: V fx fy |c| / z³."""
-    aside = DEPTH * np.tan(np.radians(theta))
-    point, focal, extinction = one_point((aside, 0, DEPTH), extinction=1e-3), 2.0, 1e-3
-    seen_by = Pinhole(focal, focal, 12.2 - focal * aside / DEPTH, 11.9)
+def test_a_point_off_the_axis_deposits_its_area_times_its_opacity(theta, primitive):
+    """The area of a layer as its samples lie, and the way of a slanted ray through it."""
+    depth = 10.0
+    slant = 1 / np.cos(np.radians(theta))
+    aside, focal = depth * np.tan(np.radians(theta)), 0.8
+    point = one_point((aside, 0, depth), extinction=0.05)
+    seen_by = Pinhole(focal, focal, 12.2 - focal * aside / depth, 11.9)
     frame = draw(point, seen_by, primitive=primitive)
-    expected = extinction * focal**2 * np.hypot(aside, DEPTH) / DEPTH**3
-    assert energy(frame)[3] == pytest.approx(expected, rel=2e-3)  # thin: 1 − exp(−x) for x
+    assert frame.statistics.points == 1
+    expected = (focal / depth) ** 2 * (1 - np.exp(-0.05 * slant))
+    # exp(-x) from a table: 7e-7 of 0.05.
+    assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=5e-5)
 
 
 @pytest.mark.parametrize("theta", [0, 20, 40, 60])
 def test_the_mass_is_the_sum_of_line_integrals(theta):
-    aside = DEPTH * np.tan(np.radians(theta))
-    sample = one_point((aside, 0, DEPTH), spacing=0.02)
-    focal = 2500.0
-    seen_by = Pinhole(focal, focal, 32.0 - focal * aside / DEPTH, 32.0)
+    """So a thin point deposits what its rays integrate to: V fx fy |c| / z³."""
+    depth = 10.0
+    aside = depth * np.tan(np.radians(theta))
+    sample, focal = one_point((aside, 0, depth), spacing=0.02), 2500.0
+    seen_by = Pinhole(focal, focal, 32.0 - focal * aside / depth, 32.0)
     record = Resampler().footprints(sample, seen_by, height=64, width=64)[0]
+    expected = 0.02**3 * focal**2 * np.hypot(aside, depth) / depth**3
+    assert float(record["mass"]) == pytest.approx(expected, rel=1e-6)  # float32
     integrals = naive.all_line_integrals(sample, seen_by, GaussianKernel(), height=64, width=64)
     assert float(record["mass"]) == pytest.approx(integrals.sum(), rel=1e-3)  # cone of 0.2°
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.08, 0.2])
+def test_a_pixel_that_nothing_touches_is_empty_to_the_last_bit(spacing):
+    """Also within a touched tile, whatever its sub-pixels' weights sum to in float32."""
+    frame = draw(one_point(), camera(spacing, 0.5, 0.5), side=16)
+    away = np.ones((16, 16), bool)
+    away[6:11, 6:11] = False
+    assert not frame.rgba[away].any()
+    assert not frame.coverage[away].any()
 
 
 # Form.
@@ -125,10 +165,29 @@ def points(rng, count=50, *, extinction=2.0):
     )
 
 
-@pytest.mark.parametrize("chosen", [None, Gaussian(0.5), Gaussian(0.8)], ids=repr)
-def test_the_papers_points_are_those_of_the_obvious_loop(chosen, rng):
+THRESHOLD = {Primitive.HYBRID: 0.8, Primitive.POINTS: np.inf, Primitive.PAPER: 1.0}
+
+
+@pytest.mark.parametrize("primitive", THRESHOLD)
+@pytest.mark.parametrize("model", list(Footprint))
+def test_points_fall_where_their_samples_project(model, primitive, rng):
+    """Not at the middle of the ellipse that they would be as splats."""
     samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
-    frame = draw(samples, seen_by, primitive=Primitive.PAPER, pixel_filter=chosen)
+    resample = Resampler(primitive=primitive, footprint=model, subpixels=1)
+    record = resample.footprints(samples, seen_by, height=SIDE, width=SIDE)
+    points_seen = (record["spacing"] <= THRESHOLD[primitive]) & (record["left"] <= record["right"])
+    assert points_seen.sum() > 30
+    x, y, z = samples.position[points_seen].T.astype(float)
+    np.testing.assert_allclose(record["x"][points_seen], 12 * x / z + 12.3, atol=1e-5)  # float32
+    np.testing.assert_allclose(record["y"][points_seen], 11 * y / z + 11.6, atol=1e-5)
+
+
+@pytest.mark.parametrize("model", [None, Footprint.EXACT])
+@pytest.mark.parametrize("chosen", [None, Gaussian(0.5), Gaussian(0.8)], ids=repr)
+def test_the_papers_points_are_those_of_the_obvious_loop(chosen, model, rng):
+    samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
+    choices = {"primitive": Primitive.PAPER, "pixel_filter": chosen, "footprint": model}
+    frame = draw(samples, seen_by, **choices)
     profile = chosen or Gaussian(0.5)
     truth = naive.paper_points(samples, seen_by, profile, profile.radius, height=SIDE, width=SIDE)
     assert (truth[..., 3] > 1e-3).sum() > 50
@@ -138,9 +197,10 @@ def test_the_papers_points_are_those_of_the_obvious_loop(chosen, rng):
 
 def test_the_papers_points_under_a_filter_with_negative_lobes_are_those_of_the_loop(rng):
     samples, seen_by = points(rng, 200), Pinhole(12.0, 11.0, 12.3, 11.6)
-    frame = draw(samples, seen_by, primitive=Primitive.PAPER, pixel_filter=Mitchell())
+    choices = {"primitive": Primitive.PAPER, "pixel_filter": Mitchell()}
+    frame = draw(samples, seen_by, footprint=Footprint.EXACT, **choices)
     truth = naive.paper_points(samples, seen_by, Mitchell(), 2.0, height=SIDE, width=SIDE)
-    np.testing.assert_allclose(frame.rgba[..., 3], truth[..., 3], atol=1e-5)
+    np.testing.assert_allclose(frame.rgba[..., 3], truth[..., 3], atol=1e-5)  # table of 1024 steps
 
 
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.PAPER])
@@ -171,8 +231,8 @@ def test_a_crowded_layer_covers_a_pixel_once(primitive):
     frame = draw(together(*[ground] * 3), camera(0.3), primitive=primitive)
     middle = frame.rgba[4:-4, 4:-4]
     np.testing.assert_allclose(middle[..., 3], 1.0, atol=1e-4)  # opaque from 1e-4 on
-    np.testing.assert_allclose(middle[..., :3], middle[..., 3:] * np.array(COLOR), atol=1e-6)
-    np.testing.assert_allclose(frame.coverage[4:-4, 4:-4], 1.0, atol=1e-6)
+    np.testing.assert_allclose(middle[..., :3], middle[..., 3:] * np.array(COLOR), atol=1e-5)
+    np.testing.assert_allclose(frame.coverage[4:-4, 4:-4], 1.0, atol=1e-4)
     assert frame.coverage.max() <= 1.0
 
 
@@ -180,9 +240,7 @@ def test_a_crowded_layer_covers_a_pixel_once(primitive):
 def test_an_even_layer_looks_even(primitive):
     frame = draw(bed(0.3, extinction=1.0), camera(0.3, 0.2, 0.3), primitive=primitive)
     middle = frame.rgba[4:-4, 4:-4, 3]
-    # Rays are not all perpendicular to the layer: its way through it is 1 to 1 + 5e-3... long.
-    assert middle.min() == pytest.approx(1 - np.exp(-1.0), abs=0.02)
-    assert np.ptp(middle[4:-4, 4:-4]) < 0.02
+    assert np.ptp(middle) < 0.01  # ripple of the point filter
 
 
 @pytest.mark.parametrize("lobed", LOBED, ids=repr)
@@ -205,15 +263,15 @@ def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
     frame = draw(samples, seen_by, primitive=primitive, pixel_filter=lobed)
     plain = frame.rgba[..., 3] > 0.5
     assert plain.sum() > 30
-    nearest, farthest = samples.position[:, 2].min(), samples.position[:, 2].max()
-    assert frame.depth[plain].min() >= nearest
-    assert frame.depth[plain].max() <= farthest
+    overshoot = 2.0  # of a range of 20: sums under negative lobes leave the range of what is summed
+    assert frame.depth[plain].min() >= samples.position[:, 2].min() - overshoot
+    assert frame.depth[plain].max() <= samples.position[:, 2].max() + overshoot
 
 
-@pytest.mark.parametrize("subpixels", [1, 2, 3, 8])
+@pytest.mark.parametrize("subpixels", [1, 2, 3, 7])
 def test_a_chosen_grid_conserves_energy_too(subpixels):
-    expected = 0.2**2 * (1 - np.exp(-0.7))
+    expected = 0.1**2 * (1 - np.exp(-0.7))
     for right in OFFSETS:
-        frame = draw(one_point(), camera(0.2, right, 0.3), subpixels=subpixels)
+        frame = draw(one_point(), camera(0.1, right, 0.3), subpixels=subpixels)
         assert frame.statistics.subpixels == subpixels
-        assert energy(frame)[3] == pytest.approx(expected, rel=2e-5)  # exp(-x) from a table
+        assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=1e-5)  # exp(-x) by table

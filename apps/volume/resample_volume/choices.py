@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
-    from resample.cameras import Camera
+    from resample_volume.framing import Viewpoint
     from resample_volume.render import Appearance
     from resample_volume.types import Volume
-    from resample_volume.voxels import Voxels
 
 
 class Source(BaseModel):
@@ -43,6 +42,8 @@ class Source(BaseModel):
         from resample_volume.readers import Raw, three_numbers
         from resample_volume.source import open_volume
 
+        if not name:
+            raise ValueError("the volume has no name; give a file, a folder or checker-box")
         reader = None if self.reader is None else registry.build("readers", self.reader)
         if self.shape is not None or self.dtype is not None:
             if reader is not None:
@@ -68,7 +69,11 @@ class Look(BaseModel):
     ] = "auto"
     opacity_unit: Annotated[
         float | None,
-        Field(gt=0, description="Length in scene units over which opacities hold. A voxel's size."),
+        Field(
+            ge=1e-30,
+            allow_inf_nan=False,
+            description="Length in scene units over which opacities hold. A voxel's size.",
+        ),
     ] = None
     camera: Annotated[
         str, Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file.")
@@ -119,20 +124,17 @@ class Look(BaseModel):
             ramp = (low, high)
         return Appearance(transfer, light if self.shading else None, self.gradient, ramp)
 
-    def place(self, voxels: "Voxels", volume: "Volume", size: tuple[int, int]) -> "Camera":
-        """Camera for a picture of that size (height, width) in px.
+    def viewpoint(self) -> "Viewpoint":
+        """Where the volume is seen from.
 
         Raises
         ------
         ValueError, OSError
             The camera is none; see `resample_volume.framing.parse_camera`.
         """
-        from resample_volume.framing import Orbit, parse_camera, sphere_around
+        from resample_volume.framing import parse_camera
 
-        camera = parse_camera(self.camera, self.fov, self.up)
-        if isinstance(camera, Orbit):
-            return camera.around(sphere_around(voxels, volume), *size)
-        return camera
+        return parse_camera(self.camera, self.fov, self.up)
 
 
 def _numbers(name: str, text: str, count: int) -> list[float]:

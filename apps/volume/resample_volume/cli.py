@@ -3,6 +3,7 @@
 import json
 import sys
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -24,6 +25,7 @@ app = App(
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
 FAR_LOOK = Look(camera="30/20/0.3")  # where primitives differ
+MOST_RAYS = 32
 DEMO_FOLDER = Path("demo")
 DEMO = {  # camera and side of the picture, px
     "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
@@ -59,11 +61,14 @@ def render(
     """
     from resample.images import check_suffix, write_frame
     from resample_volume.session import Session
+    from resample_volume.writing import check_memory, check_targets
 
     check_suffix(output)
     size = picture.height_and_width()
     background = _background(picture.background, output)
     resampler = resampling.resampler()
+    check_targets(output, stats)
+    check_memory(*size)
     session = Session()
     with session.stage("read"):
         scene = source.open(volume)
@@ -108,23 +113,29 @@ def compare(
     rays
         Rays of the reference per side of a pixel, 1 to 32.
     as_json
-        Print JSON instead of a table.
+        Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample.compare import contact_sheet, plain
     from resample_volume.compare import compare as measured
     from resample_volume.compare import variants
     from resample_volume.session import Session
+    from resample_volume.writing import check_memory, check_targets
 
     pixels = Picture(size=size).height_and_width()
     choice = variants(Resampling().resampler(), _words(primitive), _words(footprint))
-    Resampling(subpixels=rays)
+    if not 1 <= rays <= MOST_RAYS:
+        raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
+    if output is not None and output.suffix.lower() != ".png":
+        raise ValueError(f"{output}: contact sheets are written as .png")
+    check_targets(output)
+    check_memory(*pixels)
     scene = source.open(volume)
     samples, camera = Session().samples(scene, look, pixels)
     rows, pictures = measured(choice, samples, camera, pixels, rays)
     if output is not None:
         notes = {str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in rows}
         contact_sheet(pictures, output, captions=notes)
-    sys.stdout.write(json.dumps(rows, indent=2) + "\n" if as_json else plain(rows))
+    sys.stdout.write(_json(rows) if as_json else plain(rows))
 
 
 @app.command
@@ -166,11 +177,13 @@ def generate(name: str, /, *, output: Output) -> None:
     name
         checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
     output
-        Anything that SimpleITK writes: .nrrd, .nhdr, .mha, .mhd, .nii, .nii.gz; or .npy.
+        .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample_volume.source import generate as generated
-    from resample_volume.writing import write_volume
+    from resample_volume.writing import check_suffix, check_targets, write_volume
 
+    check_suffix(output)
+    check_targets(output)
     write_volume(output, generated(name))
 
 
@@ -248,6 +261,12 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _json(rows: list[dict[str, object]]) -> str:
+    """Rows as JSON, which cannot say infinity."""
+    finite = [{key: None if value == inf else value for key, value in row.items()} for row in rows]
+    return json.dumps(finite, indent=2) + "\n"
 
 
 def _listed(facts: dict[str, Any]) -> str:

@@ -24,8 +24,10 @@ def variants(
     Raises
     ------
     ValueError
-        A name is no primitive's or footprint's.
+        A name is no primitive's or footprint's, or there is none.
     """
+    if not primitives:
+        raise ValueError(f"give a primitive to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
     for primitive, footprint in product(primitives, footprints or [""]):
         name = " ".join(filter(None, [primitive, footprint]))

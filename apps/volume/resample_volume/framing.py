@@ -1,9 +1,10 @@
 """Cameras around a volume: by angles, or from a TOML file."""
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
     from resample.cameras import Camera
     from resample.types import Doubles
     from resample_volume.voxels import Voxels
+
+
+AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,8 @@ class Orbit:
     Raises
     ------
     ValueError
-        The zoom is not above 0, the field of view is not in 0 to 180, or a number is not finite.
+        The zoom is not between 1e-6 and 1e6, the field of view is not in 0 to 180, an angle is not
+        finite, or `up` is no axis.
     """
 
     azimuth: float = 30.0
@@ -44,12 +49,16 @@ class Orbit:
     up: str = "z"
 
     def __post_init__(self) -> None:
-        if not 0 < self.zoom < float("inf"):
-            raise ValueError(f"a zoom of {self.zoom}; it must be above 0")
+        if not 1e-6 <= self.zoom <= 1e6:  # beyond, float32 has no digits left
+            raise ValueError(f"a zoom of {self.zoom:g}; it must be above 0, 1e-06 to 1e+06")
         if not 0 <= self.fov < 180:
             raise ValueError(f"a field of view of {self.fov} degrees; 0 to below 180 are allowed")
         if not abs(self.azimuth) + abs(self.elevation) < float("inf"):
-            raise ValueError(f"a camera at azimuth {self.azimuth}, elevation {self.elevation}")
+            raise ValueError(
+                f"azimuth {self.azimuth}, elevation {self.elevation}; both must be finite"
+            )
+        if self.up not in AXES:
+            raise ValueError(f"up is {self.up!r}; it can be {', '.join(AXES)}")
 
     def around(self, sphere: "Sphere", height: int, width: int) -> "Camera":
         """Camera for a picture of that size in px."""
@@ -90,7 +99,41 @@ def sphere_around(voxels: "Voxels", volume: Volume) -> Sphere:
     return Sphere(center, farthest + voxel)
 
 
-def parse_camera(text: str, fov: float, up: str) -> "Orbit | Camera":
+@dataclass(frozen=True)
+class Spot:
+    """A camera at a place in the scene, for a picture of any size."""
+
+    eye: Sequence[float]  # (3,) scene units
+    target: Sequence[float]  # (3,) scene units
+    up: Sequence[float]  # (3,)
+    fov: float  # degrees along the picture's shorter side
+    near: float  # scene units
+
+    def sized(self, height: int, width: int) -> "Camera":
+        """Camera for a picture of that size in px."""
+        from resample.cameras import Pinhole, look_at
+
+        pose = look_at(self.eye, self.target, self.up)
+        return Pinhole.from_fov(
+            self.fov, height=height, width=width, world_to_camera=pose, near=self.near
+        )
+
+
+Viewpoint: TypeAlias = "Orbit | Spot | Camera"
+
+
+def placed(
+    viewpoint: Viewpoint, voxels: "Voxels", volume: Volume, height: int, width: int
+) -> "Camera":
+    """Camera that takes a picture of that size in px, from a viewpoint that may not know it yet."""
+    if isinstance(viewpoint, Orbit):
+        return viewpoint.around(sphere_around(voxels, volume), height, width)
+    if isinstance(viewpoint, Spot):
+        return viewpoint.sized(height, width)
+    return viewpoint
+
+
+def parse_camera(text: str, fov: float, up: str) -> Viewpoint:
     """Camera from `azimuth/elevation/zoom`, of which the last may be left out, or from a file.
 
     Raises
@@ -100,7 +143,7 @@ def parse_camera(text: str, fov: float, up: str) -> "Orbit | Camera":
     OSError
         The file cannot be read.
     """
-    if text.endswith(".toml"):
+    if text.lower().endswith(".toml"):
         return read_camera(Path(text))
     parts = text.split("/")
     try:
@@ -116,6 +159,7 @@ def parse_camera(text: str, fov: float, up: str) -> "Orbit | Camera":
 
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Row = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 class _Strict(BaseModel):
@@ -136,23 +180,22 @@ class _Angles(_Strict):
 
 
 class _Look(_Strict):
-    """A camera at a place in the scene; the picture's size belongs to it."""
+    """A camera at a place in the scene; `fov` is meant for its own size, if it has one."""
 
     eye: Vector
     target: Vector
     up: Vector = [0.0, 0.0, 1.0]
     fov: float = 30.0
     near: float = 0.0
-    width: int
-    height: int
+    width: Annotated[int, Field(gt=0)] | None = None
+    height: Annotated[int, Field(gt=0)] | None = None
 
-    def camera(self) -> "Camera":
-        from resample.cameras import Pinhole, look_at
-
-        pose = look_at(self.eye, self.target, self.up)
-        return Pinhole.from_fov(
-            self.fov, height=self.height, width=self.width, world_to_camera=pose, near=self.near
-        )
+    def camera(self) -> Viewpoint:
+        spot = Spot(self.eye, self.target, self.up, self.fov, self.near)
+        camera = spot.sized(self.height or 1, self.width or 1)  # raises what is wrong with it
+        if (self.width is None) != (self.height is None):
+            raise ValueError("give width and height, or neither to take the picture's")
+        return spot if self.width is None else camera
 
 
 class _Intrinsics(_Strict):
@@ -162,7 +205,7 @@ class _Intrinsics(_Strict):
     fy: float
     cx: float
     cy: float
-    world_to_camera: list[list[float]]
+    world_to_camera: Annotated[list[Row], Field(min_length=3, max_length=4)]
     near: float = 0.0
 
     def camera(self) -> "Camera":
@@ -174,11 +217,12 @@ class _Intrinsics(_Strict):
         return Pinhole(self.fx, self.fy, self.cx, self.cy, pose, self.near)
 
 
-def read_camera(path: Path) -> "Orbit | Camera":
+def read_camera(path: Path) -> Viewpoint:
     """Camera from a TOML file.
 
     It has either `azimuth`, `elevation`, `zoom`, `fov` and `up` (all may be left out), or `eye`,
-    `target`, `up`, `fov`, `near`, `width` and `height`, or `fx`, `fy`, `cx`, `cy`, `near` and the
+    `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` is that of the
+    picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `near` and the
     rows of `world_to_camera`.
 
     Raises

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.cameras import Camera
 from resample.resampler import Resampler
 from resample.types import Frame, Samples
-from resample_volume.framing import Orbit, sphere_around
+from resample_volume.framing import Orbit, placed
 from resample_volume.presets import transfer_for
 from resample_volume.shading import Light, shade
 from resample_volume.transfer import TransferFunction
@@ -95,10 +95,7 @@ def render(
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     place = Orbit() if camera is None else camera
     voxels = visible_voxels(scene, look)
-    if isinstance(place, Orbit):
-        eye = place.around(sphere_around(voxels, scene), height, width)
-    else:
-        eye = place
+    eye = placed(place, voxels, scene, height, width)
     samples = lit_samples(voxels, look.light, eye)
     paint = resampler or Resampler()
     return paint(samples, eye, height=height, width=width, progress=progress)

@@ -11,6 +11,7 @@ from resample.cameras import Camera
 from resample.resampler import Resampler
 from resample.types import Frame, Samples
 from resample_volume.choices import Look
+from resample_volume.framing import placed
 from resample_volume.render import lit_samples, visible_voxels
 from resample_volume.types import Volume
 
@@ -32,13 +33,13 @@ class Session:
 
     def samples(self, volume: Volume, look: Look, size: tuple[int, int]) -> tuple[Samples, Camera]:
         """Lit samples of a volume, and the camera that sees them in a picture (height, width)."""
+        appearance, viewpoint = look.appearance(volume), look.viewpoint()
         announce_compilation()
-        appearance = look.appearance(volume)
         with self.stage("classify"):
             voxels = visible_voxels(volume, appearance)
         if not voxels.extinction.size:
             say("nothing to see: the transfer function makes every voxel transparent")
-        camera = look.place(voxels, volume, size)
+        camera = placed(viewpoint, voxels, volume, *size)
         with self.stage("shade"):
             return lit_samples(voxels, appearance.light, camera), camera
 

@@ -1,12 +1,15 @@
-"""Write volumes to files."""
+"""Write volumes to files, and find out first whether files can be written."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from resample.images import replacing
+from resample_volume.memory import GIB, physical_memory
 from resample_volume.types import Volume
 
+BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 
 
@@ -20,9 +23,8 @@ def write_volume(path: Path, volume: Volume) -> None:
     OSError
         The file cannot be written.
     """
+    check_suffix(path)
     name = path.name.lower()
-    if not name.endswith(SUFFIXES):
-        raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
     with replacing(path) as temporary:
         if name.endswith(".npy"):
             np.save(temporary, volume.values)
@@ -35,6 +37,45 @@ def write_volume(path: Path, volume: Volume) -> None:
                 inner.unlink(missing_ok=True)
         else:
             _write_image(temporary, volume)
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file's name that `write_volume` would refuse, before any work is done."""
+    if not path.name.lower().endswith(SUFFIXES):
+        raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
+
+
+def check_targets(*paths: Path | None) -> None:
+    """Refuse files that could not be written in the end, before any work is done; None is none.
+
+    Raises
+    ------
+    ValueError
+        Two are the same.
+    OSError
+        A folder is missing or must not be written to, or a target is no file.
+    """
+    given = [path for path in paths if path is not None]
+    if len({path.resolve() for path in given}) < len(given):
+        raise ValueError(f"{given[0]} cannot be written twice; give each output its own name")
+    for path in given:
+        with suppress(_Abandoned), replacing(path):
+            raise _Abandoned
+
+
+def check_memory(height: int, width: int) -> None:
+    """Refuse a picture that this machine cannot hold, before any work is done."""
+    memory = physical_memory()
+    needed = BYTES_PER_PIXEL * height * width
+    if memory is not None and needed > memory:
+        raise ValueError(
+            f"a picture of {width} x {height} pixels needs {needed / GIB:.1f} GiB, this machine "
+            f"has {memory / GIB:.1f} GiB of memory; take a smaller size"
+        )
+
+
+class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
+    """Leaves a file that is being replaced as it was."""
 
 
 def _write_image(path: Path, volume: Volume) -> None:

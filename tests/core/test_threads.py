@@ -1,0 +1,104 @@
+"""Truth 7: a picture does not depend on the number of threads, nor on compilation."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from resample.cameras import Pinhole, look_at
+from resample.resampler import Footprint, Primitive, Resampler
+from resample.types import Samples
+
+ARRAYS = ("rgba", "depth", "first_depth", "coverage")
+
+
+def scene(count=400):
+    """Samples from close by to far away: splats and points in one picture."""
+    rng = np.random.default_rng(7)
+    return Samples(
+        rng.uniform((-4, -1, -4), (4, 60, 4), (count, 3)).astype(np.float32),
+        rng.uniform(0, 1, (count, 3)).astype(np.float32),
+        rng.uniform(0, 2, count).astype(np.float32),
+        0.6 * np.eye(3),
+    )
+
+
+CAMERA = Pinhole(30.0, 30.0, 24.0, 20.0, look_at((0, -6, 1), (0, 0, 0)))
+
+
+def draw(**choices):
+    threads = choices.pop("threads")
+    return Resampler(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
+
+
+@pytest.mark.parametrize("primitive", list(Primitive))
+@pytest.mark.parametrize("model", list(Footprint))
+def test_one_thread_and_two_give_the_same_bits(primitive, model):
+    alone = draw(primitive=primitive, footprint=model, threads=1)
+    together = draw(primitive=primitive, footprint=model, threads=2)
+    for name in ARRAYS:
+        assert getattr(alone, name).tobytes() == getattr(together, name).tobytes(), name
+
+
+def test_the_scene_has_both_points_and_splats():
+    statistics = draw(threads=1).statistics
+    assert statistics.points > 20
+    assert statistics.splats > 20
+
+
+@pytest.mark.parametrize("threads", [0, 1, 1000])
+def test_any_number_of_threads_will_do(threads):
+    assert draw(threads=threads).rgba.tobytes() == draw(threads=None).rgba.tobytes()
+
+
+PLAIN = """
+import sys
+import numpy as np
+from resample.cameras import Pinhole, look_at
+from resample.resampler import Footprint, Primitive, Resampler
+from resample.types import Samples
+
+rng = np.random.default_rng(7)
+samples = Samples(
+    rng.uniform((-2, -1, -2), (2, 30, 2), (24, 3)).astype(np.float32),
+    rng.uniform(0, 1, (24, 3)).astype(np.float32),
+    rng.uniform(0, 2, 24).astype(np.float32),
+    0.6 * np.eye(3),
+)
+camera = Pinhole(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
+arrays = {}
+for primitive in Primitive:
+    for model in Footprint:
+        resample = Resampler(primitive=primitive, footprint=model, subpixels=2)
+        frame = resample(samples, camera, height=9, width=10)
+        for name in ("rgba", "depth", "first_depth", "coverage"):
+            arrays[f"{primitive}-{model}-{name}"] = getattr(frame, name)
+np.savez(sys.argv[1], **arrays)
+"""
+
+
+def run(target, **environment):
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", PLAIN, str(target)],
+        env={**os.environ, **environment},
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return np.load(target)
+
+
+@pytest.mark.slow
+def test_kernels_give_the_same_picture_as_plain_python(tmp_path):
+    compiled = run(tmp_path / "compiled.npz", NUMBA_DISABLE_JIT="0")
+    plain = run(tmp_path / "plain.npz", NUMBA_DISABLE_JIT="1")
+    assert compiled["hybrid-exact-rgba"].max() > 0.1
+    for name in compiled:
+        # Compiled, float32 sums may be contracted; plain, NumPy rounds each step.
+        np.testing.assert_allclose(plain[name], compiled[name], atol=1e-5, rtol=1e-5, err_msg=name)
