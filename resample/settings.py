@@ -7,7 +7,7 @@ stays quick.
 import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 if TYPE_CHECKING:
     from resample.resampler import Resampler
@@ -16,6 +16,11 @@ Color = tuple[float, float, float]
 
 COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
+
+
+def _number(given: object) -> object:
+    """Number that a word of the command line stands for; pydantic's literals do not convert it."""
+    return int(given) if isinstance(given, str) and given.isdecimal() else given
 
 
 class Resampling(BaseModel):
@@ -91,7 +96,9 @@ class Picture(BaseModel):
         str | None,
         Field(description="black, white, #rrggbb or none for transparent. PNG: black, EXR: none."),
     ] = None
-    bits: Annotated[Literal[8, 16], Field(description="Per channel of a PNG.")] = 8
+    bits: Annotated[
+        Literal[8, 16], BeforeValidator(_number), Field(description="Per channel of a PNG.")
+    ] = 8
     threads: Annotated[
         int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
     ] = None

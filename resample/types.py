@@ -39,13 +39,15 @@ class Samples(NamedTuple):
 
 
 # What a painter needs of one sample seen by a camera; records are read one by one, so no columns.
-# With (dx, dy) a pixel's offset from (x, y), q = a dx² + 2 b dx dy + c dy² is the squared index of
-# the affine and corrected models; the exact model divides q by the pixel ray's own length, see
-# `Rays`. A sphere that crosses the near plane has cone = -1 and its center in (a, b, c).
+# With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
+# index of the affine and corrected models; the exact model multiplies q by the pixel's own
+# `Canvas.ray`. A sphere that crosses the near plane has cone = -1 and its center in (a, b, c).
 FOOTPRINT = np.dtype(
     [
-        ("x", np.float32),  # px, center of the footprint's quadratic form
+        ("x", np.float32),  # px, where the sample's center projects
         ("y", np.float32),
+        ("form_x", np.float32),  # px, center of the footprint's quadratic form
+        ("form_y", np.float32),
         ("a", np.float32),  # px⁻², see above
         ("b", np.float32),
         ("c", np.float32),
@@ -156,7 +158,7 @@ class Tiles(NamedTuple):
 class Canvas(NamedTuple):
     """The sub-pixels of one tile and of the margin its pixel filter needs."""
 
-    pixel: Floats  # (h, w, 8): premultiplied RGB, transmittance, α × depth, weight, first depth, 0
+    pixel: Floats  # (h, w, 8): premultiplied RGB, transmittance, α × depth, weight, first depth, α
     sheet: Floats  # (h, w, 8): sums of α, α × RGB, α × depth and weight of the open sheet, 0, 0
     ray: Floats  # (h, w, 2): 1 / |w|² and the amplitude of an exact footprint
     dirty: NDArray[np.int64]  # (4,) first and last row, first and last column the sheet touches

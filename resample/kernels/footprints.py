@@ -201,6 +201,7 @@ def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
         ray = scaled(per_z / obliquity, multiply(shape.to_unit, center))
     record["x"] = eye.fx * x + eye.cx
     record["y"] = eye.fy * y + eye.cy
+    record["form_x"], record["form_y"] = record["x"], record["y"]
     record["depth"] = z
     record["mass"] = mass
     record["amplitude"] = shape.scale / math.sqrt(dot(ray, ray))
@@ -232,8 +233,8 @@ def _bounds_of_form(record: Record) -> None:
     a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
     determinant = a * c - b * b
     width, height = math.sqrt(c / determinant), math.sqrt(a / determinant)
-    record["left"], record["right"] = record["x"] - width, record["x"] + width
-    record["top"], record["bottom"] = record["y"] - height, record["y"] + height
+    record["left"], record["right"] = record["form_x"] - width, record["form_x"] + width
+    record["top"], record["bottom"] = record["form_y"] - height, record["form_y"] + height
 
 
 @kernel
@@ -313,7 +314,7 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
         depth = 2.0 * start[2] * end[2] / (start[2] + end[2])
         shrink = math.sqrt(1.0 - skew * skew) / depth
     fx, fy = eye.fx, eye.fy
-    record["x"], record["y"] = fx * x + eye.cx, fy * y + eye.cy
+    record["form_x"], record["form_y"] = fx * x + eye.cx, fy * y + eye.cy
     first_x, first_y = fx * first_x, fy * first_y
     second_x, second_y = fx * shrink * chord[0], fy * shrink * chord[1]
     determinant = first_x * second_y - first_y * second_x

@@ -23,6 +23,7 @@ def behind(pixel: Floats, row: int, column: int, alpha: Single, light: Light) ->
     pixel[row, column, 2] += share * light[2]
     pixel[row, column, 3] = after
     pixel[row, column, 4] += share * light[3]
+    pixel[row, column, 7] += share
     if pixel[row, column, 6] == np.inf and after < np.float32(1.0 - VISIBLE):
         pixel[row, column, 6] = light[3]
     return after

@@ -139,45 +139,48 @@ def _paint_members(
 
 
 @kernel
-def _resolve(
-    pixels: Floats, n: int, tables: Tables, left: int, top: int, size: int, frame: Floats
-) -> None:
-    """Filter the sub-pixels of a tile to its pixels of the frame (H, W, 7)."""
+def _pixel_weights(tables: Tables, n: int) -> Floats:
+    """Weights, with sum 1, of the sub-pixels along one axis that a pixel's filter reads."""
     margin = _margin(tables.pixel_extent)
-    taps = (2 * margin + 1) * n
-    weight = np.zeros(taps, np.float32)
-    for tap in range(taps):
-        weight[tap] = radial(tables.pixel, tables.pixel_extent, abs((tap + 0.5) / n - margin - 0.5))
+    weight = np.zeros((2 * margin + 1) * n, np.float32)
+    for tap in range(weight.size):
+        distance = abs((tap + 0.5) / n - margin - 0.5)
+        weight[tap] = radial(tables.pixel, tables.pixel_extent, distance)
     weight /= weight.sum()
-    sums = np.zeros(7, np.float32)
-    for row in range(top, min(top + size, frame.shape[0])):
-        for column in range(left, min(left + size, frame.shape[1])):
-            sums[:] = 0.0
+    return weight
+
+
+@kernel
+def _resolve(pixel: Floats, n: int, weight: Floats, home: Home, frame: Floats) -> None:
+    """Filter the sub-pixels of a tile to its pixels of the frame (H, W, 7)."""
+    one, zero = np.float32(1.0), np.float32(0.0)
+    sums = np.zeros(6, np.float32)
+    beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
+    for row in range(home.top, min(home.top + home.size, frame.shape[0])):
+        for column in range(home.left, min(home.left + home.size, frame.shape[1])):
+            sums[:] = zero
             first = np.inf
-            for down in range(taps):
-                for right in range(taps):
-                    pixel = pixels[(row - top) * n + down, (column - left) * n + right]
+            for down in range(weight.size):
+                r = (row - home.top) * n + down
+                for right in range(weight.size):
+                    c = (column - home.left) * n + right
                     share = weight[down] * weight[right]
-                    if share == 0.0:
-                        continue
-                    for channel in range(4):
-                        sums[channel] += share * pixel[channel]
-                    covered = max(np.float32(1.0) - pixel[3], min(np.float32(1.0), pixel[5]))
-                    sums[4] += share * pixel[4]
+                    covered = max(pixel[r, c, 7], min(one, pixel[r, c, 5]))
+                    sums[0] += share * pixel[r, c, 0]
+                    sums[1] += share * pixel[r, c, 1]
+                    sums[2] += share * pixel[r, c, 2]
+                    sums[3] += share * pixel[r, c, 7]
+                    sums[4] += share * pixel[r, c, 4]
                     sums[5] += share * covered
-                    if (
-                        margin * n <= down < (margin + 1) * n
-                        and margin * n <= right < (margin + 1) * n
-                    ):
-                        first = min(first, pixel[6])
-            result = frame[row, column]
+                    if beside <= down < beside + n and beside <= right < beside + n:
+                        first = min(first, pixel[r, c, 6])
             for channel in range(3):
-                result[channel] = max(np.float32(0.0), sums[channel])
-            alpha = min(np.float32(1.0), max(np.float32(0.0), np.float32(1.0) - sums[3]))
-            result[3] = alpha
-            result[4] = sums[4] / (1.0 - sums[3]) if alpha > 1e-6 else np.inf
-            result[5] = first
-            result[6] = min(np.float32(1.0), max(np.float32(0.0), sums[5]))
+                frame[row, column, channel] = max(zero, sums[channel])
+            frame[row, column, 3] = min(one, max(zero, sums[3]))
+            if sums[3] > zero:
+                frame[row, column, 4] = sums[4] / sums[3]
+            frame[row, column, 5] = first
+            frame[row, column, 6] = min(one, max(zero, sums[5]))
 
 
 @kernel
@@ -221,7 +224,7 @@ def _paint_tile(
         tables,
         tally[tile],
     )
-    _resolve(canvas.pixel, subpixels, tables, left, top, tiles.size, frame)
+    _resolve(canvas.pixel, subpixels, _pixel_weights(tables, subpixels), home, frame)
 
 
 @parallel_kernel

@@ -108,6 +108,7 @@ def composite_sheet(pixel: Floats, sheet: Floats, dirty: Bounds, style: Style) -
                 after = before * (one - alpha)
                 pixel[row, column, 3] = after
                 pixel[row, column, 4] += share * sheet[row, column, 4]
+                pixel[row, column, 7] += before * alpha
                 pixel[row, column, 5] += sheet[row, column, 5]
                 if pixel[row, column, 6] == np.inf and after < np.float32(1.0 - VISIBLE):
                     pixel[row, column, 6] = sheet[row, column, 4] / total

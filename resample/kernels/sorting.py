@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.kernels.jit import kernel
-from resample.types import Records
+from resample.types import Record, Records, Single
 
 Indices = NDArray[np.int32]
 Keys = NDArray[np.uint32]
@@ -22,20 +22,25 @@ def _ascending(bits: np.uint32) -> np.uint32:
 
 
 @kernel
+def _looks(record: Record) -> tuple[Single, ...]:
+    """What samples at the same depth can differ in; what stands first decides first."""
+    return (
+        record["y"],
+        record["x"],
+        record["a"],
+        record["b"],
+        record["c"],
+        record["extinction"],
+        record["red"],
+        record["green"],
+        record["blue"],
+    )
+
+
+@kernel
 def is_before(footprints: Records, first: int, second: int) -> bool:
     """A strict order of samples of equal key that only looks at what they are."""
-    p, q = footprints[first], footprints[second]
-    if p["y"] != q["y"]:
-        return bool(p["y"] < q["y"])
-    if p["x"] != q["x"]:
-        return bool(p["x"] < q["x"])
-    if p["extinction"] != q["extinction"]:
-        return bool(p["extinction"] < q["extinction"])
-    if p["red"] != q["red"]:
-        return bool(p["red"] < q["red"])
-    if p["green"] != q["green"]:
-        return bool(p["green"] < q["green"])
-    return bool(p["blue"] < q["blue"])
+    return _looks(footprints[first]) < _looks(footprints[second])
 
 
 @kernel

@@ -77,10 +77,10 @@ def paint_splat(
     top = _first(record["top"], place.y, n)
     bottom = _last(record["bottom"], place.y, n, pixel.shape[0])
     step = np.float32(1.0 / n)
-    start = np.float32(place.x + 0.5 / n - record["x"])
+    start = np.float32(place.x + 0.5 / n - record["form_x"])
     closed = 0
     for row in range(top, bottom):
-        dy = np.float32(place.y + (row + 0.5) / n - record["y"])
+        dy = np.float32(place.y + (row + 0.5) / n - record["form_y"])
         cross, rest = np.float32(2.0) * b * dy, c * dy * dy
         for column in range(left, right):
             if pixel[row, column, 3] <= opaque:

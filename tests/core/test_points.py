@@ -64,8 +64,8 @@ def energy(frame):
 
 
 AS_POINTS = [
-    *((Primitive.HYBRID, spacing) for spacing in (0.05, 0.1, 0.13, 0.19)),
-    *((Primitive.POINTS, spacing) for spacing in (0.05, 0.1, 0.2, 0.3, 0.7)),
+    *((Primitive.HYBRID, spacing) for spacing in (0.05, 0.1, 0.19)),
+    *((Primitive.POINTS, spacing) for spacing in (0.05, 0.1, 0.3)),
     *((Primitive.PAPER, spacing) for spacing in (0.05, 0.1, 0.2, 0.3, 0.7)),
 ]
 

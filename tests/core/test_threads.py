@@ -18,10 +18,12 @@ ARRAYS = ("rgba", "depth", "first_depth", "coverage")
 def scene(count=400):
     """Samples from close by to far away: splats and points in one picture."""
     rng = np.random.default_rng(7)
+    near = rng.uniform((-4, -1, -4), (4, 3, 4), (count // 2, 3))
+    far = rng.uniform((-90, 150, -90), (90, 200, 90), (count // 2, 3))
     return Samples(
-        rng.uniform((-4, -1, -4), (4, 60, 4), (count, 3)).astype(np.float32),
+        np.concatenate([near, far]).astype(np.float32),
         rng.uniform(0, 1, (count, 3)).astype(np.float32),
-        rng.uniform(0, 2, count).astype(np.float32),
+        rng.uniform(0, 0.3, count).astype(np.float32),
         0.6 * np.eye(3),
     )
 

@@ -226,7 +226,7 @@ def rays_by_distance(samples, distances):
 
 
 def index_of(record, x, y):
-    dx, dy = x - float(record["x"]), y - float(record["y"])
+    dx, dy = x - float(record["form_x"]), y - float(record["form_y"])
     a, b, c = (float(record[name]) for name in "abc")
     return np.sqrt(np.maximum(0, a * dx * dx + 2 * b * dx * dy + c * dy * dy))
 
@@ -281,11 +281,11 @@ def test_the_axis_in_the_plane_of_p_and_q_ends_at_the_rays_that_touch(theta, con
     record = record_of(sphere(theta, cone, azimuth=0), Footprint.CORRECTED)
     low, high = FOCAL * np.tan(np.radians([theta - cone, theta + cone]))
     half = 1 / np.sqrt(float(record["a"]))
-    x = float(record["x"]) - MIDDLE
+    x = float(record["form_x"]) - MIDDLE
     resolution = 1e-3  # px: float32 at 5000 px
     assert (x - half, x + half) == pytest.approx((low, high), abs=resolution, rel=1e-6)
     assert x == pytest.approx((low + high) / 2, abs=resolution)  # the center is the midpoint
-    assert float(record["y"]) == MIDDLE
+    assert float(record["form_y"]) == MIDDLE
     assert float(record["b"]) == pytest.approx(0, abs=1e-6 * float(record["a"]))
 
 
@@ -313,7 +313,7 @@ def test_rays_on_the_ellipse_of_appendix_a_have_distance_one(theta, lattice):
     offset = np.linalg.solve(
         np.linalg.cholesky([[a, b], [b, c]]).T, [np.cos(around), np.sin(around)]
     )
-    x, y = offset + np.array([[record["x"]], [record["y"]]], np.float64) - MIDDLE
+    x, y = offset + np.array([[record["form_x"]], [record["form_y"]]], np.float64) - MIDDLE
     to_unit = np.linalg.inv(samples.lattice * RADIUS)
     ray = np.stack([x / FOCAL, y / FOCAL, np.ones_like(x)], axis=-1) @ to_unit.T
     center = to_unit @ samples.position[0].astype(float)

@@ -4,12 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
     from resample_volume.framing import Viewpoint
     from resample_volume.render import Appearance
     from resample_volume.types import Volume
+
+
+Hyphen = Parameter(allow_leading_hyphen=True)  # -30/20 is a value, no flag
 
 
 class Source(BaseModel):
@@ -25,7 +29,7 @@ class Source(BaseModel):
     ] = None
     dtype: Annotated[str | None, Field(description="Type of a raw file: uint8, int16...")] = None
     spacing: Annotated[
-        str | None, Field(description="Distances between voxels: 1x1x1.4. From the file.")
+        str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
     ] = None
 
     def open(self, name: str) -> "Volume":
@@ -76,17 +80,23 @@ class Look(BaseModel):
         ),
     ] = None
     camera: Annotated[
-        str, Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file.")
+        str,
+        Hyphen,
+        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file."),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
     ] = 30.0
     up: Annotated[
-        Literal["x", "y", "z", "-x", "-y", "-z"], Field(description="Axis that points upwards.")
+        Literal["x", "y", "z", "-x", "-y", "-z"],
+        Hyphen,
+        Field(description="Axis that points upwards."),
     ] = "z"
     shading: Annotated[bool, Field(description="Light the voxels.")] = True
     light: Annotated[
-        str, Field(description="Toward the light: eye, or a scene direction such as 1/-1/2.")
+        str,
+        Hyphen,
+        Field(description="Toward the light: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")

@@ -1,0 +1,97 @@
+import shutil
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from resample import types
+from resample.kernels import jit, lookup, paint
+
+compiled_only = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
+)
+
+
+@compiled_only
+@pytest.mark.parametrize("compiled", [paint.paint_tiles, lookup.unit_lookup])
+def test_the_name_of_a_cache_file_holds_the_digest_of_all_kernels(compiled):
+    assert jit.SOURCES[:12] in Path(compiled._cache._cache_file._index_path).name
+
+
+@pytest.fixture
+def copied(tmp_path, monkeypatch):
+    """The package's kernels and types in a folder of our own, where the digest now looks."""
+    kernels = Path(jit.__file__).parent
+    shutil.copytree(
+        kernels, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__", "*.nb?")
+    )
+    shutil.copy(types.__file__, tmp_path / "types.py")
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "kernels" / "jit.py"))
+    return tmp_path
+
+
+def test_the_digest_is_that_of_the_sources(copied):
+    assert copied.is_dir()
+    assert jit._digest() == jit.SOURCES
+
+
+@pytest.mark.parametrize("source", ["kernels/over.py", "kernels/lookup.py", "types.py"])
+@pytest.mark.usefixtures("copied")
+def test_a_changed_source_changes_the_digest(source, copied):
+    with (copied / source).open("a") as text:
+        text.write("\n# a comment\n")
+    assert jit._digest() != jit.SOURCES
+
+
+def test_a_new_kernel_changes_the_digest(copied):
+    (copied / "kernels" / "another.py").write_text("ANSWER = 42\n")
+    assert jit._digest() != jit.SOURCES
+
+
+@compiled_only
+def test_bounds_checks_have_a_cache_of_their_own(monkeypatch):
+    monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
+    cache = jit._SourceAwareCache(lookup.unit_lookup.py_func)
+    assert "-checked" in Path(cache._cache_file._index_path).name
+
+
+@compiled_only
+def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch):
+    def refuse(_):
+        raise OSError("read-only")
+
+    monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
+    doubled = jit.kernel(double)
+    assert doubled(3.0) == 6.0
+    assert not isinstance(doubled._cache, jit._SourceAwareCache)
+
+
+def double(number):
+    return 2.0 * number
+
+
+def test_a_division_by_zero_is_infinite_as_in_numpy():
+    with np.errstate(divide="ignore"):
+        assert jit.kernel(inverse)(np.zeros(1)) == np.inf
+
+
+def inverse(array):
+    return 1.0 / array[0]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 10_000, None])
+def test_the_number_of_threads_is_put_back(count):
+    before = numba.get_num_threads()
+    with jit.threads(count):
+        assert 1 <= numba.get_num_threads() <= numba.config.NUMBA_NUM_THREADS
+        if count == 1:
+            assert numba.get_num_threads() == 1
+    assert numba.get_num_threads() == before
+
+
+def test_the_number_of_threads_is_put_back_after_an_error():
+    before = numba.get_num_threads()
+    with pytest.raises(KeyError), jit.threads(1):
+        raise KeyError
+    assert numba.get_num_threads() == before

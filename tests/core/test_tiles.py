@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from resample.kernels.tiles import CHUNKS, count_members, deal_members, smallest_spacing
+from resample.types import FOOTPRINT, Screen, Tiles
+
+
+def boxes(rng, count, width, height):
+    """Records with random bounds in, across and off a frame; some cannot be seen."""
+    record = np.zeros(count, FOOTPRINT)
+    x, y = rng.uniform(-20, width + 20, count), rng.uniform(-20, height + 20, count)
+    reach = rng.choice([0.0, 0.3, 3.0, 30.0, 1e6, 1e30], count)
+    record["left"], record["right"] = x - reach, x + reach
+    record["top"], record["bottom"] = y - reach, y + reach
+    hidden = rng.uniform(size=count) < 0.2
+    record["left"][hidden], record["right"][hidden] = 1.0, 0.0
+    record["top"][hidden], record["bottom"][hidden] = 1.0, 0.0
+    record["spacing"] = rng.uniform(0.1, 5, count)
+    return record
+
+
+def screen_of(width, height, margin):
+    return Screen(width, height, margin, np.zeros((4, 4)))
+
+
+def dealt(record, screen, size):
+    columns, rows = -(-screen.width // size), -(-screen.height // size)
+    count = np.zeros((CHUNKS, rows * columns), np.int64)
+    count_members(record, screen, size, columns, count)
+    start = np.concatenate([[0], np.cumsum(count.sum(axis=0))])
+    position = start[:-1] + np.cumsum(count, axis=0) - count
+    smallest = np.full(count.shape, np.inf, np.float32)
+    tiles = Tiles(start, np.full(start[-1], -1, np.int32), smallest[0], size, columns)
+    deal_members(record, screen, tiles, position, smallest)
+    return tiles._replace(spacing=smallest.min(axis=0))
+
+
+def naive_members(record, screen, size, column, row):
+    """Samples whose bounds meet the tile's pixels and the margin around them."""
+    left, right = column * size - screen.margin, (column + 1) * size + screen.margin
+    top, bottom = row * size - screen.margin, (row + 1) * size + screen.margin
+    return [
+        n
+        for n, one in enumerate(record)
+        if one["left"] <= one["right"]
+        and float(one["right"]) >= left
+        and float(one["left"]) < right
+        and float(one["bottom"]) >= top
+        and float(one["top"]) < bottom
+    ]
+
+
+@pytest.mark.parametrize(("width", "height"), [(64, 48), (33, 7), (1, 1), (8, 100)])
+@pytest.mark.parametrize("margin", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("size", [8, 32])
+def test_a_tile_has_the_samples_that_overlap_it_and_no_others(width, height, margin, size, rng):
+    record, screen = boxes(rng, 150, width, height), screen_of(width, height, margin)
+    tiles = dealt(record, screen, size)
+    assert tiles.start.size - 1 == -(-width // size) * -(-height // size)
+    for tile in range(tiles.start.size - 1):
+        member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        row, column = divmod(tile, tiles.columns)
+        assert list(member) == naive_members(record, screen, size, column, row)
+        assert tiles.spacing[tile] == min(record["spacing"][member], default=np.inf)
+
+
+@pytest.mark.parametrize("count", [0, 1, CHUNKS - 1, CHUNKS + 1])
+def test_any_number_of_samples_can_be_dealt(count, rng):
+    record, screen = boxes(rng, count, 40, 40), screen_of(40, 40, 1.0)
+    tiles = dealt(record, screen, 8)
+    assert (tiles.member >= 0).all()
+    for tile in range(25):
+        member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        row, column = divmod(tile, 5)
+        assert list(member) == naive_members(record, screen, 8, column, row)
+
+
+def test_the_smallest_spacing_is_that_of_what_may_be_seen(rng):
+    record = boxes(rng, 60, 40, 40)
+    seen = record["left"] <= record["right"]
+    assert seen.any()
+    assert not seen.all()
+    assert smallest_spacing(record) == record["spacing"][seen].min()
+
+
+def test_nothing_seen_is_spaced_infinitely():
+    record = np.zeros(3, FOOTPRINT)
+    record["left"] = 1.0
+    assert smallest_spacing(record) == np.inf
