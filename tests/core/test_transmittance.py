@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from resample.cameras import Pinhole, look_at
+from resample.filters import Gaussian
 from resample.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
@@ -125,6 +126,22 @@ def test_a_denser_lattice_of_the_same_field_looks_the_same(spacing):
         middle.append(frame.rgba[3:5, 3:5, 3].mean())
     through = 8 * 0.1  # optical depth of the block along the axis
     assert middle == pytest.approx([1 - np.exp(-through)] * 2, abs=4e-3)  # ripple of 0.76 %
+
+
+@pytest.mark.parametrize("extinction", [1e-7, 1e-6, 1e-5])
+@pytest.mark.parametrize("primitive", [Primitive.SPLATS, Primitive.POINTS])
+def test_a_haze_of_thin_samples_is_as_dense_as_their_sum(primitive, extinction):
+    """1 − exp(−x) keeps its digits where x is small: no rounding of exp(−x) to float32 first."""
+    count, focal = 1000, 20.0 if primitive is Primitive.SPLATS else 2.0
+    samples = Samples(
+        np.full((count, 3), (0, 0, 10), np.float32),
+        np.ones((count, 3), np.float32),
+        np.full(count, extinction, np.float32),
+        np.eye(3),
+    )
+    frame = draw(samples, Pinhole(focal, focal, 8.0, 8.0), side=16, primitive=primitive)
+    total = count * extinction * focal**2 / 100
+    assert frame.rgba[..., 0].sum() == pytest.approx(total, rel=6e-3)  # hides up to 0.4 % of itself
 
 
 # Depth and coverage.
@@ -260,3 +277,22 @@ def test_what_lies_behind_an_opaque_block_is_not_seen():
     inside = alone.rgba[..., 3] > 0.9999
     assert inside.sum() > 50
     np.testing.assert_allclose(hidden.rgba[inside], alone.rgba[inside], atol=2e-4)  # opaque: 1e-4
+
+
+WINDOWS = [(9, 8), (12, 5), (13, 16)]
+
+
+@pytest.mark.parametrize("primitive", list(Primitive))
+@pytest.mark.parametrize("focal", [6.0, 30.0])
+@pytest.mark.parametrize(("left", "top"), WINDOWS)
+def test_a_window_shows_what_the_whole_picture_shows_there(primitive, focal, left, top, rng):
+    """Samples whose centers are off the screen matter where they reach into it."""
+    samples = cloud(rng, 300)
+    pose = look_at((0, -9, 0), (0, 0, 0))
+    whole = Pinhole(focal, focal, 16.0, 16.0, pose)
+    part = Pinhole(focal, focal, 16.0 - left, 16.0 - top, pose)
+    chosen = {"primitive": primitive, "subpixels": 2, "pixel_filter": Gaussian(0.6)}
+    picture, window = draw(samples, whole, **chosen), draw(samples, part, side=12, **chosen)
+    expected = picture.rgba[top : top + 12, left : left + 12]
+    assert expected.max() > 0.01
+    np.testing.assert_allclose(window.rgba, expected, atol=2e-5)  # float32 places on screen

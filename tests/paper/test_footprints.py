@@ -401,7 +401,7 @@ def test_the_near_plane_cuts_parallel_rays(near):
 @pytest.mark.parametrize(("near", "aside"), [(0.0, 0.3), (0.0, 1.9), (1.0, 0.3), (5.0, 0.3)])
 def test_a_sphere_fades_as_it_moves_through_the_near_plane(near, aside):
     """No step where the painter changes hands, none where the eye enters; nothing at the end."""
-    step = 1 / 16
+    step = 1 / 10
     depths = np.arange(near + 3.0, near - 2.0 - 2 * step, -step)
     pictures = np.array(
         [optical_depth(one_sample((aside, 0.2, z), np.eye(3)), wide(near), side=17) for z in depths]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from resample_volume.voxels import Voxels
 
 
+FARTHEST = 1e15  # scene units from the origin; its square, in px, is still a float32
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -84,7 +85,13 @@ class Sphere(NamedTuple):
 
 
 def sphere_around(voxels: "Voxels", volume: Volume) -> Sphere:
-    """Ball around all visible voxels, or around the volume where none is visible."""
+    """Ball around all visible voxels, or around the volume where none is visible.
+
+    Raises
+    ------
+    ValueError
+        It is larger than float32 can reckon with.
+    """
     import numpy as np
 
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
@@ -93,7 +100,13 @@ def sphere_around(voxels: "Voxels", volume: Volume) -> Sphere:
         last = np.array(volume.values.shape[::-1]) - 1
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
         position = ends.astype(np.float32)
-    center = (position.min(axis=0).astype(np.float64) + position.max(axis=0)) / 2
+    low, high = position.min(axis=0).astype(np.float64), position.max(axis=0).astype(np.float64)
+    if not np.abs([low, high]).max() < FARTHEST:
+        raise ValueError(
+            f"the volume reaches from {low} to {high} scene units; {FARTHEST:g} is the most, so "
+            "give another spacing"
+        )
+    center = (low + high) / 2
     away = position - center.astype(np.float32)
     farthest = float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
     return Sphere(center, farthest + voxel)
