@@ -133,7 +133,7 @@ def linear_color(name: str) -> Color | None:
     ValueError
         The name is no color's.
     """
-    if name == "none":
+    if name.lower() == "none":
         return None
     if name in COLORS:
         return COLORS[name]

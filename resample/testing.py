@@ -78,7 +78,7 @@ def check_reconstruction(reconstruction: Reconstruction) -> tuple[float, float]:
         f"{name} is {np.abs(beyond).max():.4g} beyond its radius of {radius:g} voxels; "
         "it must be 0 from there on",
     )
-    mass = 4 * np.pi * np.trapezoid(density * distance**2, distance)
+    mass = float(4 * np.pi * np.trapezoid(density * distance**2, distance))
     _require(mass > 0.0, f"{name} integrates to {mass:.4g}; densities must add up to more than 0")
     low, high = ripple(reconstruction)
     _require(

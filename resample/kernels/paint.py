@@ -51,16 +51,16 @@ def _margin(extent: float) -> int:
 
 
 @kernel
-def _new_canvas(count: int) -> Canvas:
-    """Empty canvas of `count` sub-pixels per side."""
-    pixel = np.zeros((count, count, 8), np.float32)
+def _new_canvas(rows: int, columns: int) -> Canvas:
+    """Empty canvas of that many sub-pixels."""
+    pixel = np.zeros((rows, columns, 8), np.float32)
     pixel[:, :, 3] = 1.0
     pixel[:, :, 6] = np.inf
     return Canvas(
         pixel,
-        np.zeros((count, count, 8), np.float32),
-        np.zeros((count, count, 2), np.float32),
-        np.array([count, 0, count, 0]),
+        np.zeros((rows, columns, 8), np.float32),
+        np.zeros((rows, columns, 2), np.float32),
+        np.array([rows, 0, columns, 0]),
     )
 
 
@@ -207,7 +207,10 @@ def _paint_tile(
     subpixels = grid(tiles.spacing[tile], style)
     tally[tile, 3] = subpixels
     place = Place(float(left - margin), float(top - margin), subpixels)
-    canvas = _new_canvas((tiles.size + 2 * margin) * subpixels)
+    # What lies beyond the frame's edge is left out: nothing might ever cover it.
+    rows = (min(tiles.size, screen.height - top) + 2 * margin) * subpixels
+    columns = (min(tiles.size, screen.width - left) + 2 * margin) * subpixels
+    canvas = _new_canvas(rows, columns)
     if style.model == EXACT:
         _cast_rays(canvas.ray, place, view, ellipsoid)
     put_in_order(members, key_bits, footprints)

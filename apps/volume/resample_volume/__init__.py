@@ -3,8 +3,9 @@
 The names below are imported when they are first used, so that `import resample_volume` is quick.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample_volume.framing import Orbit
@@ -39,8 +40,4 @@ __all__ = [
     "render",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__ = attributes(__name__, _HOMES)

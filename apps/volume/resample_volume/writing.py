@@ -27,7 +27,8 @@ def write_volume(path: Path, volume: Volume) -> None:
     name = path.name.lower()
     with replacing(path) as temporary:
         if name.endswith(".npy"):
-            np.save(temporary, volume.values)
+            with temporary.open("wb") as file:  # given a name, NumPy may append to it
+                np.save(file, volume.values)
         elif name.endswith(".nii.gz"):  # the temporary name ends in .gz alone
             inner = temporary.with_name(f"{temporary.name}.nii.gz")
             try:

@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from resample_volume.choices import Look, Source
+from resample_volume.framing import Orbit
+from resample_volume.generated import checker_box
+from resample_volume.presets import load_transfer
+from resample_volume.render import Appearance
+from resample_volume.shading import Light
+
+BOX = checker_box(4, 2)
+
+
+def test_the_defaults_are_those_of_the_library():
+    look = Look()
+    assert look.appearance(BOX) == Appearance(load_transfer("checker"))
+    assert look.viewpoint() == Orbit()
+
+
+def test_every_choice_arrives():
+    look = Look(
+        transfer="gray",
+        opacity_unit=2.5,
+        camera="10/20/3",
+        fov=50,
+        up="-y",
+        light="1/-1/2",
+        gradient="sobel",
+        gradient_opacity="0.1/0.5",
+    )
+    appearance = look.appearance(BOX)
+    assert appearance.transfer.opacity_unit == 2.5
+    assert appearance.light == Light((1, -1, 2))
+    assert (appearance.gradient, appearance.gradient_opacity) == ("sobel", (0.1, 0.5))
+    assert look.viewpoint() == Orbit(10, 20, 3, 50, "-y")
+
+
+def test_without_shading_there_is_no_light():
+    assert Look(shading=False).appearance(BOX).light is None
+    assert Look(shading=False, light="1/0/0").appearance(BOX).light is None
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"opacity_unit": 0},
+        {"opacity_unit": -1},
+        {"opacity_unit": float("inf")},
+        {"opacity_unit": 1e-300},
+        {"gradient": "steep"},
+        {"up": "w"},
+        {"colour": "red"},
+    ],
+)
+def test_what_is_not_allowed_is_refused(choice):
+    with pytest.raises(ValidationError, match=next(iter(choice))):
+        Look(**choice)
+
+
+@pytest.mark.parametrize("light", ["sun", "1/2", "1/2/3/4", "", "0/0/0", "1/nan/0"])
+def test_a_light_is_a_direction(light):
+    with pytest.raises(ValueError, match="light"):
+        Look(light=light).appearance(BOX)
+
+
+@pytest.mark.parametrize("ramp", ["0.5", "a/b", "0.1/0.2/0.3"])
+def test_a_ramp_is_two_numbers(ramp):
+    with pytest.raises(ValueError, match=r"gradient-opacity .*; give 2 numbers as a/b"):
+        Look(gradient_opacity=ramp).appearance(BOX)
+
+
+def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):
+    values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+    (tmp_path / "a.bin").write_bytes(values.tobytes())
+    source = Source(shape="4x3x2", dtype="int16", spacing="1x1x1.5")
+    volume = source.open(str(tmp_path / "a.bin"))
+    assert np.array_equal(volume.values, values)
+    assert volume.spacing.tolist() == [1, 1, 1.5]
+
+
+def test_a_reader_is_chosen_by_name(tmp_path):
+    (tmp_path / "a.bin").write_bytes(bytes(8 + 27))
+    volume = Source(reader="raw:offset=8,shape=3x3x3,dtype=uint8").open(str(tmp_path / "a.bin"))
+    assert volume.values.shape == (3, 3, 3)
+
+
+def test_the_spacing_takes_the_place_of_the_files():
+    assert Source(spacing="2x3x4").open("checker-box:size=4").spacing.tolist() == [2, 3, 4]
+    assert Source().open("checker-box:size=4").spacing.tolist() == [1, 1, 1]
+
+
+def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("checker-box.npy", np.zeros((2, 3, 4), np.uint8))
+    (tmp_path / "checker-box.npy").rename("checker-box")
+    assert Source(reader="npy").open("checker-box").values.shape == (2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    ("choice", "complaint"),
+    [
+        ({"shape": "4x4x4", "dtype": "uint8", "reader": "raw"}, "either a reader or shape"),
+        ({"spacing": "0x1x1"}, "three positive numbers"),
+        ({"spacing": "nanx1x1"}, "three positive numbers"),
+        ({"spacing": "1x1"}, "three positive numbers"),
+        ({"shape": "4x4"}, "three positive numbers"),
+        ({"dtype": "float128x"}, "dtype is a name like uint8"),
+    ],
+)
+def test_a_source_that_makes_no_sense_is_refused(choice, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Source(**choice).open("checker-box:size=4")
+
+
+def test_an_unknown_reader_lists_the_known():
+    with pytest.raises(LookupError, match="known readers: dicom"):
+        Source(reader="foo").open("checker-box:size=4")
+
+
+def test_an_empty_name_is_not_the_working_folder():
+    with pytest.raises(ValueError, match="the volume has no name"):
+        Source().open("")

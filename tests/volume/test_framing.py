@@ -1,0 +1,145 @@
+import numpy as np
+import pytest
+
+from resample.cameras import Orthographic, Pinhole
+from resample_volume.framing import Orbit, Sphere, Spot, parse_camera, placed, sphere_around
+from resample_volume.presets import load_transfer
+from resample_volume.render import as_volume
+from resample_volume.voxels import classify
+
+BALL = Sphere(np.array([1.0, 2.0, 3.0]), 2.0)
+
+
+def voxels_of(values):
+    volume = as_volume(values)
+    return classify(volume, load_transfer("gray"), gradient=None), volume
+
+
+def projected(camera, point):
+    """Screen point of a scene point, px."""
+    view = camera.view()
+    x, y, z = view.rotation @ np.asarray(point, float) + view.translation
+    scale = view.focal / (z if view.perspective else 1.0)
+    return np.array([x, y]) * scale + view.principal
+
+
+@pytest.mark.parametrize("fov", [0.0, 1.0, 30.0, 120.0])
+@pytest.mark.parametrize(("height", "width"), [(100, 100), (60, 200), (200, 60)])
+def test_the_ball_just_fits_at_zoom_one(fov, height, width, rng):
+    camera = Orbit(20, 30, fov=fov).around(BALL, height, width)
+    outward = rng.normal(size=(20000, 3))
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    point = np.array([projected(camera, BALL.center + BALL.radius * out) for out in outward])
+    away = np.linalg.norm(point - [width / 2, height / 2], axis=1).max()
+    assert away == pytest.approx(min(height, width) / 2, rel=2e-3)  # 20000 points of a sphere
+
+
+@pytest.mark.parametrize("fov", [0.0, 30.0])
+def test_the_middle_of_the_ball_is_the_middle_of_the_picture(fov):
+    camera = Orbit(70, -40, zoom=0.7, fov=fov).around(BALL, 100, 160)
+    assert projected(camera, BALL.center) == pytest.approx([80, 50])
+
+
+def test_a_zoom_of_two_halves_the_distance_or_doubles_the_scale():
+    near, far = (Orbit(zoom=zoom).around(BALL, 100, 100).view() for zoom in (2.0, 1.0))
+    depth = [(view.rotation @ BALL.center + view.translation)[2] for view in (near, far)]
+    assert depth[1] == pytest.approx(2 * depth[0])
+    large, small = (Orbit(zoom=zoom, fov=0).around(BALL, 100, 100) for zoom in (2.0, 1.0))
+    assert isinstance(large, Orthographic)
+    assert large.sx == pytest.approx(2 * small.sx)
+
+
+@pytest.mark.parametrize(("up", "axis"), [("x", 0), ("y", 1), ("z", 2), ("-z", 2), ("-y", 1)])
+def test_up_is_up_in_the_picture(up, axis):
+    camera = Orbit(40, 10, up=up).around(BALL, 100, 100)
+    above = BALL.center + np.eye(3)[axis] * (-1 if up[0] == "-" else 1)
+    assert projected(camera, above)[1] < 50
+
+
+@pytest.mark.parametrize(
+    ("choice", "complaint"),
+    [
+        ({"zoom": 0.0}, "a zoom of 0; it must be above 0"),
+        ({"zoom": float("nan")}, "a zoom of nan"),
+        ({"zoom": 1e9}, "1e-06 to 1e"),
+        ({"fov": 180.0}, "a field of view of 180.0 degrees; 0 to below 180"),
+        ({"fov": -1.0}, "a field of view"),
+        ({"azimuth": float("inf")}, "must be finite"),
+        ({"elevation": float("nan")}, "must be finite"),
+        ({"up": "w"}, "up is 'w'; it can be x, y, z, -x, -y, -z"),
+    ],
+)
+def test_an_orbit_that_is_none_is_refused(choice, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Orbit(**choice)
+
+
+def test_the_ball_is_around_what_is_seen():
+    values = np.zeros((20, 20, 20), np.float32)
+    values[4:7, 5:8, 10:13] = 1.0
+    ball = sphere_around(*voxels_of(values))
+    assert ball.center == pytest.approx([11, 6, 5])
+    assert ball.radius == pytest.approx(np.sqrt(3) + 1)
+
+
+def test_the_ball_is_around_the_volume_where_nothing_is_seen():
+    ball = sphere_around(*voxels_of(np.zeros((3, 5, 9), np.float32)))
+    assert ball.center == pytest.approx([4, 2, 1])
+    assert ball.radius == pytest.approx(np.linalg.norm([4, 2, 1]) + 1)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+def test_a_volume_beyond_all_measure_is_refused():
+    voxels, volume = voxels_of(np.eye(3, dtype=np.float32)[None].repeat(3, 0))
+    huge = voxels._replace(position=voxels.position * np.float32(1e16))
+    with pytest.raises(ValueError, match=r"1e.15 is the most, so give another spacing"):
+        sphere_around(huge, volume)
+
+
+def test_angles_are_read_and_the_zoom_may_be_left_out():
+    assert parse_camera("30/-20/1.5", 40.0, "y") == Orbit(30, -20, 1.5, 40.0, "y")
+    assert parse_camera("-30/20", 40.0, "z") == Orbit(-30, 20, 1.0, 40.0, "z")
+    assert parse_camera(" 1e1 / 2 ", 40.0, "z") == Orbit(10, 2, 1.0, 40.0, "z")
+
+
+@pytest.mark.parametrize("text", ["", "30", "1/2/3/4", "a/b", "30/20/", "30,20"])
+def test_text_that_is_no_camera_is_refused(text):
+    with pytest.raises(ValueError, match="give azimuth/elevation/zoom, such as"):
+        parse_camera(text, 30.0, "z")
+
+
+def written(folder, text):
+    (folder / "c.TOML").write_text(text)
+    return parse_camera(str(folder / "c.TOML"), 10.0, "x")
+
+
+def test_a_file_of_angles_has_its_own_field_of_view_and_up(tmp_path):
+    assert written(tmp_path, "azimuth = 5\nup = '-y'") == Orbit(5, up="-y")
+
+
+def test_a_file_with_eye_and_target_fits_any_picture(tmp_path):
+    spot = written(tmp_path, "eye = [0, -9, 0]\ntarget = [0, 0, 0]\nfov = 60\nnear = 1")
+    assert spot == Spot([0, -9, 0], [0, 0, 0], [0, 0, 1], 60, 1)
+    voxels, volume = voxels_of(np.ones((2, 2, 2), np.float32))
+    camera = placed(spot, voxels, volume, 100, 300)
+    assert isinstance(camera, Pinhole)
+    assert camera.near == 1
+    assert projected(camera, [0, 0, 0]) == pytest.approx([150, 50])
+    edge = 9 * np.tan(np.radians(30))
+    assert projected(camera, [0, 0, edge]) == pytest.approx([150, 0])
+    assert projected(camera, [edge, 0, 0]) == pytest.approx([200, 50])
+
+
+def test_a_file_with_a_size_keeps_it(tmp_path):
+    text = "eye = [0, -9, 0]\ntarget = [0, 0, 0]\nwidth = 40\nheight = 20"
+    camera = written(tmp_path, text)
+    voxels, volume = voxels_of(np.ones((2, 2, 2), np.float32))
+    assert placed(camera, voxels, volume, 100, 300) is camera
+    assert projected(camera, [0, 0, 0]) == pytest.approx([20, 10])
+
+
+def test_a_calibrated_camera_is_taken_as_it_is(tmp_path):
+    rows = "[[1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 1, 4], [0, 0, 0, 1]]"
+    for pose in (rows, rows.replace(", [0, 0, 0, 1]", "")):
+        camera = written(tmp_path, f"fx = 5\nfy = 6\ncx = 7\ncy = 8\nworld_to_camera = {pose}")
+        assert projected(camera, [0, 0, 0]) == pytest.approx([7 + 5 * 2 / 4, 8 + 6 * 3 / 4])

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from resample_volume.readers import Npy
+from resample_volume.source import open_volume
+from resample_volume.types import Volume
+from resample_volume.writing import SUFFIXES, check_memory, check_targets, write_volume
+
+TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int16, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_what_is_written_is_read_back(tmp_path, rng, suffix, kind, mirror):
+    values = (100 * rng.random((3, 4, 5))).astype(kind)
+    direction = TURNED * [1, 1, mirror]
+    given = Volume(values, np.array([1, 1.5, 2]), np.array([-3, 4, 5]), direction, "given")
+    write_volume(tmp_path / f"a b{suffix}", given)
+    found = open_volume(tmp_path / f"a b{suffix}")
+    assert np.array_equal(found.values, values)
+    if suffix != ".npy":  # keeps the values alone
+        assert found.spacing == pytest.approx(given.spacing)
+        assert found.origin == pytest.approx(given.origin)
+        assert found.direction == pytest.approx(given.direction, abs=1e-6)
+    assert [path.name for path in tmp_path.iterdir()] == [f"a b{suffix}"]
+
+
+def test_suffixes_are_known_in_capitals(tmp_path):
+    values = np.zeros((2, 3, 4), np.uint8)
+    volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "given")
+    for name in ("A.NPY", "A.NII.GZ", "A.MHA"):
+        write_volume(tmp_path / name, volume)
+        assert open_volume(tmp_path / name).values.shape == (2, 3, 4)
+
+
+def test_a_mapped_volume_is_written_to_its_own_file(tmp_path):
+    values = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
+    np.save(tmp_path / "a.npy", values)
+    mapped = Npy()(tmp_path / "a.npy")
+    write_volume(tmp_path / "a.npy", mapped)
+    assert np.array_equal(np.load(tmp_path / "a.npy"), values)
+
+
+@pytest.mark.parametrize("name", ["a.foo", "a", "a.vti", "a.nhdr", ".nii.g"])
+def test_an_unknown_suffix_lists_the_known(tmp_path, name):
+    volume = Volume(np.zeros((2, 2, 2)), np.ones(3), np.zeros(3), np.eye(3), "given")
+    with pytest.raises(ValueError, match=r"volumes are written as \.nrrd, \.mha, \.nii"):
+        write_volume(tmp_path / name, volume)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.nii.gz"])
+def test_what_cannot_be_written_leaves_nothing(tmp_path, name):
+    complex_values = np.zeros((2, 2, 2, 3, 4))  # SimpleITK writes no five dimensions there
+    volume = Volume(complex_values, np.ones(3), np.zeros(3), np.eye(3), "given")
+    with pytest.raises((OSError, RuntimeError)):
+        write_volume(tmp_path / name, volume)
+    assert not list(tmp_path.iterdir())
+
+
+def test_targets_are_tried_and_left_alone(tmp_path):
+    (tmp_path / "there").write_text("keep me")
+    check_targets(tmp_path / "there", None, tmp_path / "new")
+    assert (tmp_path / "there").read_text() == "keep me"
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_targets_that_cannot_be_written_are_refused(tmp_path):
+    with pytest.raises(OSError, match="cannot be written"):
+        check_targets(tmp_path / "a", tmp_path / "none/b")
+    with pytest.raises(OSError, match="not a regular file"):
+        check_targets(tmp_path)
+    with pytest.raises(ValueError, match="cannot be written twice"):
+        check_targets(tmp_path / "a", tmp_path / "b/../a")
+
+
+def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
+    monkeypatch.setattr("resample_volume.writing.physical_memory", lambda: 100 << 20)
+    check_memory(1000, 1000)
+    with pytest.raises(ValueError, match=r"a picture of 3000 x 1000 pixels needs 0.3 GiB"):
+        check_memory(1000, 3000)
+    monkeypatch.setattr("resample_volume.writing.physical_memory", lambda: None)
+    check_memory(10**6, 10**6)
