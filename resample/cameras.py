@@ -78,7 +78,7 @@ class Pinhole:
         return cls(focal, focal, width / 2, height / 2, pose, near)
 
     def view(self) -> View:
-        focal, principal = np.array([self.fx, self.fy]), np.array([self.cx, self.cy])
+        focal, principal = _pair(self.fx, self.fy), _pair(self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=True)
 
 
@@ -115,7 +115,7 @@ class Orthographic:
         object.__setattr__(self, "world_to_camera", _rigid(self.world_to_camera))
 
     def view(self) -> View:
-        focal, principal = np.array([self.sx, self.sy]), np.array([self.cx, self.cy])
+        focal, principal = _pair(self.sx, self.sy), _pair(self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=False)
 
 
@@ -205,6 +205,11 @@ def _rigid(pose: ArrayLike) -> Doubles:
     if not straight or np.linalg.det(rotation) < 0:
         raise ValueError("a pose must be a finite rotation and shift; this one scales or mirrors")
     return full
+
+
+def _pair(first: float, second: float) -> Doubles:
+    """Two numbers as kernels are compiled for them, whole or not."""
+    return np.array([first, second], np.float64)
 
 
 def _view(

@@ -322,7 +322,7 @@ def check_samples(samples: Samples) -> Samples:
             f"positions {position.shape}, colors {color.shape} and extinctions {extinction.shape} "
             "do not fit; they have shapes (N, 3), (N, 3) and (N,)"
         )
-    if lattice.shape != (3, 3) or not np.isfinite(lattice).all() or not np.linalg.det(lattice):
+    if lattice.shape != (3, 3) or not _is_regular(lattice):
         raise ValueError("the lattice must be a finite, regular matrix (3, 3)")
     for name, array in (("position", position), ("color", color), ("extinction", extinction)):
         if not np.isfinite(array).all():
@@ -330,6 +330,11 @@ def check_samples(samples: Samples) -> Samples:
     if count and extinction.min() < 0:
         raise ValueError(f"an extinction is {extinction.min()}; it must be 0 or more")
     return Samples(position, color, extinction, lattice)
+
+
+def _is_regular(matrix: Doubles) -> bool:
+    """Whether a matrix can be inverted in float64 without losing all digits."""
+    return bool(np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12)
 
 
 def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:

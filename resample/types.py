@@ -34,7 +34,7 @@ class Samples(NamedTuple):
 
     position: Floats  # (N, 3) scene units
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
-    extinction: Floats  # (N,) optical depth per scene unit; 0 is transparent
+    extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
 
 
@@ -194,5 +194,5 @@ class Frame(NamedTuple):
     rgba: Floats  # (H, W, 4) premultiplied, linear light
     depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where nothing is
     first_depth: Floats  # (H, W) z-depth of the nearest visible sample; inf where nothing is
-    coverage: Floats  # (H, W) share of the pixel that samples cover, however transparent, 0..1
+    coverage: Floats  # (H, W) share of the pixel that samples cover, however faint, 0..1
     statistics: Statistics

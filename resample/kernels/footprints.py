@@ -355,7 +355,10 @@ def _project_chunk(
         world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
         center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
         record = footprints[n]
-        project_sample(record, center, eye, shape, area, style)
+        if extinction[n] > 0.0:
+            project_sample(record, center, eye, shape, area, style)
+        else:
+            _hide(record)
         record["red"] = color[n, 0]
         record["green"] = color[n, 1]
         record["blue"] = color[n, 2]

@@ -120,7 +120,8 @@ def _paint_members(
         if has_points and sheet_number != open_sheet:
             still_open -= composite_sheet(pixel, sheet, dirty, style)
             has_points = False
-        is_point = record["spacing"] <= threshold
+        is_cut = record["cone"] < 0.0  # by the near plane: no point will do
+        is_point = record["spacing"] <= threshold and not is_cut
         if _is_at_home(record, home):
             tally[0 if is_point else 1] += 1
             tally[2] += 1 if still_open == 0 else 0
@@ -129,7 +130,7 @@ def _paint_members(
         if is_point:
             add_point(sheet, dirty, place, record, style, profile, across, down)
             open_sheet, has_points = sheet_number, True
-        elif record["cone"] >= 0.0:
+        elif not is_cut:
             still_open -= paint_splat(pixel, ray, place, record, style, table, correction)
         else:
             still_open -= paint_splat_across_near(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from resample.kernels.grid import point_width
 from resample.kernels.jit import kernel
-from resample.kernels.lookup import transmittance, unit_lookup
+from resample.kernels.lookup import absorbed, unit_lookup
 from resample.kernels.over import VISIBLE
 from resample.types import Floats, Place, Record, Single, Style
 
@@ -60,9 +60,7 @@ def add_point(
     n = place.subpixels
     path = style.layer * record["obliquity"]
     area = np.float32(record["mass"] / path * (n * n))
-    alpha = area * (np.float32(1.0) - transmittance(record["extinction"] * path))
-    if alpha <= np.float32(0.0):
-        return
+    alpha = area * absorbed(record["extinction"] * path)
     width = float(n)
     if style.variance > 0.0:
         width = point_width(record["spacing"] * n, style.variance)

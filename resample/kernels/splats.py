@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from resample.kernels.jit import kernel
-from resample.kernels.lookup import corrected_distance, radial, transmittance, unit_lookup
+from resample.kernels.lookup import absorbed, corrected_distance, radial, unit_lookup
 from resample.kernels.over import Light, behind
 from resample.types import (
     AFFINE,
@@ -39,9 +39,9 @@ def _last(bound: float, origin: float, subpixels: int, count: int) -> int:
 def opacity(integral: Single, extinction: Single, style: Style) -> Single:
     """Opacity of a line integral: exact, or the classic α × F, which is linear in it."""
     if style.linear_opacity:
-        alpha = np.float32(1.0) - transmittance(extinction * np.float32(style.layer))
+        alpha = absorbed(extinction * np.float32(style.layer))
         return min(np.float32(1.0), alpha * integral / np.float32(style.layer))
-    return np.float32(1.0) - transmittance(extinction * integral)
+    return absorbed(extinction * integral)
 
 
 @kernel

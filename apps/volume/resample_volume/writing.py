@@ -23,27 +23,27 @@ def write_volume(path: Path, volume: Volume) -> None:
     OSError
         The file cannot be written.
     """
-    check_suffix(path)
-    name = path.name.lower()
+    suffix = check_suffix(path)
     with replacing(path) as temporary:
-        if name.endswith(".npy"):
+        if suffix == ".npy":
             with temporary.open("wb") as file:  # given a name, NumPy may append to it
                 np.save(file, volume.values)
-        elif name.endswith(".nii.gz"):  # the temporary name ends in .gz alone
-            inner = temporary.with_name(f"{temporary.name}.nii.gz")
-            try:
-                _write_image(inner, volume)
-                inner.replace(temporary)
-            finally:
-                inner.unlink(missing_ok=True)
-        else:
-            _write_image(temporary, volume)
+            return
+        # ITK goes by the suffix: the whole of it, in lower case, and no other before it.
+        inner = temporary.with_name(f"{temporary.stem}-itk{suffix}")
+        try:
+            _write_image(inner, volume)
+            inner.replace(temporary)
+        finally:
+            inner.unlink(missing_ok=True)
 
 
-def check_suffix(path: Path) -> None:
-    """Refuse a file's name that `write_volume` would refuse, before any work is done."""
-    if not path.name.lower().endswith(SUFFIXES):
+def check_suffix(path: Path) -> str:
+    """Suffix of a volume's file; refuses one that `write_volume` would refuse, before any work."""
+    suffix = next((known for known in SUFFIXES if path.name.lower().endswith(known)), "")
+    if not suffix:
         raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
+    return suffix
 
 
 def check_targets(*paths: Path | None) -> None:
