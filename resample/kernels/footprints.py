@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from resample.kernels.grid import grid, point_width
+from resample.kernels.grid import grid, is_surely_point, point_width
 from resample.kernels.jit import kernel, parallel_kernel
 from resample.kernels.vectors import (
     Matrix,
@@ -148,10 +148,16 @@ def project_sample(
     else:
         _place(record, center, eye, shape)
         _linear_form(record, center, eye, shape)
-        if style.model == AFFINE or not eye.perspective:
-            _bounds_of_form(record)
-        if style.model != AFFINE:
-            _better_form(record, center, eye, shape, style.model)
+        if is_surely_point(record["spacing"], style):
+            record["left"], record["right"] = record["x"], record["x"]
+            record["top"], record["bottom"] = record["y"], record["y"]
+        else:
+            if style.model == AFFINE or not eye.perspective:
+                _bounds_of_form(record)
+            if style.model != AFFINE:
+                _better_form(record, center, eye, shape, style.model)
+            if style.model != EXACT:
+                record["amplitude"] = _amplitude(center, eye, shape)
         _grow_bounds(record, style)
 
 
@@ -186,25 +192,32 @@ def _across_near(record: Record, center: Vector, shape: Shape, area: Area) -> No
 
 @kernel
 def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
-    """Place on screen, depth, mass and amplitude: what points and all models share."""
+    """Place on screen, depth and mass: what points and all models share."""
     x, y, z = center
     mass = shape.volume * eye.fx * eye.fy
     record["cone"] = 0.0
     record["obliquity"] = 1.0
-    ray = column(shape.to_unit, 2)
     if eye.perspective:
         per_z = 1.0 / z
         x, y = x * per_z, y * per_z
         obliquity = math.sqrt(1.0 + x * x + y * y)
         record["obliquity"] = obliquity
         mass *= obliquity * per_z * per_z
-        ray = scaled(per_z / obliquity, multiply(shape.to_unit, center))
     record["x"] = eye.fx * x + eye.cx
     record["y"] = eye.fy * y + eye.cy
     record["form_x"], record["form_y"] = record["x"], record["y"]
     record["depth"] = z
     record["mass"] = mass
-    record["amplitude"] = shape.scale / math.sqrt(dot(ray, ray))
+    record["amplitude"] = 0.0
+
+
+@kernel
+def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
+    """Scale of the line integrals at the center, which exact footprints have per pixel instead."""
+    ray = column(shape.to_unit, 2)
+    if eye.perspective:
+        ray = scaled(1.0 / math.sqrt(dot(center, center)), multiply(shape.to_unit, center))
+    return shape.scale / math.sqrt(dot(ray, ray))
 
 
 @kernel

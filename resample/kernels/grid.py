@@ -29,6 +29,15 @@ def grid(smallest: float, style: Style) -> int:
 
 
 @kernel
+def is_surely_point(spacing: Single, style: Style) -> bool:
+    """Whether a sample is a point on the finest grid that a tile may get."""
+    finest = style.subpixels
+    if finest == 0:
+        finest = max(style.most_for_splats, style.most_for_points)
+    return bool(spacing * finest <= style.threshold)
+
+
+@kernel
 def point_width(spacing: Single, variance: float) -> Single:
     """Standard deviation of a point's filter: the kernel's projection and a sub-pixel's extent.
 

@@ -21,15 +21,16 @@ Bounds = NDArray[np.int64]  # (4,) first and last row, first and last column
 
 
 @kernel
-def _weigh(center: Single, reach: Single, profile: Floats, weight: Floats) -> tuple[int, int]:
+def _weigh(
+    center: Single, reach: Single, per_reach: Single, profile: Floats, weight: Floats
+) -> tuple[int, int]:
     """Weights with sum 1 of the sub-pixels around `center`; gives the first one and their count."""
     first = math.floor(center - reach + 0.5)
     count = min(math.floor(center + reach - 0.5) - first + 1, weight.size)
-    per_entry = np.float32(1.0 / reach)
     offset = np.float32(first + 0.5 - center)
     total = np.float32(0.0)
     for tap in range(count):
-        weight[tap] = unit_lookup(profile, abs(offset + np.float32(tap)) * per_entry)
+        weight[tap] = unit_lookup(profile, abs(offset + np.float32(tap)) * per_reach)
         total += weight[tap]
     if count < 1 or total == np.float32(0.0):  # a filter between two centers of sub-pixels
         first, count = math.floor(center), 1
@@ -65,8 +66,9 @@ def add_point(
     if style.variance > 0.0:
         width = point_width(record["spacing"] * n, style.variance)
     reach = min(width * style.point_extent, 0.5 * (MOST_TAPS - 2))
-    left, columns = _weigh((record["x"] - place.x) * n, reach, profile, across)
-    top, rows = _weigh((record["y"] - place.y) * n, reach, profile, down)
+    per_reach = np.float32(1.0 / reach)
+    left, columns = _weigh((record["x"] - place.x) * n, reach, per_reach, profile, across)
+    top, rows = _weigh((record["y"] - place.y) * n, reach, per_reach, profile, down)
     first_row, last_row = max(0, top), min(sheet.shape[0], top + rows)
     first_column, last_column = max(0, left), min(sheet.shape[1], left + columns)
     if first_row >= last_row or first_column >= last_column:

@@ -47,7 +47,6 @@ def test_without_shading_there_is_no_light():
         {"opacity_unit": 0},
         {"opacity_unit": -1},
         {"opacity_unit": float("inf")},
-        {"opacity_unit": 1e-300},
         {"gradient": "steep"},
         {"up": "w"},
         {"colour": "red"},

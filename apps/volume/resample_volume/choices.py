@@ -74,7 +74,7 @@ class Look(BaseModel):
     opacity_unit: Annotated[
         float | None,
         Field(
-            ge=1e-30,
+            gt=0,
             allow_inf_nan=False,
             description="Length in scene units over which opacities hold. A voxel's size.",
         ),
