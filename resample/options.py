@@ -52,6 +52,9 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
 
 def one_line(error: BaseException) -> str:
     """Message of an error without line breaks, for a user's eyes."""
+    cause = error.__cause__
+    if cause is not None and hasattr(cause, "error_count"):  # pydantic's, wrapped by cyclopts
+        error = cause
     if hasattr(error, "errors") and hasattr(error, "error_count"):  # pydantic.ValidationError
         return "; ".join(map(_field_error, error.errors()))
     if isinstance(error, OSError) and error.strerror and error.filename:

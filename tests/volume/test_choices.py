@@ -6,7 +6,7 @@ from resample_volume.choices import Look, Source
 from resample_volume.framing import Orbit
 from resample_volume.generated import checker_box
 from resample_volume.presets import load_transfer
-from resample_volume.render import Appearance
+from resample_volume.rendering import Appearance
 from resample_volume.shading import Light
 
 BOX = checker_box(4, 2)

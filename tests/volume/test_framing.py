@@ -4,7 +4,7 @@ import pytest
 from resample.cameras import Orthographic, Pinhole
 from resample_volume.framing import Orbit, Sphere, Spot, parse_camera, placed, sphere_around
 from resample_volume.presets import load_transfer
-from resample_volume.render import as_volume
+from resample_volume.rendering import as_volume
 from resample_volume.voxels import classify
 
 BALL = Sphere(np.array([1.0, 2.0, 3.0]), 2.0)

@@ -9,9 +9,9 @@ import resample_volume
 from resample.cameras import Orthographic, Pinhole, look_at
 from resample.resampler import Primitive, Resampler
 from resample_volume.framing import Orbit
-from resample_volume.generated import vessel_tree
+from resample_volume.generated import checker_box, vessel_tree
 from resample_volume.presets import PRESETS, load_transfer
-from resample_volume.render import Appearance, as_volume, render
+from resample_volume.rendering import Appearance, as_volume, render
 from resample_volume.shading import Light
 from resample_volume.transfer import from_points
 from resample_volume.types import Volume
@@ -280,3 +280,24 @@ def test_light_reaches_the_surfaces_that_face_it():
         green = picture(volume, look, Orbit(0, 0)).rgba[..., 1]
         darker = sides if brighter is middle else middle
         assert green[brighter].min() > 1.1 * green[darker].max()
+
+
+def test_a_volume_far_from_the_origin_looks_as_it_does_near_it():
+    """At 5,000,000 m, float32 positions of voxels 0.5 m apart would coincide."""
+    near = checker_box(16)._replace(spacing=np.full(3, 0.5))
+    far = near._replace(origin=np.array([5e6, -4e6, 3e3]))
+    here, there = (render(volume, "checker", height=32, width=32) for volume in (near, far))
+    np.testing.assert_allclose(there.rgba, here.rgba, atol=1e-4)  # the middle is float64 at 5e6
+    eye, target = np.array([-20.0, -20, 12]), np.array([4.0, 4, 4])
+    here, there = (
+        render(
+            volume,
+            "checker",
+            Pinhole(40, 40, 16, 16, look_at(volume.origin + eye, volume.origin + target)),
+            height=32,
+            width=32,
+        )
+        for volume in (near, far)
+    )
+    assert there.rgba[..., 3].max() > 0.9
+    np.testing.assert_allclose(there.rgba, here.rgba, atol=1e-4)

@@ -10,22 +10,22 @@ from resample.lazy import attributes
 if TYPE_CHECKING:
     from resample_volume.framing import Orbit
     from resample_volume.presets import load_transfer
-    from resample_volume.render import Appearance, as_volume, render
+    from resample_volume.rendering import Appearance, as_volume, render
     from resample_volume.shading import Light
     from resample_volume.source import open_volume
     from resample_volume.transfer import TransferFunction
     from resample_volume.types import Volume
 
 _HOMES = {
-    "Appearance": "render",
+    "Appearance": "rendering",
     "Light": "shading",
     "Orbit": "framing",
     "TransferFunction": "transfer",
     "Volume": "types",
-    "as_volume": "render",
+    "as_volume": "rendering",
     "load_transfer": "presets",
     "open_volume": "source",
-    "render": "render",
+    "render": "rendering",
 }
 
 __all__ = [

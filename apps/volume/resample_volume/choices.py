@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
     from resample_volume.framing import Viewpoint
-    from resample_volume.render import Appearance
+    from resample_volume.rendering import Appearance
     from resample_volume.types import Volume
 
 
@@ -118,7 +118,7 @@ class Look(BaseModel):
             A choice is unknown or not allowed.
         """
         from resample_volume.presets import transfer_for
-        from resample_volume.render import Appearance
+        from resample_volume.rendering import Appearance
         from resample_volume.shading import Light
 
         transfer = transfer_for(self.transfer, volume)

@@ -12,7 +12,7 @@ from resample_volume.types import Volume
 
 if TYPE_CHECKING:
     from resample.cameras import Camera
-    from resample.types import Doubles
+    from resample.types import Doubles, View
     from resample_volume.voxels import Voxels
 
 
@@ -133,6 +133,30 @@ class Spot:
 
 
 Viewpoint: TypeAlias = "Orbit | Spot | Camera"
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """A camera in a scene whose origin was moved to `origin`, (3,) in the camera's own scene."""
+
+    camera: "Camera"
+    origin: "Doubles"
+
+    def view(self) -> "View":
+        view = self.camera.view()
+        return view._replace(translation=view.translation + view.rotation @ self.origin)
+
+
+def centered(volume: Volume) -> "tuple[Volume, Doubles]":
+    """Volume around the scene's origin, and where its middle was, (3,) scene units.
+
+    Far from the origin, float32 would not tell neighbouring voxels apart.
+    """
+    import numpy as np
+
+    last = np.array(volume.values.shape[::-1]) - 1.0
+    half = volume.direction @ (volume.spacing * last) / 2
+    return volume._replace(origin=-half), volume.origin + half
 
 
 def placed(

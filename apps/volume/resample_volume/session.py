@@ -11,8 +11,8 @@ from resample.cameras import Camera
 from resample.resampler import Resampler
 from resample.types import Frame, Samples
 from resample_volume.choices import Look
-from resample_volume.framing import placed
-from resample_volume.render import lit_samples, visible_voxels
+from resample_volume.framing import Orbit, Shifted, centered, placed
+from resample_volume.rendering import lit_samples, visible_voxels
 from resample_volume.types import Volume
 
 Progress = Callable[[float], None]
@@ -35,11 +35,14 @@ class Session:
         """Lit samples of a volume, and the camera that sees them in a picture (height, width)."""
         appearance, viewpoint = look.appearance(volume), look.viewpoint()
         announce_compilation()
+        scene, middle = centered(volume)
         with self.stage("classify"):
-            voxels = visible_voxels(volume, appearance)
+            voxels = visible_voxels(scene, appearance)
         if not voxels.extinction.size:
             say("nothing to see: the transfer function makes every voxel transparent")
-        camera = placed(viewpoint, voxels, volume, *size)
+        camera = placed(viewpoint, voxels, scene, *size)
+        if not isinstance(viewpoint, Orbit):
+            camera = Shifted(camera, middle)
         with self.stage("shade"):
             return lit_samples(voxels, appearance.light, camera), camera
 

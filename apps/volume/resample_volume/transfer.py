@@ -102,9 +102,18 @@ def extinction(opacity: NDArray[Any], unit: float) -> Floats:
         (N,) 0..1 of a layer of the thickness `unit`; at most `MOST_OPAQUE` is used.
     unit
         Scene units.
+
+    Raises
+    ------
+    ValueError
+        The unit is so small that the optical depth is infinite.
     """
     share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
-    return np.asarray(-np.log1p(-share) / unit, np.float32)
+    with np.errstate(over="ignore"):
+        depth = np.asarray(-np.log1p(-share) / unit, np.float32)
+    if not np.isfinite(depth).all():
+        raise ValueError(f"opacities over a length of {unit:g} scene units are beyond any number")
+    return depth
 
 
 def from_points(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.cameras import Camera
 from resample.resampler import Resampler
 from resample.types import Frame, Samples
-from resample_volume.framing import Orbit, placed
+from resample_volume.framing import Orbit, Shifted, centered, placed
 from resample_volume.presets import transfer_for
 from resample_volume.shading import Light, shade
 from resample_volume.transfer import TransferFunction
@@ -91,9 +91,11 @@ def render(
     ValueError
         The array is no volume, or a choice is not allowed.
     """
-    scene = volume if isinstance(volume, Volume) else as_volume(volume)
+    scene, middle = centered(volume if isinstance(volume, Volume) else as_volume(volume))
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     place = Orbit() if camera is None else camera
+    if not isinstance(place, Orbit):
+        place = Shifted(place, middle)
     voxels = visible_voxels(scene, look)
     eye = placed(place, voxels, scene, height, width)
     samples = lit_samples(voxels, look.light, eye)
