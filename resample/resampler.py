@@ -38,9 +38,9 @@ from resample.types import (
     View,
 )
 
-SPLAT_GRID, POINT_GRID = 4, 16  # finest sub-pixels per side of a pixel that are worth their cost
+SPLAT_GRID, POINT_GRID = 4, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
-MEMBERS_PER_STEP = 4_000_000  # between two looks at the progress and at Ctrl-C
+MEMBERS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
 LARGEST_PICTURE = 2**28  # px
 
 Progress = Callable[[float], None]
@@ -170,7 +170,10 @@ class Resampler:
         clock = _Clock()
         scene = self._project(samples, view, height, width)
         clock.lap("project")
-        sheets = self.order(scene.footprints, scene.style.layer)
+        key, sheet = self.order(scene.footprints, scene.style.layer)
+        sheets = Sheets(
+            np.ascontiguousarray(key, np.float32), np.ascontiguousarray(sheet, np.int32)
+        )
         tiles = _bin(scene.footprints, scene.screen, scene.style)
         clock.lap("bin")
         picture, tally = scene.paint(sheets, tiles, progress)
@@ -179,9 +182,8 @@ class Resampler:
         statistics = Statistics(
             samples.extinction.size, points, splats, hidden, int(tally[:, 3].max()), clock.seconds
         )
-        return Frame(
-            picture[..., :4], picture[..., 4], picture[..., 5], picture[..., 6], statistics
-        )
+        parts = (picture[..., :4], picture[..., 4], picture[..., 5], picture[..., 6])
+        return Frame(*map(np.ascontiguousarray, parts), statistics)
 
     def _project(self, samples: Samples, view: View, height: int, width: int) -> "_Scene":
         from resample.kernels.footprints import project

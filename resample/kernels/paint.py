@@ -108,7 +108,6 @@ def _paint_members(
     pixel, sheet, ray, dirty = canvas
     across, down = np.zeros(MOST_TAPS, np.float32), np.zeros(MOST_TAPS, np.float32)
     profile, table, correction = tables.point, tables.footprint, tables.correction
-    threshold = style.threshold / place.subpixels
     still_open = pixel.shape[0] * pixel.shape[1]
     open_sheet, has_points = 0, False
     block = footprints[members[:BLOCK]]
@@ -121,13 +120,13 @@ def _paint_members(
             still_open -= composite_sheet(pixel, sheet, dirty, style)
             has_points = False
         is_cut = record["cone"] < 0.0  # by the near plane: no point will do
-        is_point = record["spacing"] <= threshold and not is_cut
+        is_point = record["spacing"] * place.subpixels <= style.threshold and not is_cut
         if _is_at_home(record, home):
             tally[0 if is_point else 1] += 1
             tally[2] += 1 if still_open == 0 else 0
         if still_open == 0:
             continue
-        if is_point:
+        if is_point:  # splats of its layer are nearer, if any are left: they are larger on screen
             add_point(sheet, dirty, place, record, style, profile, across, down)
             open_sheet, has_points = sheet_number, True
         elif not is_cut:

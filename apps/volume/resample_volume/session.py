@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,8 +95,7 @@ def say(text: str) -> None:
 def progress_bar(what: str) -> Iterator[Progress | None]:
     """Bar on a terminal's stderr; nothing elsewhere."""
     if not sys.stderr.isatty():
-        with nullcontext():
-            yield None
+        yield None
         return
     from rich.console import Console
     from rich.progress import Progress as Bar
