@@ -182,8 +182,9 @@ class Resampler:
         statistics = Statistics(
             samples.extinction.size, points, splats, hidden, int(tally[:, 3].max()), clock.seconds
         )
-        parts = (picture[..., :4], picture[..., 4], picture[..., 5], picture[..., 6])
-        return Frame(*map(np.ascontiguousarray, parts), statistics)
+        depth, first_depth, coverage = np.ascontiguousarray(picture[..., 4:].transpose(2, 0, 1))
+        rgba = np.ascontiguousarray(picture[..., :4])
+        return Frame(rgba, depth, first_depth, coverage, statistics)
 
     def _project(self, samples: Samples, view: View, height: int, width: int) -> "_Scene":
         from resample.kernels.footprints import project
