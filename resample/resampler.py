@@ -1,10 +1,12 @@
 """Hybrid forward resampling: classify, order, paint (paper, section 2, on one page)."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ from resample.types import (
     Ellipsoid,
     Floats,
     Frame,
+    RadialTable,
     Records,
     Samples,
     Screen,
@@ -189,31 +192,38 @@ class Resampler:
     def _project(self, samples: Samples, view: View, height: int, width: int) -> "_Scene":
         from resample.kernels.footprints import project
 
-        tables = self._tables()
-        style = self._style(tables, samples.lattice)
+        tables, style = self._tables, self._style(samples.lattice)
         ellipsoid = ellipsoid_of(samples.lattice, view, self.reconstruction.radius)
-        screen = screen_of(width, height, _margin(tables, style), view, ellipsoid)
+        # Where points have the pixel's filter, that is the farther reach.
+        reach = max(tables.pixel_margin, 0.0 if style.variance else style.point_extent)
+        screen = screen_of(width, height, reach, view, ellipsoid)
         footprints = np.zeros(samples.extinction.size, FOOTPRINT)
         project(footprints, samples, view, ellipsoid, screen, style)
         return _Scene(footprints, view, ellipsoid, screen, style, tables)
 
+    @cached_property
+    def _points(self) -> RadialTable:
+        """Profile of the filter that points are added under."""
+        # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
+        # that variance; the paper's are seen under the pixel's filter.
+        literal = self.primitive is Primitive.PAPER
+        return filter_table((self.pixel_filter or Gaussian(0.5)) if literal else Gaussian(1.0))
+
+    @cached_property
     def _tables(self) -> Tables:
         """Everything that kernels look up."""
         literal = self.primitive is Primitive.PAPER
-        chosen = self.pixel_filter
-        # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
-        # that variance; the paper's are seen under the pixel's filter.
-        point = filter_table((chosen or Gaussian(0.5)) if literal else Gaussian(1.0))
-        pixel = filter_table(Box() if literal or chosen is None else chosen)
+        pixel = filter_table(Box() if literal else self.pixel_filter or Box())
         return Tables(
             footprint_table(self.reconstruction).values,
             density_table(self.reconstruction).values,
             correction_table(),
-            *point,
+            self._points.values,
             *pixel,
+            math.ceil(pixel.extent - 0.501),  # the table of a box ends a sliver beyond 0.5
         )
 
-    def _style(self, tables: Tables, lattice: Doubles) -> Style:
+    def _style(self, lattice: Doubles) -> Style:
         """Choices as numbers."""
         primitive = self.primitive
         own = {
@@ -234,7 +244,7 @@ class Resampler:
             subpixels=fixed if self.subpixels is None else self.subpixels,
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,
             most_for_points=POINT_GRID,
-            point_extent=tables.point_extent,
+            point_extent=self._points.extent,
             variance=0.0 if primitive is Primitive.PAPER else variance(self.reconstruction),
             linear_opacity=self.opacity is Opacity.LINEAR,
             layer=float(voxel * self.order.thickness),
@@ -367,7 +377,7 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
         sides[side, 2 if view.perspective else 3] = -offset
         outward = sides[side, :3]
         sides[side, 3] -= np.sqrt(outward @ ellipsoid.covariance @ outward)
-    return Screen(width, height, margin, sides)
+    return Screen(width, height, float(margin), sides)
 
 
 @contextmanager
@@ -394,13 +404,6 @@ def _empty_frame(height: int, width: int) -> Frame:
         nothing.copy(),
         np.zeros((height, width), np.float32),
         Statistics(0, 0, 0, 0, 1, {}),
-    )
-
-
-def _margin(tables: Tables, style: Style) -> float:
-    """How far beyond the frame a sample's center or rim may lie and still be seen, px."""
-    return float(
-        max(np.ceil(tables.pixel_extent - 0.501), 0.0 if style.variance else style.point_extent)
     )
 
 

@@ -122,9 +122,9 @@ class Tables(NamedTuple):
     density: Floats  # (K + 1,) over the squared distance from the center, 0..1 radii²
     correction: Floats  # (A, I) true distance over cone, 0..LARGEST_CONE, and flat index, 0..1
     point: Floats  # (K + 1,) 1-D profile of the filter that points are added under
-    point_extent: float  # widths at which it ends
     pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
     pixel_extent: float  # px at which it ends
+    pixel_margin: int  # px around a pixel that it reads
 
 
 class Style(NamedTuple):

@@ -141,24 +141,29 @@ def project_sample(
 ) -> None:
     """Fill in one record from a sample's center in camera axes; colors are not touched."""
     reach = math.sqrt(shape.covariance[2][2])
-    if center[2] + reach <= eye.near or _is_beside(center, area.sides):
+    if center[2] + reach <= eye.near:
         _hide(record)
     elif center[2] - reach <= eye.near or (eye.perspective and center[2] <= reach):
-        _across_near(record, center, shape, area)
+        if _is_beside(center, area.sides):
+            _hide(record)
+        else:
+            _across_near(record, center, shape, area)
     else:
         _place(record, center, eye, shape)
         _linear_form(record, center, eye, shape)
-        if is_surely_point(record["spacing"], style):
-            record["left"], record["right"] = record["x"], record["x"]
-            record["top"], record["bottom"] = record["y"], record["y"]
+        if record["spacing"] <= style.threshold:
+            if is_surely_point(record["spacing"], style):
+                record["left"], record["right"] = record["x"], record["x"]
+                record["top"], record["bottom"] = record["y"], record["y"]
+            else:
+                _splat(record, center, eye, shape, style.model)
+            _grow_bounds(record, style)
+            if _is_outside(record, area):  # only now: its filter may reach where it does not
+                _hide(record)
+        elif _is_beside(center, area.sides):
+            _hide(record)
         else:
-            if style.model == AFFINE or not eye.perspective:
-                _bounds_of_form(record)
-            if style.model != AFFINE:
-                _better_form(record, center, eye, shape, style.model)
-            if style.model != EXACT:
-                record["amplitude"] = _amplitude(center, eye, shape)
-        _grow_bounds(record, style)
+            _splat(record, center, eye, shape, style.model)
 
 
 @kernel
@@ -175,6 +180,17 @@ def _is_beside(center: Vector, sides: tuple[Side, Side, Side, Side]) -> bool:
         if side[0] * center[0] + side[1] * center[1] + side[2] * center[2] + side[3] > 0.0:
             return True
     return False
+
+
+@kernel
+def _is_outside(record: Record, area: Area) -> bool:
+    """Whether the bounds miss the frame and its margin."""
+    return bool(
+        record["right"] < -area.margin
+        or record["left"] > area.width + area.margin
+        or record["bottom"] < -area.margin
+        or record["top"] > area.height + area.margin
+    )
 
 
 @kernel
@@ -209,6 +225,17 @@ def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
     record["depth"] = z
     record["mass"] = mass
     record["amplitude"] = 0.0
+
+
+@kernel
+def _splat(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
+    """Quadratic form, bounds, cone and amplitude by the model; the linear form is there already."""
+    if model == AFFINE or not eye.perspective:
+        _bounds_of_form(record)
+    if model != AFFINE:
+        _better_form(record, center, eye, shape, model)
+    if model != EXACT:
+        record["amplitude"] = _amplitude(center, eye, shape)
 
 
 @kernel
@@ -284,15 +311,19 @@ def _bounds_in_perspective(record: Record, center: Vector, eye: Eye, shape: Shap
     in_front = z * z - v[2][2]
     per_front = 1.0 / in_front
     middle = center[0] * z - v[0][2]
-    rest = center[0] * center[0] - v[0][0]
-    reach = math.sqrt(max(0.0, middle * middle - in_front * rest))
+    reach = _reach(middle, in_front, center[0] * center[0] - v[0][0])
     record["left"] = eye.fx * ((middle - reach) * per_front) + eye.cx
     record["right"] = eye.fx * ((middle + reach) * per_front) + eye.cx
     middle = center[1] * z - v[1][2]
-    rest = center[1] * center[1] - v[1][1]
-    reach = math.sqrt(max(0.0, middle * middle - in_front * rest))
+    reach = _reach(middle, in_front, center[1] * center[1] - v[1][1])
     record["top"] = eye.fy * ((middle - reach) * per_front) + eye.cy
     record["bottom"] = eye.fy * ((middle + reach) * per_front) + eye.cy
+
+
+@kernel
+def _reach(middle: float, in_front: float, rest: float) -> float:
+    """Half the distance of the roots of in_front x² - 2 middle x + rest, times in_front."""
+    return math.sqrt(max(0.0, middle * middle - in_front * rest))
 
 
 @kernel
@@ -339,9 +370,7 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
 
 @kernel
 def _grow_bounds(record: Record, style: Style) -> None:
-    """Let the bounds hold the point filter too, where the sample may become a point."""
-    if record["spacing"] > style.threshold:
-        return
+    """Let the bounds hold the point filter too."""
     pad = style.point_extent
     if style.variance > 0.0:
         coarsest = grid(record["spacing"], style)  # a tile's is this fine at least

@@ -45,12 +45,6 @@ class Home(NamedTuple):
 
 
 @kernel
-def _margin(extent: float) -> int:
-    """Pixels around a pixel that its filter reads; a box table ends a sliver beyond 0.5."""
-    return math.ceil(extent - 0.501)
-
-
-@kernel
 def _new_canvas(rows: int, columns: int) -> Canvas:
     """Empty canvas of that many sub-pixels."""
     pixel = np.zeros((rows, columns, 8), np.float32)
@@ -141,7 +135,7 @@ def _paint_members(
 @kernel
 def _pixel_weights(tables: Tables, n: int) -> Floats:
     """Weights, with sum 1, of the sub-pixels along one axis that a pixel's filter reads."""
-    margin = _margin(tables.pixel_extent)
+    margin = tables.pixel_margin
     weight = np.zeros((2 * margin + 1) * n, np.float32)
     for tap in range(weight.size):
         distance = abs((tap + 0.5) / n - margin - 0.5)
@@ -201,7 +195,7 @@ def _paint_tile(
     members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
     if members.size == 0:
         return
-    margin = _margin(tables.pixel_extent)
+    margin = tables.pixel_margin
     left, top = tile % tiles.columns * tiles.size, tile // tiles.columns * tiles.size
     home = Home(left, top, tiles.size, screen.width, screen.height)
     subpixels = grid(tiles.spacing[tile], style)

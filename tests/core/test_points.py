@@ -275,3 +275,23 @@ def test_a_chosen_grid_conserves_energy_too(subpixels):
         frame = draw(one_point(), camera(0.1, right, 0.3), subpixels=subpixels)
         assert frame.statistics.subpixels == subpixels
         assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=1e-5)  # exp(-x) by table
+
+
+# Edges.
+
+
+@pytest.mark.parametrize("primitive", list(Primitive))
+@pytest.mark.parametrize("scale", [0.05, 0.3, 0.8], ids="{} px".format)
+def test_a_picture_is_a_window_of_a_larger_one_on_an_anisotropic_lattice(primitive, scale):
+    """A point's filter is round: it may reach the frame where the flat ellipsoid does not."""
+    place = np.stack(np.meshgrid(*[np.arange(-30.0, 31.0)] * 2, np.arange(4.0)), axis=-1)
+    lattice = np.diag([0.4, 2.0, 1.0])
+    position = (place.reshape(-1, 3) @ lattice).astype(np.float32)
+    color, extinction = np.ones_like(position), np.full(len(position), 0.4, np.float32)
+    scene = Samples(position, color, extinction, lattice)
+    resample = Resampler(primitive=primitive, subpixels=2)
+    wide = resample(scene, Orthographic(scale, scale, 24.3, 24.4), height=48, width=48)
+    window = resample(scene, Orthographic(scale, scale, 4.3, 4.4), height=8, width=8)
+    assert window.rgba[..., 3].max() > 0.5
+    # Offsets of sub-pixels are rounded to float32 around other numbers.
+    np.testing.assert_allclose(window.rgba, wide.rgba[20:28, 20:28], atol=1e-5)
