@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample.cameras import Pinhole
-from resample.resampler import Primitive, Resampler, check_samples
+from resample.resampler import Primitive, Resampler
+from resample.scene import check_samples
 from resample.types import Samples
 
 CAMERA = Pinhole(20.0, 20.0, 8.0, 8.0)

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from resample.kernels.tiles import CHUNKS, count_members, deal_members, smallest_spacing
-from resample.types import FOOTPRINT, Screen, Tiles
+from resample.kernels.tiles import CHUNKS, smallest_spacing
+from resample.scene import dealt_to_tiles
+from resample.types import FOOTPRINT, Screen
 
 
 def boxes(rng, count, width, height):
@@ -21,18 +22,6 @@ def boxes(rng, count, width, height):
 
 def screen_of(width, height, margin):
     return Screen(width, height, margin, np.zeros((4, 4)))
-
-
-def dealt(record, screen, size):
-    columns, rows = -(-screen.width // size), -(-screen.height // size)
-    count = np.zeros((CHUNKS, rows * columns), np.int64)
-    count_members(record, screen, size, columns, count)
-    start = np.concatenate([[0], np.cumsum(count.sum(axis=0))])
-    position = start[:-1] + np.cumsum(count, axis=0) - count
-    smallest = np.full(count.shape, np.inf, np.float32)
-    tiles = Tiles(start, np.full(start[-1], -1, np.int32), smallest[0], size, columns)
-    deal_members(record, screen, tiles, position, smallest)
-    return tiles._replace(spacing=smallest.min(axis=0))
 
 
 def naive_members(record, screen, size, column, row):
@@ -55,7 +44,7 @@ def naive_members(record, screen, size, column, row):
 @pytest.mark.parametrize("size", [8, 32])
 def test_a_tile_has_the_samples_that_overlap_it_and_no_others(width, height, margin, size, rng):
     record, screen = boxes(rng, 150, width, height), screen_of(width, height, margin)
-    tiles = dealt(record, screen, size)
+    tiles = dealt_to_tiles(record, screen, size)
     assert tiles.start.size - 1 == -(-width // size) * -(-height // size)
     for tile in range(tiles.start.size - 1):
         member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
@@ -65,9 +54,9 @@ def test_a_tile_has_the_samples_that_overlap_it_and_no_others(width, height, mar
 
 
 @pytest.mark.parametrize("count", [0, 1, CHUNKS - 1, CHUNKS + 1])
-def test_any_number_of_samples_can_be_dealt(count, rng):
+def test_any_number_of_samples_can_be_dealt_to_tiles(count, rng):
     record, screen = boxes(rng, count, 40, 40), screen_of(40, 40, 1.0)
-    tiles = dealt(record, screen, 8)
+    tiles = dealt_to_tiles(record, screen, 8)
     assert (tiles.member >= 0).all()
     for tile in range(25):
         member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
