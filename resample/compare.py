@@ -98,6 +98,12 @@ def plain(rows: Sequence[Row]) -> str:
     )
 
 
+def check_sheet(path: str | Path) -> None:
+    """Refuse a name that `contact_sheet` would refuse, before any work is done."""
+    if Path(path).suffix.lower() != ".png":
+        raise ValueError(f"{path}: contact sheets are written as .png")
+
+
 def contact_sheet(
     images: Mapping[str, Floats],
     path: str | Path,
@@ -130,8 +136,7 @@ def contact_sheet(
     """
     if not images:
         raise ValueError("a contact sheet needs at least one picture")
-    if Path(path).suffix.lower() != ".png":
-        raise ValueError(f"{path}: contact sheets are written as .png")
+    check_sheet(path)
     layout = _layout([image.shape[:2] for image in images.values()], columns, zoom)
     figure = _blank(layout)
     for cell, (title, image) in enumerate(images.items()):

@@ -11,6 +11,7 @@ from resample import registry
 from resample.cli import app
 from resample.images import read_image, write_png
 from resample.options import run
+from tests.processes import python
 
 HEAVY = ["numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "pydantic"]
 
@@ -134,13 +135,6 @@ def test_an_application_that_cannot_be_imported_is_one_line(monkeypatch, capsys)
     assert capsys.readouterr().err == (
         "resample: error: app 'volume' of outside cannot be imported (apps)\n"
     )
-
-
-def python(code: str) -> str:
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
-    return ended.stdout
 
 
 @pytest.mark.parametrize("arguments", ["['--help']", "['plugins', 'filters']"])

@@ -14,6 +14,7 @@ from resample.options import run
 from resample_volume import cli
 from resample_volume.session import announce_compilation, say
 from resample_volume.source import open_volume
+from tests.processes import python
 
 BOX = "checker-box:size=16,block=4"
 TREE = "vessel-tree:size=24"
@@ -481,7 +482,7 @@ def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
 
 
 def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.writing.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: 1 << 30)
     monkeypatch.setattr("resample_volume.source.open_volume", None)
     error = refused(capsys, "render", BOX, "-o", "out.png", "--size", "4000")
     assert "needs 1.5 GiB, this machine has 1.0 GiB of memory; take a smaller size" in error
@@ -652,12 +653,6 @@ def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
     assert out == ""
     assert error.splitlines()[0] == "resample: hello"
     assert "compiling kernels, once per installation" in error.splitlines()[1]
-
-
-def python(code: str) -> str:
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    ).stdout
 
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["--version"]])

@@ -76,9 +76,9 @@ def test_targets_that_cannot_be_written_are_refused(tmp_path):
 
 
 def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("resample_volume.writing.physical_memory", lambda: 100 << 20)
+    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: 100 << 20)
     check_memory(1000, 1000)
     with pytest.raises(ValueError, match=r"a picture of 3000 x 1000 pixels needs 0.3 GiB"):
         check_memory(1000, 3000)
-    monkeypatch.setattr("resample_volume.writing.physical_memory", lambda: None)
+    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: None)
     check_memory(10**6, 10**6)

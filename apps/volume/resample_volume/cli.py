@@ -115,7 +115,7 @@ def compare(
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
-    from resample.compare import contact_sheet, plain
+    from resample.compare import check_sheet, contact_sheet, plain
     from resample_volume.compare import compare as measured
     from resample_volume.compare import variants
     from resample_volume.session import Session
@@ -125,8 +125,8 @@ def compare(
     choice = variants(Resampling().resampler(), _words(primitive), _words(footprint))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
-    if output is not None and output.suffix.lower() != ".png":
-        raise ValueError(f"{output}: contact sheets are written as .png")
+    if output is not None:
+        check_sheet(output)
     check_targets(output)
     check_memory(*pixels)
     scene = source.open(volume)

@@ -192,7 +192,7 @@ def parse_camera(text: str, fov: float, up: str) -> Viewpoint:
             f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5, of which the zoom "
             "may be left out, or a .toml file"
         )
-    return Orbit(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 1.0, fov, up)
+    return Orbit(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else Orbit.zoom, fov, up)
 
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -206,11 +206,11 @@ class _Strict(BaseModel):
 class _Angles(_Strict):
     """A camera around the volume."""
 
-    azimuth: float = 30.0
-    elevation: float = 20.0
-    zoom: float = 1.0
-    fov: float = 30.0
-    up: str = "z"
+    azimuth: float = Orbit.azimuth
+    elevation: float = Orbit.elevation
+    zoom: float = Orbit.zoom
+    fov: float = Orbit.fov
+    up: str = Orbit.up
 
     def camera(self) -> Orbit:
         return Orbit(**self.model_dump())

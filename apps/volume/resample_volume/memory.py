@@ -13,7 +13,9 @@ def physical_memory() -> int | None:
         return None
 
 
-def require_memory(count: int, what: str) -> None:
+def require_memory(
+    count: int, what: str, remedy: str = "take a smaller or downsampled volume"
+) -> None:
     """Refuse what cannot fit, however long one waits.
 
     Parameters
@@ -22,6 +24,8 @@ def require_memory(count: int, what: str) -> None:
         Bytes that will be held at once.
     what
         Name for the message.
+    remedy
+        What to do about it, for the message.
 
     Raises
     ------
@@ -32,5 +36,5 @@ def require_memory(count: int, what: str) -> None:
     if installed is not None and count > installed:
         raise ValueError(
             f"{what} needs {count / GIB:.1f} GiB, this machine has {installed / GIB:.1f} GiB "
-            "of memory; take a smaller or downsampled volume"
+            f"of memory; {remedy}"
         )

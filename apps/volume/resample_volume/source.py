@@ -1,6 +1,6 @@
 """From what a user names to a volume: a file of any known format, a folder, a generated one."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from resample import registry
 from resample_volume.generated import GENERATED
 from resample_volume.readers import Reader
+from resample_volume.slabs import slabs
 from resample_volume.slices import is_dicom
 from resample_volume.types import Volume
-
-CHUNK = 1 << 24  # voxels looked at in one go
 
 
 def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
@@ -112,7 +111,7 @@ def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
     low, high, nan, infinite = np.inf, -np.inf, 0, 0
-    for slab in _slabs(volume.values):
+    for slab in slabs(volume.values):
         finite = slab[np.isfinite(slab)]
         missing = int(np.isnan(slab).sum())
         nan, infinite = nan + missing, infinite + slab.size - finite.size - missing
@@ -134,15 +133,9 @@ def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
 
 def _histogram(values: NDArray[Any], bins: int, limits: tuple[float, float]) -> list[int]:
     count = np.zeros(bins, np.int64)
-    for slab in _slabs(values):
+    for slab in slabs(values):
         count += np.histogram(slab[np.isfinite(slab)], bins, limits)[0]
     return [int(number) for number in count]
-
-
-def _slabs(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    step = max(1, CHUNK // max(1, values[0].size))
-    for z in range(0, len(values), step):
-        yield np.asarray(values[z : z + step])
 
 
 def _readers() -> tuple[dict[str, list[str]], list[str]]:

@@ -1,12 +1,14 @@
 """Which voxels are seen: the transfer function applied, the transparent ones left out."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
+from resample_volume.memory import require_memory
+from resample_volume.slabs import slabs
 from resample_volume.transfer import DataRange, TransferFunction, extinction
 from resample_volume.types import Volume
 
@@ -14,7 +16,6 @@ GRADIENTS = {"central": 0, "sobel": 1}  # voxels to either side over which slope
 STEEP = 99  # percentile of the gradients' lengths that counts as a full surface
 
 BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
-CHUNK = 1 << 22  # voxels looked at together
 
 Evaluate = Callable[[NDArray[Any], DataRange], Floats]
 
@@ -83,7 +84,7 @@ def classify(
 def finite_range(values: NDArray[Any]) -> DataRange:
     """Least and greatest value that is neither NaN nor infinite; (0, 1) where there is none."""
     low, high = np.inf, -np.inf
-    for chunk in _chunks(values):
+    for chunk in slabs(values):
         known = chunk if values.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
         if known.size:
             low, high = min(low, float(known.min())), max(high, float(known.max()))
@@ -106,19 +107,10 @@ def _check(gradient: str | None, ramp: tuple[float, float] | None) -> None:
         raise ValueError(f"gradient_opacity must be two fractions that ascend from 0 (got {ramp})")
 
 
-def _chunks(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Whole slices of the volume, few enough to be looked at together."""
-    step = max(1, CHUNK // max(1, values[0].size))
-    for z in range(0, len(values), step):
-        yield values[z : z + step]
-
-
 def _seen(volume: Volume, transfer: TransferFunction, data_range: DataRange) -> _Seen:
-    from resample_volume.memory import require_memory
-
     parts = []
     start = count = 0
-    for chunk in _chunks(volume.values):
+    for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
         opacity = _evaluated(transfer.opacities, value, data_range)
         index = np.flatnonzero(opacity > 0)

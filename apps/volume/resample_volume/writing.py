@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.images import replacing
-from resample_volume.memory import GIB, physical_memory
+from resample_volume.memory import require_memory
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
@@ -66,13 +66,8 @@ def check_targets(*paths: Path | None) -> None:
 
 def check_memory(height: int, width: int) -> None:
     """Refuse a picture that this machine cannot hold, before any work is done."""
-    memory = physical_memory()
     needed = BYTES_PER_PIXEL * height * width
-    if memory is not None and needed > memory:
-        raise ValueError(
-            f"a picture of {width} x {height} pixels needs {needed / GIB:.1f} GiB, this machine "
-            f"has {memory / GIB:.1f} GiB of memory; take a smaller size"
-        )
+    require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
 
 
 class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
