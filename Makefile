@@ -9,6 +9,7 @@ export UV_COMPILE_BYTECODE := 1
 .PHONY: demo test bench lint wheel lock clean
 demo: $(VENV)/.run
 	$(BIN)/resample-volume demo --output demo
+	$(BIN)/resample-texture demo --output demo
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
 bench: $(VENV)/.dev

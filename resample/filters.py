@@ -42,6 +42,19 @@ class Box:
 
 
 @dataclass(frozen=True)
+class Area:
+    """A pixel's square, shared by what overlaps it: what is weighed has an extent of its own.
+
+    Where only points can be weighed, it is a `Box`.
+    """
+
+    radius: ClassVar[float] = 0.5  # px
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return np.ones_like(distance)
+
+
+@dataclass(frozen=True)
 class Tent:
     """Weight that falls along a line to 0; radius 1 interpolates linearly."""
 
@@ -56,23 +69,31 @@ class Tent:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A bell curve, lowered by its value at the rim so that it ends at 0.
+    """A bell curve.
 
-    The cut at a radius leaves no step, whatever the radius (Pharr, Jakob and Humphreys, Physically
-    Based Rendering, 4th ed., section 8.8.1). At 3 σ the profile is lowered by 1.1 % of its peak.
+    Parameters
+    ----------
+    sigma
+        Standard deviation, px.
+    radius
+        Where it is cut, px; left out, at 4 σ, where it is 0.03 % of its peak.
+    lowered
+        Lower it by its value at the rim, so that the cut leaves no step, whatever the radius
+        (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th ed., section 8.8.1).
     """
 
-    sigma: float = 0.5  # px
-    radius: float = cast(float, None)  # px; left out, it is 3 σ
+    sigma: float = 0.5
+    radius: float = cast(float, None)
+    lowered: bool = False
 
     def __post_init__(self) -> None:
         _positive("sigma", self.sigma)
         if self.radius is None:
-            object.__setattr__(self, "radius", 3.0 * self.sigma)
+            object.__setattr__(self, "radius", 4.0 * self.sigma)
         _positive("radius", self.radius)
 
     def __call__(self, distance: Doubles) -> Doubles:
-        rim = math.exp(-0.5 * (self.radius / self.sigma) ** 2)
+        rim = math.exp(-0.5 * (self.radius / self.sigma) ** 2) if self.lowered else 0.0
         return np.maximum(np.exp(-0.5 * (distance / self.sigma) ** 2) - rim, 0.0)
 
 

@@ -225,7 +225,58 @@ def read_image(path: str | Path) -> Floats:
     OSError
         The file is missing or damaged.
     """
-    stored = _read(path)
+    return _linear(_read(path))
+
+
+def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int], Iterator[Floats]]:
+    """Read a picture strip by strip, in linear light, premultiplied.
+
+    Parameters
+    ----------
+    path
+        As `read_image` takes it.
+    height
+        Rows of a strip, about; tiles are not cut.
+
+    Returns
+    -------
+    Height, width and number of channels, and an iterator over strips (rows, width, channels) from
+    the top; together they are what `read_image` gives.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged; damage may show only while iterating.
+    """
+    source, header = _open(path)
+    spec = source.spec()
+    nothing = np.zeros((1, spec.width, spec.nchannels), np.float32)
+    channels = _linear(header._replace(data=nothing)).shape[2]
+    return (spec.height, spec.width, channels), _strips(path, source, header, height)
+
+
+def _strips(path: str | Path, source: Any, header: "_Stored", height: int) -> Iterator[Floats]:
+    import OpenImageIO
+
+    spec = source.spec()
+    step = -(-height // spec.tile_height) * spec.tile_height if spec.tile_width else height
+    for first in range(spec.y, spec.y + spec.height, step):
+        last = min(first + step, spec.y + spec.height)
+        if spec.tile_width:
+            across = spec.x, spec.x + spec.width
+            data = source.read_tiles(*across, first, last, 0, 1, OpenImageIO.FLOAT)
+        else:
+            data = source.read_scanlines(first, last, 0, 0, spec.nchannels, OpenImageIO.FLOAT)
+        complaint = source.geterror()
+        if data is None or complaint:
+            raise OSError(f"{path} is damaged: {_first_line(complaint)}")
+        strip = np.asarray(data, np.float32).reshape(last - first, spec.width, spec.nchannels)
+        yield _linear(header._replace(data=strip))
+    source.close()
+
+
+def _linear(stored: "_Stored") -> Floats:
+    """Picture in linear, premultiplied light, with the channels that `read_image` gives."""
     names, data = stored.names, stored.data
     alpha = names.index("A") if "A" in names else None
     color = [n for n in range(len(names)) if n != alpha]
@@ -252,7 +303,8 @@ class _Stored(NamedTuple):
     is_straight: bool  # color is not multiplied by alpha
 
 
-def _read(path: str | Path) -> _Stored:
+def _open(path: str | Path) -> tuple[Any, _Stored]:
+    """File, open, and what its header says; without data."""
     import OpenImageIO
 
     if not Path(path).is_file():
@@ -265,19 +317,29 @@ def _read(path: str | Path) -> _Stored:
         raise OSError(
             f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"
         )
+    spec = source.spec()
+    space = spec.get_string_attribute("oiio:ColorSpace").lower()
+    is_integer = str(spec.format) not in ("half", "float", "double")
+    header = _Stored(
+        np.zeros((0, 0, 0), np.float32),
+        list(spec.channelnames),
+        "srgb" in space or (is_integer and "lin" not in space),
+        bool(spec.get_int_attribute("oiio:UnassociatedAlpha")),
+    )
+    return source, header
+
+
+def _read(path: str | Path) -> _Stored:
+    import OpenImageIO
+
+    source, header = _open(path)
     data = source.read_image(OpenImageIO.FLOAT)
     complaint, spec = source.geterror(), source.spec()
     source.close()
     if data is None or complaint:
         raise OSError(f"{path} is damaged: {_first_line(complaint)}")
-    space = spec.get_string_attribute("oiio:ColorSpace").lower()
-    is_integer = str(spec.format) not in ("half", "float", "double")
-    return _Stored(
-        np.asarray(data, np.float32).reshape(spec.height, spec.width, spec.nchannels),
-        list(spec.channelnames),
-        "srgb" in space or (is_integer and "lin" not in space),
-        bool(spec.get_int_attribute("oiio:UnassociatedAlpha")),
-    )
+    shape = spec.height, spec.width, spec.nchannels
+    return header._replace(data=np.asarray(data, np.float32).reshape(shape))
 
 
 def _write(

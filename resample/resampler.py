@@ -48,6 +48,8 @@ from resample.types import (
 SPLAT_GRID, POINT_GRID = 4, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
 LARGEST_PICTURE = 2**28  # px
+LITERAL_FILTER = Gaussian(0.5, 1.5, lowered=True)  # that points of the paper's form are seen under
+POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
 
 
 class Primitive(StrEnum):
@@ -209,7 +211,7 @@ class Resampler:
         # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
         # that variance; the paper's are seen under the pixel's filter.
         literal = self.primitive is Primitive.PAPER
-        return filter_table((self.pixel_filter or Gaussian(0.5)) if literal else Gaussian(1.0))
+        return filter_table((self.pixel_filter or LITERAL_FILTER) if literal else POINT_FILTER)
 
     @cached_property
     def _tables(self) -> Tables:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.filters import PixelFilter
+from resample.interpolation import LARGEST_RADIUS, Interpolation, prefilter, taps
 from resample.orders import CompositingOrder
 from resample.reconstruction import Reconstruction, ripple
 from resample.types import FOOTPRINT, Records, Sheets
@@ -87,6 +88,36 @@ def check_reconstruction(reconstruction: Reconstruction) -> tuple[float, float]:
         f"than {100 * LARGEST_RIPPLE:g} % are needed, so make it wider or smoother",
     )
     return low, high
+
+
+def check_interpolation(interpolation: Interpolation) -> None:
+    """Make sure that an object can serve as an interpolation.
+
+    Parameters
+    ----------
+    interpolation
+        An object, not its class.
+
+    Raises
+    ------
+    AssertionError
+        It is not callable; its radius is not a positive number or too large; its weights do not
+        come as one finite real number per distance, depend on the distance's neighbours in the
+        array, change from call to call or add up to 0; or it cannot pass through samples.
+    """
+    name = repr(interpolation)
+    _require(callable(interpolation), f"{name} has no __call__(distance)")
+    radius = _positive(interpolation, "radius", "samples")
+    _require(radius <= LARGEST_RADIUS, f"{name} reaches {radius} samples, not {LARGEST_RADIUS}")
+    distance = np.linspace(0.0, radius, 1025)
+    weight = _numbers(interpolation, distance, "weights")
+    _check_independence(interpolation, distance, weight, "weights")
+    weights = taps(interpolation, np.linspace(-0.5, 0.5, 65))
+    _require(bool(np.isfinite(weights).all()), f"{name} has places where all weights add up to 0")
+    try:
+        prefilter(interpolation)
+    except ValueError as error:
+        raise AssertionError(str(error)) from None
 
 
 def check_order(order: CompositingOrder) -> None:

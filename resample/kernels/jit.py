@@ -2,12 +2,15 @@
 
 numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
 kernel in another file, a caller would keep running the old machine code. Here the name of a cache
-file also holds a digest of all kernel sources and whether bounds are checked.
+file also holds a digest of the core's kernels and of those in the same folder `kernels`, and
+whether bounds are checked.
 """
 
 import hashlib
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -18,14 +21,22 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _digest() -> str:
-    """Fingerprint of the sources that any kernel may be compiled from."""
+def _digest(other: Path | None = None) -> str:
+    """Fingerprint of the core's kernel sources and of those in another folder."""
     folder = Path(__file__).parent
     sources = [*sorted(folder.glob("*.py")), folder.parent / "types.py"]
+    sources += sorted(other.glob("*.py")) if other else []
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 SOURCES = _digest()
+
+
+@cache
+def _version(folder: Path) -> str:
+    """Fingerprint of all that a kernel of a folder may be compiled from."""
+    here = Path(__file__).parent
+    return _digest(folder) if folder != here and folder.name == here.name else SOURCES
 
 
 class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
@@ -37,7 +48,8 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        version = f"{SOURCES[:12]}{'-checked' if numba.config.BOUNDSCHECK else ''}"
+        digest = _version(Path(inspect.getfile(function)).parent)
+        version = f"{digest[:12]}{'-checked' if numba.config.BOUNDSCHECK else ''}"
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
             filename_base=f"{self._impl.filename_base}-{version}",

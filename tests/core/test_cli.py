@@ -46,7 +46,7 @@ def test_plugins_shows_distribution_description_and_parameters(capsys):
     ended("plugins", "filters")
     listed = capsys.readouterr().out
     assert "  tent  (hybrid-resample)\n      Weight that falls along a line to 0;" in listed
-    assert "      sigma=0.5, radius=None\n" in listed
+    assert "      sigma=0.5, radius=None, lowered=False\n" in listed
     assert "orders\n" not in listed
 
 

@@ -10,8 +10,8 @@ from resample.testing import check_filter
 CONTINUOUS = [
     Tent(),
     Tent(2.5),
-    Gaussian(),
-    Gaussian(0.7, 1.0),
+    Gaussian(lowered=True),
+    Gaussian(0.7, 1.0, lowered=True),
     Mitchell(),
     CatmullRom(),
     Lanczos(),
@@ -98,8 +98,12 @@ def test_a_tent_of_radius_one_interpolates_linearly():
     assert Tent()(np.array([0.25])) == pytest.approx(0.75)
 
 
-def test_a_gaussian_without_radius_ends_at_three_sigma():
-    assert Gaussian(sigma=0.6).radius == pytest.approx(1.8)
+def test_a_gaussian_without_radius_ends_at_four_sigma():
+    assert Gaussian(sigma=0.6).radius == pytest.approx(2.4)
+
+
+def test_a_lowered_gaussian_ends_at_zero():
+    assert Gaussian(radius=1.0, lowered=True)(np.array([1.0])) == 0.0
 
 
 def test_a_gaussian_keeps_its_width_when_cut():

@@ -183,12 +183,14 @@ def test_points_fall_where_their_samples_project(model, primitive, rng):
 
 
 @pytest.mark.parametrize("model", [None, Footprint.EXACT])
-@pytest.mark.parametrize("chosen", [None, Gaussian(0.5), Gaussian(0.8)], ids=repr)
+@pytest.mark.parametrize(
+    "chosen", [None, *(Gaussian(sigma, lowered=True) for sigma in (0.5, 0.8))], ids=repr
+)
 def test_the_papers_points_are_those_of_the_obvious_loop(chosen, model, rng):
     samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
     choices = {"primitive": Primitive.PAPER, "pixel_filter": chosen, "footprint": model}
     frame = draw(samples, seen_by, **choices)
-    profile = chosen or Gaussian(0.5)
+    profile = chosen or Gaussian(0.5, 1.5, lowered=True)
     truth = naive.paper_points(samples, seen_by, profile, profile.radius, height=SIDE, width=SIDE)
     assert (truth[..., 3] > 1e-3).sum() > 50
     assert frame.statistics.points == 50

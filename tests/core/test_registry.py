@@ -51,12 +51,14 @@ def test_an_unknown_group_lists_the_groups():
 
 
 def test_an_unknown_name_lists_the_known_ones_and_the_closest():
-    with pytest.raises(LookupError, match=r"did you mean 'gaussian'\? known filters: box, cat"):
+    with pytest.raises(
+        LookupError, match=r"did you mean 'gaussian'\? known filters: area, box, cat"
+    ):
         registry.load("filters", "gausian")
 
 
 def test_an_unknown_name_far_from_all_has_no_suggestion():
-    with pytest.raises(LookupError, match="unknown filter 'xyzzy'; known filters: box"):
+    with pytest.raises(LookupError, match="unknown filter 'xyzzy'; known filters: area, box"):
         registry.load("filters", "xyzzy")
 
 
@@ -73,8 +75,8 @@ def test_spaces_around_parameters_do_not_matter():
 
 
 def test_parameters_come_with_their_defaults():
-    assert registry.parameters(Gaussian) == {"sigma": 0.5, "radius": None}
-    assert registry.described(Gaussian) == "sigma=0.5, radius=None"
+    assert registry.parameters(Gaussian) == {"sigma": 0.5, "radius": None, "lowered": False}
+    assert registry.described(Gaussian) == "sigma=0.5, radius=None, lowered=False"
 
 
 def test_a_parameter_without_default_is_required():

@@ -61,7 +61,7 @@ def test_what_is_not_allowed_is_refused(choice):
 
 
 def test_an_unknown_plugin_lists_the_known():
-    with pytest.raises(LookupError, match="known filters: box"):
+    with pytest.raises(LookupError, match="known filters: area, box"):
         Resampling(filter="sinc").resampler()
 
 

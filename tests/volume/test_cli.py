@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from resample.console import say
 from resample.images import read_channels, read_image
 from resample.options import run
 from resample_volume import cli
-from resample_volume.session import announce_compilation, say
+from resample_volume.session import announce_compilation
 from resample_volume.source import open_volume
 from tests.processes import python
 
@@ -301,7 +302,7 @@ def test_a_volume_of_one_value_is_seen():
     [
         (["--primitive", "dots"], "'hybrid', 'points', 'splats' or 'paper'"),
         (["--footprint", "round"], "'exact', 'corrected', 'small-angle' or 'affine'"),
-        (["--filter", "sinc"], "known filters: box, catmull-rom, gaussian, lanczos,"),
+        (["--filter", "sinc"], "known filters: area, box, catmull-rom, gaussian,"),
         (["--kernel", "cone"], "known reconstructions: bspline, gaussian"),
         (["--order", "random"], "known orders: every-sample"),
         (["--transfer", "cheese"], "known: bone, vessels, engine, lobster,"),
@@ -482,7 +483,7 @@ def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
 
 
 def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 30)
     monkeypatch.setattr("resample_volume.source.open_volume", None)
     error = refused(capsys, "render", BOX, "-o", "out.png", "--size", "4000")
     assert "needs 1.5 GiB, this machine has 1.0 GiB of memory; take a smaller size" in error

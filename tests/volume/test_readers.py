@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK
 
+from resample import console
 from resample_volume import memory
 from resample_volume.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
 
@@ -637,7 +638,7 @@ def test_raw_that_does_not_tell_its_shape_is_refused(tmp_path):
     "form", ["a.nrrd", "a.mha", "a.nii", "a.nii.gz", "a.tif", "a.raw.gz", "dcm"]
 )
 def test_what_cannot_fit_is_refused_before_it_is_read(form, values, tmp_path, monkeypatch):
-    monkeypatch.setattr(memory, "physical_memory", lambda: 2000)
+    monkeypatch.setattr(console, "physical_memory", lambda: 2000)
     if form == "dcm":
         reader, path = Dicom(), write_dicom(tmp_path, values)
     elif form == "a.raw.gz":
@@ -654,7 +655,7 @@ def test_a_huge_header_does_not_allocate(tmp_path):
 
 def test_a_platform_that_does_not_tell_its_memory_refuses_nothing(monkeypatch):
     monkeypatch.delattr("os.sysconf")
-    assert memory.physical_memory() is None
+    assert console.physical_memory() is None
     memory.require_memory(1 << 80, "all")
 
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.ndimage import sobel
 from scipy.spatial.transform import Rotation
 
+from resample import console
 from resample.types import Doubles
-from resample_volume import memory
 from resample_volume.presets import load_transfer
 from resample_volume.transfer import from_points
 from resample_volume.types import Volume
@@ -297,7 +297,7 @@ def test_impossible_choices_are_refused(
 
 
 def test_what_does_not_fit_in_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "physical_memory", lambda: 1000)
+    monkeypatch.setattr(console, "physical_memory", lambda: 1000)
     assert len(classify(unit_volume(np.ones((1, 1, 5))), ALL).position) == 5
     with pytest.raises(ValueError, match="test with 6 visible voxels needs"):
         classify(unit_volume(np.ones((1, 1, 6))), ALL)

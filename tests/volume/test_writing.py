@@ -4,7 +4,7 @@ import pytest
 from resample_volume.readers import Npy
 from resample_volume.source import open_volume
 from resample_volume.types import Volume
-from resample_volume.writing import SUFFIXES, check_memory, check_targets, write_volume
+from resample_volume.writing import SUFFIXES, check_memory, write_volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -59,26 +59,10 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
-def test_targets_are_tried_and_left_alone(tmp_path):
-    (tmp_path / "there").write_text("keep me")
-    check_targets(tmp_path / "there", None, tmp_path / "new")
-    assert (tmp_path / "there").read_text() == "keep me"
-    assert [path.name for path in tmp_path.iterdir()] == ["there"]
-
-
-def test_targets_that_cannot_be_written_are_refused(tmp_path):
-    with pytest.raises(OSError, match="cannot be written"):
-        check_targets(tmp_path / "a", tmp_path / "none/b")
-    with pytest.raises(OSError, match="not a regular file"):
-        check_targets(tmp_path)
-    with pytest.raises(ValueError, match="cannot be written twice"):
-        check_targets(tmp_path / "a", tmp_path / "b/../a")
-
-
 def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: 100 << 20)
+    monkeypatch.setattr("resample.console.physical_memory", lambda: 100 << 20)
     check_memory(1000, 1000)
     with pytest.raises(ValueError, match=r"a picture of 3000 x 1000 pixels needs 0.3 GiB"):
         check_memory(1000, 3000)
-    monkeypatch.setattr("resample_volume.memory.physical_memory", lambda: None)
+    monkeypatch.setattr("resample.console.physical_memory", lambda: None)
     check_memory(10**6, 10**6)

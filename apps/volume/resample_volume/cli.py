@@ -3,7 +3,6 @@
 import json
 import sys
 from importlib.metadata import version
-from math import inf
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -59,9 +58,10 @@ def render(
     stats
         Also write counts and times (.json).
     """
+    from resample.console import check_targets, write_json
     from resample.images import check_suffix, write_frame
     from resample_volume.session import Session
-    from resample_volume.writing import check_memory, check_targets
+    from resample_volume.writing import check_memory
 
     check_suffix(output)
     size = picture.height_and_width()
@@ -77,7 +77,7 @@ def render(
     with session.stage("write"):
         write_frame(output, frame, bits=picture.bits, background=background)
     if stats is not None:
-        _write_json(stats, session.report(frame))
+        write_json(stats, session.report(frame))
 
 
 @app.command
@@ -116,10 +116,11 @@ def compare(
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample.compare import check_sheet, contact_sheet, plain
+    from resample.console import check_targets, rows_as_json
     from resample_volume.compare import compare as measured
     from resample_volume.compare import variants
     from resample_volume.session import Session
-    from resample_volume.writing import check_memory, check_targets
+    from resample_volume.writing import check_memory
 
     pixels = Picture(size=size).height_and_width()
     choice = variants(Resampling().resampler(), _words(primitive), _words(footprint))
@@ -135,7 +136,7 @@ def compare(
     if output is not None:
         notes = {str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in rows}
         contact_sheet(pictures, output, captions=notes)
-    sys.stdout.write(_json(rows) if as_json else plain(rows))
+    sys.stdout.write(rows_as_json(rows) if as_json else plain(rows))
 
 
 @app.command
@@ -179,8 +180,9 @@ def generate(name: str, /, *, output: Output) -> None:
     output
         .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
+    from resample.console import check_targets
     from resample_volume.source import generate as generated
-    from resample_volume.writing import check_suffix, check_targets, write_volume
+    from resample_volume.writing import check_suffix, write_volume
 
     check_suffix(output)
     check_targets(output)
@@ -221,8 +223,9 @@ def demo(*, output: Output = DEMO_FOLDER) -> None:
         Folder; created if missing.
     """
     from resample.compare import contact_sheet
+    from resample.console import say
     from resample.images import write_frame
-    from resample_volume.session import Session, say
+    from resample_volume.session import Session
     from resample_volume.source import generate as generated
 
     output.mkdir(parents=True, exist_ok=True)
@@ -254,19 +257,6 @@ def _background(name: str | None, output: Path) -> Any:
 
 def _words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    from resample.images import replacing
-
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-
-
-def _json(rows: list[dict[str, object]]) -> str:
-    """Rows as JSON, which cannot say infinity."""
-    finite = [{key: None if value == inf else value for key, value in row.items()} for row in rows]
-    return json.dumps(finite, indent=2) + "\n"
 
 
 def _listed(facts: dict[str, Any]) -> str:

@@ -1,21 +1,19 @@
 """A volume made ready once and painted as often as is asked for, with its times kept."""
 
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from resample.cameras import Camera
+from resample.console import progress_bar, say
 from resample.resampler import Resampler
 from resample.types import Frame, Samples
 from resample_volume.choices import Look
 from resample_volume.framing import Orbit, Shifted, centered, placed
 from resample_volume.rendering import lit_samples, visible_voxels
 from resample_volume.types import Volume
-
-Progress = Callable[[float], None]
 
 
 @dataclass
@@ -84,22 +82,3 @@ def announce_compilation() -> None:
 
     if not is_stored(paint_tiles):
         say("compiling kernels, once per installation: about half a minute")
-
-
-def say(text: str) -> None:
-    """One line to the user, beside the results."""
-    sys.stderr.write(f"resample: {text}\n")
-
-
-@contextmanager
-def progress_bar(what: str) -> Iterator[Progress | None]:
-    """Bar on a terminal's stderr; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)

@@ -1,12 +1,11 @@
-"""Write volumes to files, and find out first whether files can be written."""
+"""Write volumes to files."""
 
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from resample.console import require_memory
 from resample.images import replacing
-from resample_volume.memory import require_memory
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
@@ -46,32 +45,10 @@ def check_suffix(path: Path) -> str:
     return suffix
 
 
-def check_targets(*paths: Path | None) -> None:
-    """Refuse files that could not be written in the end, before any work is done; None is none.
-
-    Raises
-    ------
-    ValueError
-        Two are the same.
-    OSError
-        A folder is missing or must not be written to, or a target is no file.
-    """
-    given = [path for path in paths if path is not None]
-    if len({path.resolve() for path in given}) < len(given):
-        raise ValueError(f"{given[0]} cannot be written twice; give each output its own name")
-    for path in given:
-        with suppress(_Abandoned), replacing(path):
-            raise _Abandoned
-
-
 def check_memory(height: int, width: int) -> None:
     """Refuse a picture that this machine cannot hold, before any work is done."""
     needed = BYTES_PER_PIXEL * height * width
     require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
-
-
-class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
-    """Leaves a file that is being replaced as it was."""
 
 
 def _write_image(path: Path, volume: Volume) -> None:

@@ -1,0 +1,46 @@
+"""Texture mapping and image warping by hybrid forward resampling.
+
+The names below are imported when they are first used, so that `import resample_texture` is quick.
+"""
+
+from typing import TYPE_CHECKING
+
+from resample.lazy import attributes
+
+if TYPE_CHECKING:
+    from resample_texture.geometry import BackwardMap, ForwardMap, Homography
+    from resample_texture.methods import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.types import Edge, Warped
+    from resample_texture.warping import warp, warp_like_opencv
+
+_HOMES = {
+    "BackwardMap": "geometry",
+    "Edge": "types",
+    "ForwardMap": "geometry",
+    "Homography": "geometry",
+    "Hybrid": "methods",
+    "Paper": "methods",
+    "Points": "methods",
+    "Splats": "methods",
+    "Supersample": "methods",
+    "Warped": "types",
+    "warp": "warping",
+    "warp_like_opencv": "warping",
+}
+
+__all__ = [
+    "BackwardMap",
+    "Edge",
+    "ForwardMap",
+    "Homography",
+    "Hybrid",
+    "Paper",
+    "Points",
+    "Splats",
+    "Supersample",
+    "Warped",
+    "warp",
+    "warp_like_opencv",
+]
+
+__getattr__ = attributes(__name__, _HOMES)

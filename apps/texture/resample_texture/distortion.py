@@ -1,0 +1,155 @@
+"""OpenCV's model of a lens: where it bends points of the plane at distance 1, and back.
+
+Radial, tangential and thin-prism distortion, then the tilt of the sensor, as in the documentation
+of `cv2.calibrateCamera`. Points are x and y of any one shape, float64.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+
+COUNTS = (4, 5, 8, 12, 14)  # of coefficients
+STEPS = 30  # of Newton's method; most points need 5
+
+Points = tuple[Doubles, Doubles]  # x and y
+
+
+class Distortion(NamedTuple):
+    """Coefficients by what they do."""
+
+    numerator: Doubles  # (4,) of the radial factor, in the squared radius
+    denominator: Doubles  # (4,)
+    tangential: Doubles  # (2,)
+    prism: Doubles  # (4,)
+    tilt: Doubles  # (3, 3) homography of the plane
+    fold: float  # squared radius from which on the lens turns points back
+
+
+class _Bent(NamedTuple):
+    """Points behind the lens, and how they move with those before it."""
+
+    x: Doubles
+    y: Doubles
+    x_by_x: Doubles
+    x_by_y: Doubles
+    y_by_x: Doubles
+    y_by_y: Doubles
+
+    def determinant(self) -> Doubles:
+        return self.x_by_x * self.y_by_y - self.x_by_y * self.y_by_x
+
+
+def distortion(coefficients: Doubles) -> Distortion:
+    """Distortion of 4, 5, 8, 12 or 14 coefficients in OpenCV's order; those left out are 0."""
+    k1, k2, p1, p2, k3, k4, k5, k6, *others = np.pad(coefficients, (0, 14 - coefficients.size))
+    numerator, denominator = np.array([1, k1, k2, k3]), np.array([1, k4, k5, k6])
+    tangential, prism = np.array([p1, p2]), np.array(others[:4])
+    tilt, fold = _tilt(others[4], others[5]), _fold(numerator, denominator)
+    return Distortion(numerator, denominator, tangential, prism, tilt, fold)
+
+
+def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
+    """Points behind the lens; not a number beyond the fold."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        bent = _bend(lens, x, y)
+        is_single = _is_single(lens, x, y, bent)
+        x, y = _project(lens.tilt, bent.x, bent.y)
+    return np.where(is_single, x, np.nan), np.where(is_single, y, np.nan)
+
+
+def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points:
+    """Points before the lens, by Newton's method; not a number where there is none.
+
+    A point counts as found if the lens takes it to within `tolerance` of where it should.
+    """
+    x, y = _project(np.asarray(np.linalg.inv(lens.tilt), np.float64), x, y)
+    start = 0.5 * np.sqrt(lens.fold) / np.maximum(np.hypot(x, y), 1e-300)
+    u, v = x * np.minimum(1.0, start), y * np.minimum(1.0, start)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(STEPS):
+            bent = _bend(lens, u, v)
+            miss = x - bent.x, y - bent.y
+            if not (np.hypot(*miss) > tolerance).any():
+                break
+            u, v = _step(lens, u, v, bent, miss)
+        bent = _bend(lens, u, v)
+        is_met = np.hypot(x - bent.x, y - bent.y) <= tolerance
+        is_found = is_met & _is_single(lens, u, v, bent)
+    return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
+
+
+def _fold(numerator: Doubles, denominator: Doubles) -> float:
+    """Squared radius s at which r n(s) / d(s) stops to grow or has a pole, s = r²."""
+    n, d, s = Polynomial(numerator), Polynomial(denominator), Polynomial([0, 1])
+    growth = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
+    root = np.concatenate([growth.roots(), d.roots()]).astype(np.complex128)
+    is_radius = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0)
+    return float(np.min(root.real[is_radius], initial=np.inf))
+
+
+def _tilt(across: float, along: float) -> Doubles:
+    """Homography of a sensor tilted by τx and τy, rad."""
+    about_x = np.array(
+        [[1, 0, 0], [0, np.cos(across), np.sin(across)], [0, -np.sin(across), np.cos(across)]]
+    )
+    about_y = np.array(
+        [[np.cos(along), 0, -np.sin(along)], [0, 1, 0], [np.sin(along), 0, np.cos(along)]]
+    )
+    turn = about_y @ about_x
+    back = np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]])
+    return np.asarray(back @ turn, np.float64)
+
+
+def _bend(lens: Distortion, x: Doubles, y: Doubles) -> _Bent:
+    """Radial, tangential and thin-prism distortion, with derivatives."""
+    (p1, p2), (s1, s2, s3, s4) = lens.tangential, lens.prism
+    s = x * x + y * y
+    above, below = _horner(lens.numerator, s), _horner(lens.denominator, s)
+    factor = above[0] / below[0]
+    slope = 2.0 * (above[1] - factor * below[1]) / below[0]  # of the factor by s, twice
+    prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * s), 2.0 * (s3 + 2.0 * s4 * s)
+    crossed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+    return _Bent(
+        x * factor + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x) + (s1 + s2 * s) * s,
+        y * factor + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y + (s3 + s4 * s) * s,
+        factor + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x,
+        crossed + prism_x * y,
+        crossed + prism_y * x,
+        factor + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y,
+    )
+
+
+def _horner(c: Doubles, s: Doubles) -> tuple[Doubles, Doubles]:
+    """Value and slope of a cubic polynomial."""
+    return ((c[3] * s + c[2]) * s + c[1]) * s + c[0], (3.0 * c[3] * s + 2.0 * c[2]) * s + c[1]
+
+
+def _is_single(lens: Distortion, x: Doubles, y: Doubles, bent: _Bent) -> NDArray[np.bool_]:
+    """Whether points are on the side of the fold where the lens's axis is."""
+    return (x * x + y * y < lens.fold) & (bent.determinant() > 0)
+
+
+def _step(lens: Distortion, u: Doubles, v: Doubles, bent: _Bent, miss: Points) -> Points:
+    """Points moved by what they miss, but never beyond the fold."""
+    determinant = bent.determinant()
+    next_u = u + (miss[0] * bent.y_by_y - miss[1] * bent.x_by_y) / determinant
+    next_v = v + (miss[1] * bent.x_by_x - miss[0] * bent.y_by_x) / determinant
+    if not np.isfinite(lens.fold):
+        return next_u, next_v
+    limit, radius = np.sqrt(lens.fold), np.hypot(next_u, next_v)
+    shrink = np.where(radius < limit, 1.0, 0.5 * (np.hypot(u, v) + limit) / radius)
+    return next_u * shrink, next_v * shrink
+
+
+def _project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:
+    """Points moved by a homography; not a number behind the eye."""
+    d = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
+    d = np.where(d > 0, d, np.nan)
+    return (
+        (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]) / d,
+        (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]) / d,
+    )

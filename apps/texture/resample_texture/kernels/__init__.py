@@ -1,0 +1,1 @@
+"""The numba code of texture mapping: bare arrays and numbers."""

@@ -1,0 +1,72 @@
+"""The application's own nouns.
+
+Continuous pixel coordinates everywhere: the pixel in row i, column j covers [j, j + 1) × [i, i + 1)
+and has its center at (j + 0.5, i + 0.5), in the source as in the target.
+"""
+
+from enum import StrEnum
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Floats
+from resample_texture.geometry import Geometry
+
+
+class Edge(StrEnum):
+    """What lies beyond the source's edges."""
+
+    TRANSPARENT = "transparent"  # nothing: coverage ends there
+    CLAMP = "clamp"  # the outermost texels, for ever
+    WRAP = "wrap"  # the source again: a b c | a b c
+    MIRROR = "mirror"  # the source's mirror image: a b c | c b a
+
+
+class Warped(NamedTuple):
+    """A warped picture."""
+
+    image: NDArray[Any]  # (H, W) or (H, W, C) as the source; multiplied by the coverage
+    coverage: Floats  # (H, W) share of the pixel filter's mass that the source fills, 0..1
+
+    @property
+    def mean(self) -> Floats:
+        """Mean of what covers each pixel, float32; not a number where nothing does."""
+        coverage = self.coverage.reshape(self.coverage.shape + (1,) * (self.image.ndim - 2))
+        empty = np.full(self.image.shape, np.nan, np.float32)
+        np.divide(self.image, coverage, out=empty, where=coverage > 0.0)
+        return empty
+
+
+class Method(Protocol):
+    """Role of a way to warp.
+
+    A plugin is a class whose constructor takes the user's choices by name and refuses bad ones with
+    a `ValueError`.
+    """
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        """Warp texels.
+
+        Parameters
+        ----------
+        source
+            (H, W, C) float32, C-contiguous, linear light, multiplied by alpha where there is one.
+        geometry
+            Where texels go, or where pixels come from.
+        shape
+            Height and width of the target, px.
+        edge
+            What lies beyond the source's edges.
+
+        Returns
+        -------
+        `image` (height, width, C) float32, multiplied by `coverage` (height, width).
+
+        Raises
+        ------
+        ValueError
+            The method cannot do this kind of geometry.
+        """

@@ -1,0 +1,55 @@
+import io
+import json
+import math
+
+import pytest
+
+from resample import console
+from resample.console import check_targets, progress_bar, require_memory, rows_as_json, say
+
+
+def test_targets_are_tried_and_left_alone(tmp_path):
+    (tmp_path / "there").write_text("keep me")
+    check_targets(tmp_path / "there", None, tmp_path / "new")
+    assert (tmp_path / "there").read_text() == "keep me"
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_targets_that_cannot_be_written_are_refused(tmp_path):
+    with pytest.raises(OSError, match="cannot be written"):
+        check_targets(tmp_path / "a", tmp_path / "none/b")
+    with pytest.raises(OSError, match="not a regular file"):
+        check_targets(tmp_path)
+    with pytest.raises(ValueError, match="cannot be written twice"):
+        check_targets(tmp_path / "a", tmp_path / "b/../a")
+
+
+def test_what_cannot_fit_is_refused_with_a_remedy(monkeypatch):
+    monkeypatch.setattr(console, "physical_memory", lambda: 1 << 30)
+    require_memory(1 << 30, "all", "do less")
+    with pytest.raises(ValueError, match=r"all needs 2\.0 GiB, .* has 1\.0 GiB of memory; do less"):
+        require_memory(1 << 31, "all", "do less")
+
+
+def test_rows_without_bound_are_valid_json():
+    assert json.loads(rows_as_json([{"psnr": math.inf}])) == [{"psnr": None}]
+
+
+def test_what_is_said_goes_to_stderr(capsys):
+    say("hello")
+    assert capsys.readouterr() == ("", "resample: hello\n")
+
+
+def test_a_terminal_gets_a_bar(monkeypatch):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr("sys.stderr", terminal)
+    with progress_bar("working") as progress:
+        progress(0.5)
+    assert "working" in terminal.getvalue()
+
+
+def test_a_file_gets_no_bar(monkeypatch):
+    monkeypatch.setattr("sys.stderr", io.StringIO())
+    with progress_bar("working") as progress:
+        assert progress is None

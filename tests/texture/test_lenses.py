@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+
+from resample_texture.geometry import pixel_centers
+from resample_texture.lenses import Lens
+
+CAMERA = np.array([[90.0, 0.0, 49.0], [0.0, 85.0, 41.0], [0.0, 0.0, 1.0]])
+SHAPE = (80, 100)
+COEFFICIENTS = {
+    "none": [0.0, 0, 0, 0],
+    "barrel": [-0.3, 0.1, 1e-3, -2e-3],
+    "pincushion": [0.25, 0.05, 0, 0, 0.01],
+    "rational": [-0.28, 0.07, 2e-4, 1e-4, 0, 0.1, 0.02, 0.01],
+    "prism": [-0.28, 0.07, 2e-4, 1e-4, 0, 0.1, 0.02, 0.01, 1e-2, 2e-3, -1e-2, 1e-3],
+    "tilt": [-0.1, 0.01, 0, 0, 0, 0, 0, 0, 1e-3, 0, 1e-3, 0, 0.05, -0.03],
+}
+FOLDING = [-0.5, 0.0, 0.0, 0.0]  # r (1 − r² / 2) grows up to r² = 2 / 3 and then falls
+
+
+@pytest.fixture(params=COEFFICIENTS)
+def lens(request):
+    return Lens(CAMERA, np.array(COEFFICIENTS[request.param]))
+
+
+def through(lens, x, y):
+    """Places in the photo of places in the pinhole's picture, by OpenCV."""
+    import cv2
+
+    ray = np.stack([(x - 0.5 - 49) / 90, (y - 0.5 - 41) / 85, np.ones_like(x)], axis=-1)
+    places, _ = cv2.projectPoints(
+        ray.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), lens.matrix, lens.coefficients
+    )
+    return np.moveaxis(places.reshape(*x.shape, 2) + 0.5, -1, 0)
+
+
+# Taking the distortion out.
+
+
+def test_undistorting_agrees_with_opencv_s_projection(lens):
+    x, y = (np.ascontiguousarray(np.broadcast_to(c, SHAPE)) for c in pixel_centers(SHAPE))
+    found = lens.undistorting(SHAPE)
+    np.testing.assert_allclose((found.x, found.y), through(lens, x, y), atol=1e-9)
+
+
+def test_undistorting_agrees_with_opencv_s_map(lens):
+    cv2 = pytest.importorskip("cv2")
+    pinhole = np.array([[70.0, 0, 45], [0, 75, 38], [0, 0, 1]])
+    expected = cv2.initUndistortRectifyMap(
+        lens.matrix, lens.coefficients, None, pinhole, SHAPE[::-1], cv2.CV_32FC1
+    )
+    found = lens.undistorting(SHAPE, ideal=pinhole)
+    atol = 2e-5  # OpenCV's are float32
+    np.testing.assert_allclose((found.x - 0.5, found.y - 0.5), expected, atol=atol)
+
+
+def test_a_lens_without_distortion_changes_nothing():
+    for geometry in (
+        Lens(CAMERA, np.zeros(4)).undistorting(SHAPE),
+        Lens(CAMERA, np.zeros(4)).distorting(SHAPE),
+        Lens(CAMERA, np.zeros(4)).undistorting_forward(SHAPE),
+    ):
+        expected = np.broadcast_arrays(*pixel_centers(SHAPE))
+        np.testing.assert_allclose((geometry.x, geometry.y), expected, atol=1e-12)
+
+
+def test_beyond_the_fold_a_pinhole_sees_nothing():
+    wide = [20.0, 20.0, 49.5, 39.5]
+    found = Lens(CAMERA, np.array(FOLDING)).undistorting(SHAPE, ideal=wide)
+    column, row = pixel_centers(SHAPE)
+    radius = np.hypot((column - 50) / 20, (row - 40) / 20)
+    np.testing.assert_array_equal(np.isfinite(found.x), radius**2 < 2 / 3)
+
+
+def test_a_pole_of_the_denominator_ends_the_picture():
+    lens = Lens([20.0, 20.0, 49.5, 39.5], np.array([0, 0, 0, 0, 0, -1.0, 0, 0]))
+    column, row = pixel_centers(SHAPE)
+    radius = np.hypot((column - 50) / 20, (row - 40) / 20)
+    np.testing.assert_array_equal(np.isfinite(lens.undistorting(SHAPE).x), radius < 1)
+
+
+# Putting it in, and texels on their way out.
+
+
+def test_distorting_is_undone_by_the_lens(lens):
+    found = lens.distorting(SHAPE)
+    assert np.isfinite(found.x).all()
+    expected = np.broadcast_arrays(*pixel_centers(SHAPE))
+    np.testing.assert_allclose(through(lens, found.x, found.y), expected, atol=1e-6)
+
+
+def test_texels_go_where_the_backward_map_fetches_them(lens):
+    forward, backward = lens.undistorting_forward(SHAPE), lens.distorting(SHAPE)
+    np.testing.assert_array_equal((forward.x, forward.y), (backward.x, backward.y))
+
+
+def test_another_pinhole_is_regarded_on_the_way_back(lens):
+    same, other = lens.distorting(SHAPE), lens.distorting(SHAPE, ideal=[45, 170, 10, 20])
+    np.testing.assert_allclose(other.x, (same.x - 0.5 - 49) / 2 + 10.5, atol=1e-9)
+    np.testing.assert_allclose(other.y, (same.y - 0.5 - 41) * 2 + 20.5, atol=1e-9)
+
+
+def test_where_no_light_comes_through_there_is_nothing():
+    lens = Lens([45.0, 45.0, 49.5, 39.5], np.array(FOLDING))
+    found = lens.distorting(SHAPE)
+    column, row = pixel_centers(SHAPE)
+    radius = np.hypot((column - 50) / 45, (row - 40) / 45)
+    rim = np.sqrt(2 / 3) * 2 / 3  # r (1 − r² / 2) at r² = 2 / 3
+    np.testing.assert_array_equal(np.isfinite(found.x), radius < rim)
+
+
+def test_what_comes_through_is_on_the_near_side_of_the_fold():
+    found = Lens([45.0, 45.0, 49.5, 39.5], np.array(FOLDING)).distorting(SHAPE)
+    radius = np.hypot((found.x - 50) / 45, (found.y - 40) / 45)
+    assert np.nanmax(radius) < np.sqrt(2 / 3)
+
+
+def test_a_frame_s_blocks_do_not_show():
+    wide = Lens([900.0, 900.0, 199.5, 99.5], np.array(COEFFICIENTS["prism"]))
+    whole = wide.distorting((200, 400))  # three blocks
+    part = wide.distorting((81, 400))  # its first 81 rows, in one
+    np.testing.assert_array_equal(whole.x[:81], part.x)
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 6, 13, 15])
+def test_another_count_of_coefficients_is_refused(count):
+    with pytest.raises(ValueError, match="4, 5, 8, 12, 14 finite coefficients"):
+        Lens(CAMERA, np.zeros(count))
+
+
+def test_coefficients_that_are_not_finite_are_refused():
+    with pytest.raises(ValueError, match="finite coefficients"):
+        Lens(CAMERA, np.array([0, np.nan, 0, 0]))
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.eye(2),
+        np.zeros((3, 3)),
+        [90, 85, 49],
+        [0, 85, 49, 41],
+        [-90, 85, 49, 41],
+        [90, 85, np.inf, 41],
+        [[90, 1, 49], [0, 85, 41], [0, 0, 1]],
+        [[90, 0, 49], [0, 85, 41], [0, 0, 2]],
+        [[90, 0, 49], [0, 85, 41], [1e-3, 0, 1]],
+    ],
+)
+def test_what_is_no_camera_matrix_is_refused(matrix):
+    with pytest.raises(ValueError, match="a camera matrix is"):
+        Lens(matrix, np.zeros(4))
+    with pytest.raises(ValueError, match="a camera matrix is"):
+        Lens(CAMERA, np.zeros(4)).undistorting(SHAPE, ideal=matrix)
+
+
+def test_four_numbers_are_a_camera_matrix():
+    np.testing.assert_array_equal(Lens([90, 85, 49, 41], np.zeros(4)).matrix, CAMERA)
+
+
+def test_a_frame_without_pixels_is_refused():
+    with pytest.raises(ValueError, match="is empty"):
+        Lens(CAMERA, np.zeros(4)).undistorting((0, 5))
