@@ -10,8 +10,9 @@ from resample.lazy import attributes
 if TYPE_CHECKING:
     from resample_texture.geometry import BackwardMap, ForwardMap, Homography
     from resample_texture.methods import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.opencv import warp_like_opencv
     from resample_texture.types import Edge, Warped
-    from resample_texture.warping import warp, warp_like_opencv
+    from resample_texture.warping import warp
 
 _HOMES = {
     "BackwardMap": "geometry",
@@ -25,7 +26,7 @@ _HOMES = {
     "Supersample": "methods",
     "Warped": "types",
     "warp": "warping",
-    "warp_like_opencv": "warping",
+    "warp_like_opencv": "opencv",
 }
 
 __all__ = [

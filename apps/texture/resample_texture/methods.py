@@ -235,10 +235,10 @@ def _build(method: Any, name: str, group: str) -> None:
     given = getattr(method, name)
     if isinstance(given, str):
         object.__setattr__(method, name, registry.build(group, given))
-    elif not (callable(given) and hasattr(given, "radius")):
+    elif isinstance(given, type) or not (callable(given) and hasattr(given, "radius")):
         raise ValueError(f"{name} {given!r}; known {group}: {', '.join(registry.names(group))}")
 
 
 def _check_quality(quality: float) -> None:
-    if not 1.0 <= quality <= LARGEST_QUALITY:
-        raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not at {quality}")
+    if not isinstance(quality, int | float) or not 1.0 <= quality <= LARGEST_QUALITY:
+        raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not at {quality!r}")

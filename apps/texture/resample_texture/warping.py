@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.types import Floats
-from resample_texture.encoding import Encoding, decoded, encoded, light, without_gaps
+from resample_texture.encoding import Encoding, decoded, encoded
 from resample_texture.geometry import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.matrices import homography
 from resample_texture.shifts import shifted, whole_shift
@@ -19,24 +19,6 @@ from resample_texture.types import Edge, Method, Warped
 
 LARGEST_PICTURE = 1 << 30  # pixels; more is a mistake in a size
 MARGIN = 3  # px of a map around a region, besides the filter: they tell how large its pixels are
-
-# Of cv2, which need not be imported for them.
-WARP_INVERSE_MAP = 16
-INTERPOLATIONS = {
-    0: "nearest",
-    1: "bilinear",
-    2: "catmull-rom",
-    3: "bilinear",
-    4: "spline",
-}
-BORDER_CONSTANT, BORDER_TRANSPARENT = 0, 5
-BORDERS = {
-    BORDER_CONSTANT: Edge.TRANSPARENT,
-    1: Edge.CLAMP,
-    2: Edge.MIRROR,
-    3: Edge.WRAP,
-    BORDER_TRANSPARENT: Edge.TRANSPARENT,
-}
 
 
 def warp(  # noqa: PLR0913 - what a user may say about a warp
@@ -111,103 +93,30 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     """
     geometry = _geometry(matrix, convention, inverse)
     border = edge_named(edge)
-    shape = _pair(shape, "height", "width")
-    chosen = _method(
+    shape = whole_pair(shape, "height", "width")
+    chosen = method_named(
         method, filter=filter, reconstruction=reconstruction, quality=quality, total=total
     )
     part = np.s_[:, :]
     if roi is not None:
         geometry, shape, part = _within(geometry, shape, roi, chosen)
-    _check_shape(shape)
+    check_shape(shape)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha)
     if encoding.dtype.kind == "u" and _is_sum(chosen):
         raise ValueError(f"sums do not fit {encoding.dtype}; give floats: image.astype('float32')")
-    shift = _shift(geometry, chosen)
+    shift = shift_of(geometry, chosen)
     if shift is not None:
-        return _moved(image, texels, encoding, shift, shape, border)
-    warped = _run(chosen, (texels, geometry, shape, border), threads)
+        return moved(image, texels, encoding, shift, shape, border)
+    warped = run(chosen, (texels, geometry, shape, border), threads)
     if encoding.has_gaps and _is_sum(chosen):
         mean = dataclasses.replace(chosen, total=False)  # type: ignore[type-var]
         there = np.ascontiguousarray(texels[..., -1:])
-        warped.image[..., -1:] = _run(mean, (there, geometry, shape, border), threads).image
+        warped.image[..., -1:] = run(mean, (there, geometry, shape, border), threads).image
     picture, coverage = encoded(warped, encoding)
     return Warped(picture[part], coverage[part])
 
 
-def warp_like_opencv(  # noqa: PLR0913 - the parameters of cv2.warpPerspective
-    src: NDArray[Any],
-    M: ArrayLike,  # noqa: N803
-    dsize: tuple[int, int],
-    dst: NDArray[Any] | None = None,
-    flags: int = 1,
-    borderMode: int = BORDER_CONSTANT,  # noqa: N803
-    borderValue: float | tuple[float, ...] = 0,  # noqa: N803
-    *,
-    linear_light: bool = True,
-    method: str | Method = "hybrid",
-) -> NDArray[Any]:
-    """`cv2.warpPerspective` without the aliasing: same parameters, same kind of result.
-
-    Parameters
-    ----------
-    src
-        (H, W) or (H, W, C); a fourth channel is like the others.
-    M
-        (3, 3) or (2, 3) from source to target, pixel centers at integers; from target to source
-        with `cv2.WARP_INVERSE_MAP` in `flags`.
-    dsize
-        Width and height of the result.
-    dst
-        What shows through under `BORDER_TRANSPARENT`; it is left as it is.
-    flags
-        `cv2.INTER_*`: how texels are interpolated where they grow (LANCZOS4: as a cubic spline).
-    borderMode, borderValue
-        `BORDER_CONSTANT`, `_REPLICATE`, `_REFLECT`, `_WRAP` or `_TRANSPARENT`; one value for all
-        channels or one for each.
-    linear_light
-        Filter light, not encoded values, of integer pictures; OpenCV filters what it is given.
-    method
-        As `warp` takes it.
-
-    Raises
-    ------
-    ValueError
-        A flag is not one of these, `dst` or `borderValue` does not fit, or as `warp`.
-    """
-    kind = flags & ~WARP_INVERSE_MAP & ~8  # 8: WARP_FILL_OUTLIERS, which is what we do
-    if kind not in INTERPOLATIONS:
-        raise ValueError(f"flags {flags}: interpolations are cv2.INTER_NEAREST to INTER_LANCZOS4")
-    if borderMode not in BORDERS:
-        raise ValueError(
-            f"borderMode {borderMode}: CONSTANT, REPLICATE, REFLECT, WRAP and TRANSPARENT are known"
-        )
-    width, height = _pair(dsize, "width", "height")
-    shape = height, width
-    _check_shape(shape)
-    chosen = _method(method)
-    if hasattr(chosen, "reconstruction"):
-        chosen = _method(chosen, reconstruction=INTERPOLATIONS[kind])
-    texels, encoding = decoded(src, linear_light=linear_light, alpha="none")
-    image = np.asarray(src)
-    geometry = homography(M, convention="opencv", inverse=bool(flags & WARP_INVERSE_MAP))
-    full = (*shape, *image.shape[2:])
-    if borderMode == BORDER_TRANSPARENT:
-        background = _picture_behind(dst, full, image.dtype)
-    else:
-        background = _color_behind(borderValue, full, image.dtype)
-    border = BORDERS[borderMode]
-    shift = _shift(geometry, chosen)
-    if shift is not None:
-        moved = _moved(image, texels, encoding, shift, shape, border)
-        is_there = (moved.coverage > 0).reshape(*shape, *[1] * (image.ndim - 2))
-        return np.where(is_there, moved.image, background)
-    warped = without_gaps(_run(chosen, (texels, geometry, shape, border)), encoding)
-    behind = light(background.reshape(*shape, -1), is_encoded=encoding.is_encoded)
-    over = Warped(_over(warped, behind), warped.coverage)
-    return encoded(over, encoding._replace(has_gaps=False)).image
-
-
-def _run(
+def run(
     method: Method,
     given: tuple[Floats, Geometry, tuple[int, int], Edge],
     threads: int | None = None,
@@ -232,52 +141,13 @@ def edge_named(name: str) -> Edge:
     return Edge(name)
 
 
-def _picture_behind(
-    dst: NDArray[Any] | None, full: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    """Picture to show where the source does not."""
-    if dst is None:
-        return np.zeros(full, dtype)
-    behind = np.asarray(dst)
-    if behind.shape != full or behind.dtype != dtype:
-        raise ValueError(
-            f"dst is {behind.dtype} of {behind.shape}; the result is {dtype} of {full}"
-        )
-    return behind
-
-
-def _color_behind(
-    value: float | tuple[float, ...], full: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    """One color, in the type of a picture, wherever the source does not show."""
-    values = np.atleast_1d(np.asarray(value, np.float64))
-    channels = full[2] if len(full) == 3 else 1
-    if values.ndim > 1 or (values.size != 1 and values.size < channels):
-        raise ValueError(f"borderValue {value}: give one number, or {channels}")
-    if dtype.kind == "u":
-        values = np.clip(np.rint(np.nan_to_num(values)), 0, np.iinfo(dtype).max)
-    with np.errstate(over="ignore"):
-        level = values.astype(dtype)
-    level = np.broadcast_to(level, channels) if level.size == 1 else level[:channels]
-    return np.broadcast_to(level if len(full) == 3 else level[0], full)
-
-
-def _over(warped: Warped, behind: Floats) -> Floats:
-    """Picture (H, W, C) and what shows through it; even what is not a number, but only there."""
-    missing = (1.0 - warped.coverage)[..., None]
-    through = np.zeros_like(warped.image)
-    np.multiply(missing, behind, out=through, where=missing > 0.0)
-    through += warped.image
-    return through
-
-
-def _shift(geometry: Geometry, chosen: Method) -> tuple[int, int] | None:
+def shift_of(geometry: Geometry, chosen: Method) -> tuple[int, int] | None:
     """Whole pixels by which texels move, if that is all that happens to them."""
     keeps = getattr(chosen, "keeps_texels", False)
     return whole_shift(geometry.matrix) if keeps and isinstance(geometry, Homography) else None
 
 
-def _moved(
+def moved(
     image: NDArray[Any], texels: Floats, encoding: Encoding,
     shift: tuple[int, int], shape: tuple[int, int], edge: Edge,
 ) -> Warped:  # fmt: skip
@@ -308,11 +178,11 @@ def _within(
     geometry: Geometry, shape: tuple[int, int], roi: tuple[int, int, int, int], chosen: Method
 ) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:
     """Geometry and shape of what to draw of the target, and the part of it that is wanted."""
-    left, top = _pair(roi[:2], "left", "top")
-    width, height = _pair(roi[2:], "width", "height")
+    left, top = whole_pair(roi[:2], "left", "top")
+    width, height = whole_pair(roi[2:], "width", "height")
     if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
         raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
-    _check_shape((height, width))
+    check_shape((height, width))
     if isinstance(geometry, BackwardMap):
         if geometry.x.shape != shape:
             raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
@@ -329,7 +199,7 @@ def _within(
     return Homography(moved, geometry.is_signed), (height, width), everything
 
 
-def _pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
+def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
     """Two numbers of pixels."""
     try:
         numbers = [operator.index(number) for number in given]
@@ -340,7 +210,8 @@ def _pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
     return numbers[0], numbers[1]
 
 
-def _check_shape(shape: tuple[int, int]) -> None:
+def check_shape(shape: tuple[int, int]) -> None:
+    """Refuse a target's height and width that no picture can have."""
     height, width = shape
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
@@ -349,7 +220,7 @@ def _check_shape(shape: tuple[int, int]) -> None:
         )
 
 
-def _method(method: str | Method, **choices: Any) -> Method:
+def method_named(method: str | Method, **choices: Any) -> Method:
     """Method by name, with the choices that were made.
 
     Raises
