@@ -37,6 +37,7 @@ OURS: list[tuple[str, dict[str, Any]]] = [
     ("hybrid, Gaussian, quality 1", {"filter": "gaussian", "quality": 1.0}),
     ("hybrid, Gaussian", {"filter": "gaussian"}),
     ("hybrid, Gaussian, quality 2", {"filter": "gaussian", "quality": 2.0}),
+    ("hybrid, Gaussian, quality 3", {"filter": "gaussian", "quality": 3.0}),
     (
         "hybrid, Gaussian, spline, quality 2",
         {"filter": "gaussian", "quality": 2.0, "reconstruction": "spline"},

@@ -1,0 +1,120 @@
+"""Small textured meshes, cameras on them, and the obvious slow way to see a square."""
+
+import math
+
+import numpy as np
+
+from resample.cameras import Orthographic, Pinhole, look_at
+from resample.interpolation import CatmullRom
+from resample_texture.mesh import Mesh, MeshStyle, render_mesh
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+FALLING = np.array([[0, 1, 2], [0, 2, 3]])  # the two ways to halve it
+RISING = np.array([[0, 1, 3], [1, 2, 3]])
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+FACES = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
+
+
+def even(*color):
+    return np.full((4, 4, 3), color, np.float32)
+
+
+def noise(size, seed=3):
+    rng = np.random.default_rng(seed)
+    coarse = rng.random((size // 8, size // 8, 3))
+    return np.kron(coarse, np.ones((8, 8, 1))).astype(np.float32)
+
+
+def square(texture, corners=SQUARE, triangle=FALLING):
+    return Mesh(corners, triangle, uv=SQUARE[:, :2], textures=(texture,))
+
+
+def cube(texture):
+    corner = FACES.ravel()
+    triangle = (4 * np.arange(6)[:, None, None] + FALLING[None]).reshape(-1, 3)
+    uv = np.tile(SQUARE[:, :2], (6, 1))
+    return Mesh(CUBE[corner], triangle, uv=uv, textures=(texture,))
+
+
+def finely_cut(texture, count):
+    """The unit square in count × count squares."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*2 * [np.linspace(0, 1, count + 1)]))
+    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).reshape(-1, 1)
+    corner = first + np.array([0, 1, count + 2, count + 1])
+    position = np.stack([x, y, np.zeros_like(x)], axis=1)
+    return Mesh(position, corner[:, FALLING].reshape(-1, 3), position[:, :2], (texture,))
+
+
+def from_above(scale, size, turn=0.0):
+    """Camera that looks along −z at the middle of the unit square, y upward in the picture."""
+    up = (np.sin(turn), np.cos(turn), 0.0)
+    pose = look_at((0.5, 0.5, 5.0), (0.5, 0.5, 0.0), up)
+    return Orthographic(scale, scale, size / 2, size / 2, pose)
+
+
+def oblique(distance, size):
+    pose = look_at((0.5 + distance, 0.5 - distance, distance), (0.5, 0.5, 0.0))
+    return Pinhole.from_fov(40, height=size, width=size, world_to_camera=pose)
+
+
+def picture(mesh, camera, size, **style):
+    return render_mesh(mesh, camera, height=size, width=size, style=MeshStyle(**style))
+
+
+def decibels(found, truth):
+    return -10 * np.log10(np.mean((found - truth) ** 2))
+
+
+def naive(texture, camera, size, rays=8, interpolation=None):
+    """The unit square at z = 0, by rays through a grid in every pixel."""
+    image = naive_rays(texture, camera, size, rays, interpolation or CatmullRom())
+    return image.reshape(size, rays, size, rays, 4).mean(axis=(1, 3))
+
+
+def naive_rays(texture, camera, size, rays, interpolation):
+    view = camera.view()
+    row, column = (np.mgrid[0 : size * rays, 0 : size * rays] + 0.5) / rays
+    flat = np.stack([view.rotation[:, 0], view.rotation[:, 1], view.translation], axis=1)
+    if not view.perspective:
+        flat[2] = 0, 0, 1
+    lens = np.array([[view.focal[0], 0, view.principal[0]], [0, view.focal[1], view.principal[1]]])
+    lens = np.vstack([lens, [0, 0, 1]])
+    place = np.linalg.inv(lens @ flat) @ np.stack([column.ravel(), row.ravel(), np.ones(row.size)])
+    u, v = place[:2] / place[2]
+    hit = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+    image = np.zeros((row.size, 4))
+    image[hit, :3] = interpolated(texture, u[hit], 1 - v[hit], interpolation)
+    image[hit, 3] = 1
+    return image.reshape(size * rays, size * rays, 4)
+
+
+def interpolated(texture, u, t, interpolation):
+    """Colors at places of a texture that repeats."""
+    height, width, _ = texture.shape
+    coefficient = texture.astype(float)
+    for axis, size in enumerate((height, width)):
+        at_texels = np.zeros(size)
+        reach = range(-math.ceil(interpolation.radius), math.ceil(interpolation.radius) + 1)
+        for step in reach:
+            at_texels[step % size] += weight(interpolation, np.array(float(step)))
+        response = np.fft.fft(at_texels / at_texels.sum())
+        shape = [1, 1, 1]
+        shape[axis] = size
+        spectrum = np.fft.fft(coefficient, axis=axis) / response.reshape(shape)
+        coefficient = np.fft.ifft(spectrum, axis=axis).real
+    color, total = np.zeros((u.size, 3)), 0.0
+    x, y = u * width - 0.5, t * height - 0.5
+    for n in reach:
+        for m in reach:
+            line, place = np.floor(y).astype(int) + n, np.floor(x).astype(int) + m
+            share = weight(interpolation, y - line) * weight(interpolation, x - place)
+            color += share[:, None] * coefficient[line % height, place % width]
+            total = total + share[:, None]
+    return color / total
+
+
+def weight(interpolation, distance):
+    distance = np.abs(distance)
+    return np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
