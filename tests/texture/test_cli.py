@@ -524,7 +524,15 @@ def test_a_mesh_is_shown_with_its_texture():
 
 
 @pytest.mark.parametrize(
-    "words", [["--camera", "60/10/1"], ["--fov", "0"], ["--up", "z"], ["--texture", "blue.png"]]
+    "words",
+    [
+        ["--camera", "60/10/1"],
+        ["--fov", "0"],
+        ["--up", "z"],
+        ["--texture", "blue.png"],
+        ["--reconstruction", "nearest"],
+        ["--filter", "gaussian:sigma=0.8"],
+    ],
 )
 def test_every_choice_changes_the_meshs_picture(words):
     square()

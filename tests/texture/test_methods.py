@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.filters import Area, Gaussian
+from resample.filters import Area, Box, Gaussian
 from resample.interpolation import Bilinear, CatmullRom
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, warp
 from resample_texture.geometry import source_coordinates
@@ -215,3 +215,13 @@ def test_the_others_leave_no_holes(method):
     white = np.ones((*SOURCE, 1), np.float32)
     coverage = made(method)(white, HUGE, SHAPE, Edge.TRANSPARENT).coverage
     np.testing.assert_allclose(coverage[filled(HUGE)], 1.0, atol=1e-6)
+
+
+def test_a_class_in_place_of_a_filter_is_refused():
+    with pytest.raises(ValueError, match="known filters: area"):
+        Hybrid(filter=Box)
+
+
+def test_a_quality_that_is_no_number_is_refused():
+    with pytest.raises(ValueError, match="quality lies between 1 and 16, not at '2'"):
+        Hybrid(quality="2")

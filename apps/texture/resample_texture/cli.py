@@ -152,6 +152,8 @@ def mesh(
     view: Annotated[View, Flat] = VIEW,
     size: str = "512",
     texture: Path | None = None,
+    reconstruction: str = "catmull-rom",
+    filter: str = "box",  # noqa: A002
     background: str | None = None,
     bits: Literal[8, 16] = 8,
 ) -> None:
@@ -169,11 +171,16 @@ def mesh(
         Pixels: 400 for a square, 640x480 for width and height.
     texture
         Picture to use in place of the textures that the file names.
+    reconstruction
+        Interpolation between texels.
+    filter
+        Pixel filter, such as gaussian:sigma=0.5.
     background
         black, white, #rrggbb or none for transparent.
     bits
         Per channel of a PNG.
     """
+    from resample import registry
     from resample.console import check_targets, progress_bar
     from resample.images import check_suffix, write_frame
     from resample.settings import linear_color
@@ -184,13 +191,17 @@ def mesh(
     height, width = height_and_width(size)
     view.angles()
     behind = None if background is None else linear_color(background)
+    style = MeshStyle(
+        interpolation=registry.build("interpolations", reconstruction),
+        pixel_filter=registry.build("filters", filter),
+        shading=view.shading,
+    )
     check_targets(output)
     check_memory((height, width), 16)
     shape = load_mesh(model, texture)
     camera = view.placed(shape, (height, width))
-    announce_compilation()
+    announce_compilation(mesh=True)
     with progress_bar("painting"):
-        style = MeshStyle(shading=view.shading)
         frame = render_mesh(shape, camera, height=height, width=width, style=style)
     write_frame(output, framed(frame), bits=bits, background=behind)
 

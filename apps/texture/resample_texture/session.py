@@ -113,12 +113,13 @@ def framed(frame: "MeshFrame") -> Frame:
     return Frame(frame.rgba, frame.depth, frame.first_depth, frame.coverage, nothing)
 
 
-def announce_compilation() -> None:
+def announce_compilation(*, mesh: bool = False) -> None:
     """Say on stderr that the first run takes longer, if this is one."""
     from resample.kernels.jit import is_stored
+    from resample_texture.kernels.mesh_painting import paint
     from resample_texture.kernels.painting import paint_blocks
 
-    if not is_stored(paint_blocks):
+    if not is_stored(paint if mesh else paint_blocks):
         say("compiling kernels, once per installation: about half a minute")
 
 
