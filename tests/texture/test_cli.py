@@ -39,7 +39,7 @@ def folder(tmp_path, monkeypatch, photo):
     """The working folder of every command, with photo.png in it; nothing is announced."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample_texture.session.announce_compilation", lambda: None)
+    monkeypatch.setattr("resample_texture.session.announce_compilation", lambda **_: None)
     return tmp_path
 
 

@@ -23,7 +23,7 @@ def _add_four(sums: Floats, at: int, a: Single, b: Single, c: Single, d: Single)
 
 
 @kernel
-def add_areas_gray(
+def _add_areas_gray(
     sums: Floats,
     start: int,
     width: int,
@@ -48,7 +48,7 @@ def add_areas_gray(
 
 
 @kernel
-def add_areas_color(
+def _add_areas_color(
     sums: Floats,
     start: int,
     width: int,
@@ -150,3 +150,37 @@ def add_points_color(
                 w = share * profile[phase_x, column]
                 _add_four(sums, at + 4 * column, w * red, w * green, w * blue, w)
             at += 4 * width
+
+
+@kernel
+def add(
+    sums: Floats,
+    start: int,
+    width: int,
+    values: Floats,
+    pixel: Places,
+    along_x: Floats,
+    along_y: Floats,
+    mass: Floats,
+    profile: Floats,
+    taps: int,
+) -> None:
+    """Add a row of cells or points to sums that begin at `start` and are `width` px wide.
+
+    Parameters
+    ----------
+    values
+        (1 or 3, N).
+    pixel, along_x, along_y, mass
+        (N,) as `place_on_plane` fills them.
+    profile, taps
+        (PHASES, taps) of the pixel filter; taps is 0 for the area filter.
+    """
+    if taps == 0 and values.shape[0] == 1:
+        _add_areas_gray(sums, start, width, values, pixel, along_x, along_y, mass)
+    elif taps == 0:
+        _add_areas_color(sums, start, width, values, pixel, along_x, along_y, mass)
+    elif values.shape[0] == 1:
+        add_points_gray(sums, start, width, values, pixel, along_x, along_y, mass, profile)
+    else:
+        add_points_color(sums, start, width, values, pixel, along_x, along_y, mass, profile)

@@ -11,12 +11,7 @@ import numpy as np
 
 from resample.kernels.jit import kernel, parallel_kernel
 from resample.types import Doubles, Floats
-from resample_texture.kernels.adding import (
-    add_areas_color,
-    add_areas_gray,
-    add_points_color,
-    add_points_gray,
-)
+from resample_texture.kernels.adding import add
 from resample_texture.kernels.blocks import BOTTOM, LEFT, RIGHT, TOP, Integers
 from resample_texture.kernels.placing import Places, Spread
 from resample_texture.kernels.texels import DENSE, EXACT, TRANSPARENT, mapped
@@ -183,52 +178,18 @@ def _gather_tile(
                     y += along_y[n] - before
                     along_x[n], along_y[n] = x - math.floor(x), y - math.floor(y)
                 pixel[n] = int(y) * width + int(x)
-            if spread.taps == 0 and count == 1:
-                add_areas_gray(
-                    sums,
-                    start,
-                    width,
-                    values,
-                    pixel[:points],
-                    along_x[:points],
-                    along_y[:points],
-                    mass[:points],
-                )
-            elif spread.taps == 0:
-                add_areas_color(
-                    sums,
-                    start,
-                    width,
-                    values,
-                    pixel[:points],
-                    along_x[:points],
-                    along_y[:points],
-                    mass[:points],
-                )
-            elif count == 1:
-                add_points_gray(
-                    sums,
-                    start,
-                    width,
-                    values,
-                    pixel[:points],
-                    along_x[:points],
-                    along_y[:points],
-                    mass[:points],
-                    profile,
-                )
-            else:
-                add_points_color(
-                    sums,
-                    start,
-                    width,
-                    values,
-                    pixel[:points],
-                    along_x[:points],
-                    along_y[:points],
-                    mass[:points],
-                    profile,
-                )
+            add(
+                sums,
+                start,
+                width,
+                values,
+                pixel[:points],
+                along_x[:points],
+                along_y[:points],
+                mass[:points],
+                profile,
+                spread.taps,
+            )
 
 
 @parallel_kernel

@@ -12,12 +12,7 @@ import numpy as np
 
 from resample.kernels.jit import kernel, parallel_kernel
 from resample.types import Doubles, Floats
-from resample_texture.kernels.adding import (
-    add_areas_color,
-    add_areas_gray,
-    add_points_color,
-    add_points_gray,
-)
+from resample_texture.kernels.adding import add
 from resample_texture.kernels.blocks import BOTTOM, CUT, LEFT, RIGHT, START, TOP, Integers
 from resample_texture.kernels.placing import Spread, place_on_map, place_on_plane
 from resample_texture.kernels.texels import (
@@ -107,14 +102,7 @@ def _paint_block(
                 )
             if spread.is_sum:
                 _as_densities(values, mass, size_u * size_v)
-            if spread.taps == 0 and count == 1:
-                add_areas_gray(sums, start, width, values, pixel, along_x, along_y, mass)
-            elif spread.taps == 0:
-                add_areas_color(sums, start, width, values, pixel, along_x, along_y, mass)
-            elif count == 1:
-                add_points_gray(sums, start, width, values, pixel, along_x, along_y, mass, profile)
-            else:
-                add_points_color(sums, start, width, values, pixel, along_x, along_y, mass, profile)
+            add(sums, start, width, values, pixel, along_x, along_y, mass, profile, spread.taps)
 
 
 @parallel_kernel
