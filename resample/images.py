@@ -280,7 +280,12 @@ def _linear(stored: "_Stored") -> Floats:
     names, data = stored.names, stored.data
     alpha = names.index("A") if "A" in names else None
     color = [n for n in range(len(names)) if n != alpha]
-    if stored.is_encoded:
+    if stored.is_encoded and 0 < stored.levels < data.size:  # a table is quicker than powers
+        light = from_srgb((np.arange(stored.levels + 1) / stored.levels).astype(np.float32))
+        for row in data:
+            level = (row[:, color] * stored.levels + 0.5).astype(np.uint16)
+            row[:, color] = light[level]
+    elif stored.is_encoded:
         data[..., color] = from_srgb(data[..., color])
     if stored.is_straight and alpha is not None:
         data[..., color] *= data[..., alpha, None]
@@ -301,6 +306,7 @@ class _Stored(NamedTuple):
     names: list[str]  # C channels
     is_encoded: bool  # by the sRGB curve
     is_straight: bool  # color is not multiplied by alpha
+    levels: int  # largest value of 8 and 16 bits, which data is a fraction of; 0: other types
 
 
 def _open(path: str | Path) -> tuple[Any, _Stored]:
@@ -325,6 +331,7 @@ def _open(path: str | Path) -> tuple[Any, _Stored]:
         list(spec.channelnames),
         "srgb" in space or (is_integer and "lin" not in space),
         bool(spec.get_int_attribute("oiio:UnassociatedAlpha")),
+        {"uint8": 255, "uint16": 65535}.get(str(spec.format), 0),
     )
     return source, header
 

@@ -35,6 +35,7 @@ from resample_texture.types import Edge, Warped
 JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 1
 FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
 MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
+FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond its edges
 BATCH = 1 << 25  # numbers that blocks may hold at a time
 NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are not known
 EDGES = {
@@ -157,7 +158,7 @@ def moved(geometry: Homography, margin: int) -> Homography:
 
 
 def tap_table(interpolation: Interpolation) -> Floats:
-    """Taps of an interpolation at the centers of cells (K, R), see `Interpolated`."""
+    """Taps of an interpolation at the centers of cells (K, R), in the order of `phase`."""
     exact = [(np.arange(n) + 0.5) / n - 0.5 for n in range(1, EXACT + 1)]
     dense = (np.arange(DENSE) + 0.5) / DENSE - 0.5
     return taps(interpolation, np.concatenate([*exact, dense]))
@@ -175,7 +176,7 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
 
 
 def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
-    """Matrix of a homography, positive in front of the eye and 1 in the middle of the source."""
+    """Matrix of a homography: third coordinate positive in front of the eye, at most 1."""
     matrix = geometry.oriented(source_shape)
     height, width = source_shape
     corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
@@ -377,16 +378,15 @@ def _groups(channels: int) -> list[tuple[int, int]]:
 
 
 def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:
-    """Whether a block joins texels beyond the source's edges."""
+    """Whether blocks join so many texels beyond the source's edges that sums save time."""
     if edge is Edge.TRANSPARENT:
         return False
     height, width = source_shape
     start, end = axes[:, :, START], axes[:, :, START] + axes[:, :, LENGTH]
     outside = ((start < 0) | (end > np.array([width, height]))).any(axis=1)
     joined = (axes[:, :, LEVEL] > 0).any(axis=1)
-    # A block at the edge, cut along one axis, interpolates with joined texels beyond.
-    at_edge = ((start == 0) | (end == np.array([width, height]))).any(axis=1)
-    return bool(((outside | at_edge) & joined).any())
+    texels_beyond = axes[:, :, LENGTH].astype(np.float64).prod(axis=1)[outside & joined].sum()
+    return bool(texels_beyond > FEW_BEYOND * height * width)
 
 
 def _totals(ready: Texels, axes: Integers, edge: Edge) -> Doubles:

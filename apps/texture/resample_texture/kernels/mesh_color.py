@@ -29,7 +29,7 @@ class Skin(NamedTuple):
     texel: Floats  # (N,) red, green, blue of all levels of all textures, or their coefficients
     level: Ints  # (P, L, 3) where a level begins in `texel`, its height and its width
     levels: Ints  # (P,)
-    taps: Floats  # (K, R) of the interpolation, as `Interpolated` has them
+    taps: Floats  # (K, R) of the interpolation, see `texels.phase`
 
 
 @kernel

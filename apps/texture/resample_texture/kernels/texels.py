@@ -1,7 +1,5 @@
 """Values of cells: texels fetched from the source, joined or interpolated."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from resample.kernels.jit import kernel
@@ -9,15 +7,11 @@ from resample.types import Doubles, Floats, Single
 from resample_texture.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEVEL, START, Integers
 
 TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
-EXACT = 64  # cells per texel up to which each has its own row of an interpolation's table
-DENSE = 4096  # rows for finer cells
 
-
-class Interpolated(NamedTuple):
-    """What interpolates between texels: taps of the kernel at the centers of cells."""
-
-    taps: Floats  # (K, R), K odd; tap k weighs the texel k - K // 2 steps from the cell's own
-    # Row n (n - 1) / 2 + p is for part p of n, n up to `EXACT`; then `DENSE` rows over a texel.
+# An interpolation's taps are (K, R), K odd: tap k weighs the texel k - K // 2 steps from the cell's
+# own. Column n (n - 1) / 2 + p is for part p of n, n up to EXACT; DENSE more are for finer parts.
+EXACT = 64
+DENSE = 4096
 
 
 @kernel
@@ -186,7 +180,7 @@ def fetch(
 
 @kernel
 def phase(part: int, cut: int) -> int:
-    """Row of an interpolation's table for one of the cells of a texel."""
+    """Column of an interpolation's taps for one of the cells of a texel."""
     if cut <= EXACT:
         return cut * (cut - 1) // 2 + part
     return EXACT * (EXACT + 1) // 2 + int((part + 0.5) / cut * DENSE)
