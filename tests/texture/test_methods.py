@@ -225,3 +225,28 @@ def test_a_class_in_place_of_a_filter_is_refused():
 def test_a_quality_that_is_no_number_is_refused():
     with pytest.raises(ValueError, match="quality lies between 1 and 16, not at '2'"):
         Hybrid(quality="2")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "hybrid:clamp=true",
+        "splats:interpolating=true,clamp=true",
+        "hybrid:clamp=true,magnified=splats",
+    ],
+)
+def test_a_clamped_picture_stays_in_the_sources_range(name):
+    checker = np.kron(np.indices((6, 6)).sum(axis=0) % 2, np.ones((5, 5))).astype(np.float32)
+    sharp = warp(checker, GROWN, SHAPE, name.replace("clamp=true", "clamp=false"), edge="mirror")
+    assert sharp.image.max() > 1.01
+    clamped = warp(checker, GROWN, SHAPE, name, edge="mirror")
+    assert clamped.image.min() >= 0.0
+    assert clamped.image.max() <= 1.0
+    inside = (sharp.image > 0.0) & (sharp.image < 1.0)
+    np.testing.assert_array_equal(clamped.image[inside], sharp.image[inside])
+
+
+@pytest.mark.parametrize("method", [Hybrid, Splats])
+def test_totals_are_not_clamped(method):
+    with pytest.raises(ValueError, match="totals are conserved"):
+        method(total=True, clamp=True)

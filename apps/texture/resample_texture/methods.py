@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from resample import registry
 from resample.types import Floats
 from resample_texture.geometry import BackwardMap, Geometry
@@ -36,6 +38,8 @@ class Hybrid:
         Gaussians, which take no other reconstruction and no other filter than a Gaussian.
     total
         A texel's value is a total, such as a flux: sums are kept, not means.
+    clamp
+        Keep values within the source's range, which sharp interpolations overshoot at hard edges.
 
     Raises
     ------
@@ -48,6 +52,7 @@ class Hybrid:
     quality: float = 1.5
     magnified: str = "cells"
     total: bool = False
+    clamp: bool = False
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
@@ -55,6 +60,7 @@ class Hybrid:
         _check_quality(self.quality)
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
+        _check_clamp(self.clamp, self.total)
 
     @property
     def keeps_texels(self) -> bool:
@@ -67,8 +73,10 @@ class Hybrid:
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         if self.magnified == "splats":
-            return self._splatted(source, geometry, shape, edge)
-        return _project(source, geometry, shape, edge, self._cells())
+            warped = self._splatted(source, geometry, shape, edge)
+        else:
+            warped = _project(source, geometry, shape, edge, self._cells())
+        return _clamped(warped, source) if self.clamp else warped
 
     def _cells(self) -> "Cells":
         from resample_texture.forward import Cells
@@ -157,17 +165,21 @@ class Splats:
         Of the pixel's Gaussian, px.
     interpolating
         Heights of the Gaussians such that their sum passes through the texels.
+    clamp
+        Keep values within the source's range, which interpolating splats overshoot at hard edges.
     """
 
     sigma: float = 0.5
     filter_sigma: float = 0.5
     interpolating: bool = False
     total: bool = False
+    clamp: bool = False
 
     def __post_init__(self) -> None:
         for name in ("sigma", "filter_sigma"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
+        _check_clamp(self.clamp, self.total)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -181,7 +193,8 @@ class Splats:
             interpolating=self.interpolating,
             is_sum=self.total,
         )
-        return splat(source, geometry, shape, edge, splatting)
+        warped = splat(source, geometry, shape, edge, splatting)
+        return _clamped(warped, source) if self.clamp else warped
 
 
 @dataclass(frozen=True)
@@ -228,6 +241,20 @@ def _project(
     from resample_texture.forward import project
 
     return project(source, geometry, shape, edge, cells)
+
+
+def _clamped(warped: Warped, source: Floats) -> Warped:
+    """Picture whose values are in the source's range, times the coverage."""
+    coverage = warped.coverage[..., None]
+    low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
+    return Warped(np.clip(warped.image, low * coverage, high * coverage), warped.coverage)
+
+
+def _check_clamp(clamp: bool, total: bool) -> None:
+    if clamp and total:
+        raise ValueError(
+            "totals are conserved, so they cannot be clamped; leave one of the two out"
+        )
 
 
 def _build(method: Any, name: str, group: str) -> None:
