@@ -125,8 +125,10 @@ def _place_boxes(
         y -= half * down
         is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
         column, row = np.int32(x), np.int32(y)
-        along_x[n] = max(zero, (x + across - np.float32(column) - one) / across)
-        along_y[n] = max(zero, (y + down - np.float32(row) - one) / down)
+        right = max(zero, (x + across - np.float32(column) - one) / across)
+        below = max(zero, (y + down - np.float32(row) - one) / down)
+        along_x[n] = right if is_in else zero
+        along_y[n] = below if is_in else zero
         mass[n] = area * inverse * inverse * inverse if is_in else zero
         pixel[n] = row * stride + column if is_in else np.int32(0)
 
@@ -253,7 +255,7 @@ def place_on_map(
         else:
             px -= 0.5 * spread.taps - 0.5
             py -= 0.5 * spread.taps - 0.5
-        mass[n] = np.float32(0)
+        mass[n], along_x[n], along_y[n] = np.float32(0), np.float32(0), np.float32(0)
         pixel[n] = 0
         if 0.0 <= px < width - taps + 1 and 0.0 <= py < height - taps + 1:
             column, row = int(px), int(py)
