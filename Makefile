@@ -10,6 +10,7 @@ export UV_COMPILE_BYTECODE := 1
 demo: $(VENV)/.run
 	$(BIN)/resample-volume demo --output demo
 	$(BIN)/resample-texture demo --output demo
+	$(BIN)/resample-warp3d demo --output demo/warp3d
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
 bench: $(VENV)/.dev

@@ -19,7 +19,16 @@ from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
-GROUPS = ("apps", "filters", "interpolations", "methods", "orders", "readers", "reconstructions")
+GROUPS = (
+    "apps",
+    "filters",
+    "interpolations",
+    "methods",
+    "orders",
+    "readers",
+    "reconstructions",
+    "warps",
+)
 
 REQUIRED = inspect.Parameter.empty  # stands for the default of a parameter that has none
 

@@ -4,6 +4,7 @@ One model serves flags, TOML files and checks. Importing this module imports no 
 stays quick.
 """
 
+import math
 import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -125,6 +126,22 @@ class Picture(BaseModel):
         return height, width
 
 
+class Written(BaseModel):
+    """How a picture of any kind is written."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    background: Annotated[
+        str | None,
+        Field(description="Behind the picture: black, white, #rrggbb. None, it is transparent."),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16, 32] | None,
+        BeforeValidator(_number),
+        Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
+    ] = None
+
+
 def linear_color(name: str) -> Color | None:
     """Linear RGB of a color's name or of #rrggbb; None for none.
 
@@ -146,3 +163,76 @@ def linear_color(name: str) -> Color | None:
         raise ValueError(f"background {name!r}; give none, #rrggbb or a color's name")
     red, green, blue = from_srgb(np.array(matplotlib.colors.to_rgb(name))).tolist()
     return red, green, blue
+
+
+def height_and_width(size: str) -> tuple[int, int]:
+    """Size in px of 400 or 640x480.
+
+    Raises
+    ------
+    ValueError
+        See `Picture.height_and_width`.
+    """
+    return Picture(size=size).height_and_width()
+
+
+def azimuth_elevation_zoom(text: str) -> tuple[float, float, float]:
+    """Degrees, degrees and a factor of a text like 30/20/1.5; without a third, that is 1.
+
+    Raises
+    ------
+    ValueError
+        There is something else.
+    """
+    try:
+        azimuth, elevation, *more = (float(part) for part in text.split("/"))
+        (zoom,) = more or [1.0]
+    except ValueError:
+        raise ValueError(
+            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5"
+        ) from None
+    return azimuth, elevation, zoom
+
+
+def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
+    """Finite numbers of a text, separated by commas or blanks.
+
+    Raises
+    ------
+    ValueError
+        There is something else, or another count.
+    """
+    try:
+        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
+    except ValueError:
+        numbers = []
+    if (
+        not numbers
+        or not all(map(math.isfinite, numbers))
+        or len(numbers) != (count or len(numbers))
+    ):
+        wanted = "numbers" if count is None else f"{count} numbers"
+        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
+    return numbers
+
+
+def method_names(text: str) -> list[str]:
+    """Methods of a list separated by commas.
+
+    A part with = but without a name: before it is a further parameter of the method before it, as
+    in `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    names: list[str] = []
+    for part in filter(None, (word.strip() for word in text.split(","))):
+        if names and "=" in part and ":" not in part.partition("=")[0]:
+            names[-1] += f",{part}"
+        else:
+            names.append(part)
+    if not names:
+        raise ValueError("give methods to compare, such as bilinear,hybrid")
+    return list(dict.fromkeys(names))

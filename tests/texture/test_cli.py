@@ -369,7 +369,7 @@ def test_what_is_no_picture_is_one_line(command, capsys):
 def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypatch, capsys):
     cv2.imwrite("large.png", np.zeros((4000, 4000), np.uint8))
     monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 28)
-    monkeypatch.setattr("resample_texture.source.read_image", None)
+    monkeypatch.setattr("resample.pictures.read_image", None)
     error = refused(capsys, "warp", "large.png", "-o", "out.png", *HALF)
     assert "large.png of 4000 x 4000 pixels needs 0.3 GiB" in error
 
@@ -452,7 +452,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
     words, complaint, monkeypatch, capsys
 ):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample_texture.source.read_picture", None)
+    monkeypatch.setattr("resample.pictures.read_picture", None)
     assert complaint in refused(capsys, "warp", "photo.png", *HALF, *words)
 
 
@@ -611,7 +611,7 @@ def test_compare_of_a_picture_that_equals_the_truth_is_valid_json(capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_texture.source.read_picture", None)
+    monkeypatch.setattr("resample.pictures.read_picture", None)
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 
@@ -631,7 +631,7 @@ def test_animate_writes_gif_apng_or_a_folder():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["-o", "fly.mp4"], "animations are written as .gif, .apng or a folder"),
+        (["-o", "fly.avi"], "animations are written as .mp4, .webp, .gif, .apng or a folder"),
         (["-o", "none/fly.gif"], "cannot be written"),
         (["-o", "none/frames"], "none"),
         (["-o", "file"], "file is not a folder"),

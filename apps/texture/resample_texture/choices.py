@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from cyclopts import Parameter
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from resample.settings import Picture
+from resample.settings import azimuth_elevation_zoom, height_and_width
 
 if TYPE_CHECKING:
     from resample.cameras import Camera
     from resample_texture.geometry import Geometry
     from resample_texture.mesh import Mesh
-    from resample_texture.writing import Look
 
 Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
@@ -222,40 +221,6 @@ class Warping(BaseModel):
             registry.build("interpolations", self.reconstruction)
 
 
-def _number(given: object) -> object:
-    """Number that a word of the command line stands for; pydantic's literals do not convert it."""
-    return int(given) if isinstance(given, str) and given.isdecimal() else given
-
-
-class Written(BaseModel):
-    """How a picture is written."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    background: Annotated[
-        str | None,
-        Field(description="Behind the picture: black, white, #rrggbb. None, it is transparent."),
-    ] = None
-    bits: Annotated[
-        Literal[8, 16, 32] | None,
-        BeforeValidator(_number),
-        Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
-    ] = None
-
-    def look(self) -> "Look":
-        """Choices of the writer.
-
-        Raises
-        ------
-        ValueError
-            The background is no color.
-        """
-        from resample.settings import linear_color
-        from resample_texture.writing import Look
-
-        return Look(self.bits, None if self.background is None else linear_color(self.background))
-
-
 class View(BaseModel):
     """How a mesh is seen."""
 
@@ -295,25 +260,7 @@ class View(BaseModel):
         ValueError
             There is something else.
         """
-        try:
-            azimuth, elevation, *more = (float(part) for part in self.camera.split("/"))
-            (zoom,) = more or [1.0]
-        except ValueError:
-            raise ValueError(
-                f"camera {self.camera!r}; give azimuth/elevation/zoom, such as 30/20/1.5"
-            ) from None
-        return azimuth, elevation, zoom
-
-
-def height_and_width(size: str) -> tuple[int, int]:
-    """Size in px of 400 or 640x480.
-
-    Raises
-    ------
-    ValueError
-        See `resample.settings.Picture`.
-    """
-    return Picture(size=size).height_and_width()
+        return azimuth_elevation_zoom(self.camera)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:
@@ -331,25 +278,3 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
         raise ValueError(f"roi {text!r}; give left,top,width,height in whole px, such as 0,0,64,64")
     left, top, width, height = (int(number) for number in match.groups())
     return left, top, width, height
-
-
-def method_names(text: str) -> list[str]:
-    """Methods of a list separated by commas.
-
-    A part with = but without a name: before it is a further parameter of the method before it, as
-    in `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
-
-    Raises
-    ------
-    ValueError
-        There is none.
-    """
-    names: list[str] = []
-    for part in filter(None, (word.strip() for word in text.split(","))):
-        if names and "=" in part and ":" not in part.partition("=")[0]:
-            names[-1] += f",{part}"
-        else:
-            names.append(part)
-    if not names:
-        raise ValueError("give methods to compare, such as bilinear,hybrid")
-    return list(dict.fromkeys(names))

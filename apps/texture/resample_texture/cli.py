@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.options import run
+from resample.settings import Written, height_and_width, method_names
 from resample_texture.choices import (
     Edges,
     Hyphen,
@@ -15,9 +16,6 @@ from resample_texture.choices import (
     Target,
     View,
     Warping,
-    Written,
-    height_and_width,
-    method_names,
     region,
 )
 
@@ -70,13 +68,12 @@ def warp(
         Also write sizes and times (.json).
     """
     from resample.console import check_targets, write_json
+    from resample.pictures import Look, check_output, look_of, read_picture, write_picture
     from resample_texture.session import Session, coverage_picture
-    from resample_texture.source import read_picture
-    from resample_texture.writing import Look, check_output, write_picture
 
     place.check()
     warping.check()
-    part, look = region(roi), written.look()
+    part, look = region(roi), look_of(written)
     check_output(output, look, transparent=warping.edge == "transparent" and not warping.total)
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)
@@ -121,6 +118,7 @@ def rectify(
         Of the page in px, 640x480. What the page's sides have in the photo.
     """
     from resample.console import check_targets
+    from resample.pictures import check_output, look_of, read_picture, write_picture
     from resample_texture.corners import (
         from_corners,
         order_corners,
@@ -129,13 +127,11 @@ def rectify(
         rectified_shape,
     )
     from resample_texture.session import Session
-    from resample_texture.source import read_picture
-    from resample_texture.writing import check_output, write_picture
 
     warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    look = written.look()
+    look = look_of(written)
     check_output(output, look, transparent=warping.edge == "transparent")
     check_targets(output)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
@@ -249,12 +245,11 @@ def compare(
     """
     from resample.compare import plain
     from resample.console import check_targets, rows_as_json
+    from resample.pictures import flattened, read_picture
     from resample_texture.compare import Judge, sheet, source_values
     from resample_texture.scenes import check_scene, scene_of
     from resample_texture.session import announce_compilation, check_methods
-    from resample_texture.source import read_picture
     from resample_texture.types import Edge
-    from resample_texture.writing import flattened
 
     names = method_names(methods)
     check_methods(names)
@@ -293,6 +288,7 @@ def animate(
     method: str = "hybrid",
     edge: Edges = "transparent",
     background: str = "#9dbbd8",
+    resume: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Fly over a picture, or turn around it.
 
@@ -303,7 +299,7 @@ def animate(
     image
         Any picture.
     output
-        .gif, .apng, or a folder for numbered .png files.
+        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
         fly: low over the picture, forth and back; turn: around its middle.
     frames
@@ -318,26 +314,28 @@ def animate(
         What lies beyond the picture's edges.
     background
         Behind the picture.
+    resume
+        Keep the frames that a run which ended early has made.
     """
     from resample import registry
-    from resample.console import check_targets, progress_bar
+    from resample.animations import check_film, write_film
+    from resample.console import progress_bar
+    from resample.pictures import read_picture
     from resample.settings import linear_color
     from resample_texture import animation
     from resample_texture.session import announce_compilation, check_memory
-    from resample_texture.source import read_picture
     from resample_texture.types import Edge
 
     flight = animation.Flight(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
-    animation.check_target(output)
-    check_targets(output if output.suffix else None)
+    check_film(output, fps)
     check_memory(flight.size, flight.frames)
-    picture = read_picture(image)
+    picture = animation.with_alpha(read_picture(image).data)
     announce_compilation()
     with progress_bar("flying") as progress:
-        shots = animation.frames(picture.data, flight, paint, progress)
-        animation.write(output, shots, fps)
+        shots = animation.shots(picture, flight, paint)
+        write_film(output, shots, fps, resume=resume, progress=progress)
 
 
 @app.command
@@ -351,11 +349,10 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     image
         Picture to show beside the checkerboard. A generated wall of bricks.
     """
+    from resample.pictures import flattened, read_picture
     from resample_texture.figures import FIGURE, SHEET, compare_floors, write_figures
     from resample_texture.scenes import bricks, checker
     from resample_texture.session import announce_compilation
-    from resample_texture.source import read_picture
-    from resample_texture.writing import flattened
 
     subjects = {"checker": checker()}
     if image is None:
@@ -378,6 +375,7 @@ def demo(*, output: Output = DEMO) -> None:
         Folder; created if missing.
     """
     from resample import registry
+    from resample.animations import write_film
     from resample.console import progress_bar
     from resample_texture import animation
     from resample_texture.figures import FIGURE, compare_floors, write_figures
@@ -393,7 +391,8 @@ def demo(*, output: Output = DEMO) -> None:
     paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
     with progress_bar("flying") as progress:
         flight = animation.Flight(frames=24, size=(180, 320))
-        animation.write(output / "flight.gif", animation.frames(wall, flight, paint, progress), 12)
+        shots = animation.shots(animation.with_alpha(wall), flight, paint)
+        write_film(output / "flight.gif", shots, 12, progress=progress)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from resample import registry
 from resample.console import progress_bar, require_memory, say
 from resample.images import from_srgb, to_srgb
+from resample.pictures import Kind, Picture
 from resample.types import Floats, Frame, Statistics
 from resample_texture.choices import Target, Warping
-from resample_texture.source import Kind, Picture
 from resample_texture.warping import warp
 
 if TYPE_CHECKING:

@@ -1,77 +1,24 @@
-"""Pictures, lenses and geometry as files and words say them."""
+"""Lenses as files and words say them."""
 
 import errno
 import json
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resample.console import require_memory
-from resample.images import read_image
-from resample.types import Floats
+from resample.settings import numbers_in
 
 if TYPE_CHECKING:
     from resample_texture.lenses import Lens
 
-BYTES_PER_VALUE = 20  # of a source and the copies that are made while it is read and warped
 MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "matrix", "mtx", "K")
 COEFFICIENT_NAMES = (
     *("distortion_coefficients", "dist_coeffs", "distCoeffs", "coefficients", "dist"),
     *("distortion", "D"),
 )
-
-
-class Kind(NamedTuple):
-    """What a picture's file says about its values."""
-
-    channels: tuple[str, ...]  # of those that `read_picture` gives; alpha is called A and is last
-    bits: int  # per channel: 8, 16, or 32 for floats
-    is_encoded: bool  # by the sRGB curve
-
-    @property
-    def has_alpha(self) -> bool:
-        return "A" in self.channels
-
-
-class Picture(NamedTuple):
-    """A picture in linear light, premultiplied."""
-
-    data: Floats  # (H, W, C)
-    kind: Kind
-
-
-def read_picture(path: str | Path) -> Picture:
-    """Read a picture in linear light, premultiplied, and what its file says.
-
-    Parameters
-    ----------
-    path
-        Any format that OpenImageIO reads.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    ValueError
-        It does not fit into this machine's memory.
-    """
-    height, width, stored, kind = _header(Path(path))
-    require_memory(
-        BYTES_PER_VALUE * height * width * stored,
-        f"{path} of {width} x {height} pixels",
-        "take a smaller picture",
-    )
-    data = read_image(path)
-    if kind.has_alpha:
-        n = kind.channels.index("A")
-        order = [c for c in range(len(kind.channels)) if c != n] + [n]
-        data = data[..., order]
-        kind = kind._replace(channels=tuple(kind.channels[c] for c in order))
-    return Picture(np.ascontiguousarray(data), kind)
 
 
 def read_lens(text: str) -> "Lens":
@@ -106,44 +53,6 @@ def read_lens(text: str) -> "Lens":
             f"lens {text!r}; give fx,fy,cx,cy,k1,k2,p1,p2 or more, or a .yml, .json or .toml file"
         )
     return Lens(np.array(numbers[:4]), np.array(numbers[4:]))
-
-
-def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
-    """Finite numbers of a text, separated by commas or blanks.
-
-    Raises
-    ------
-    ValueError
-        There is something else, or another count.
-    """
-    try:
-        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
-    except ValueError:
-        numbers = []
-    if not numbers or not np.isfinite(numbers).all() or len(numbers) != (count or len(numbers)):
-        wanted = "numbers" if count is None else f"{count} numbers"
-        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
-    return numbers
-
-
-def _header(path: Path) -> tuple[int, int, int, Kind]:
-    """Height, width, number of stored channels, and what is said about the values."""
-    import OpenImageIO
-
-    if not path.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    source = OpenImageIO.ImageInput.open(str(path))
-    if source is None:
-        reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
-        raise OSError(f"{path} is not a picture that can be read: {reason}")
-    spec = source.spec()
-    source.close()
-    names = list(spec.channelnames)
-    bits = {"uint8": 8, "uint16": 16}.get(str(spec.format), 32)
-    space = spec.get_string_attribute("oiio:ColorSpace").lower()
-    is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
-    shown = tuple(name for name in "RGBA" if name in names) if "R" in names else tuple(names)
-    return spec.height, spec.width, spec.nchannels, Kind(shown, bits, is_encoded)
 
 
 def _lens_facts(path: Path) -> Mapping[str, Any]:

@@ -1,19 +1,74 @@
-"""Write warped pictures of any number of channels; a file appears whole or not at all."""
+"""Pictures of any number of channels, read and written as what their files say they are.
 
+A file appears whole or not at all.
+"""
+
+import errno
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.images import read_channels, replacing, to_srgb
+from resample.console import require_memory
+from resample.images import read_channels, read_image, replacing, to_srgb
+from resample.settings import Written, linear_color
 from resample.types import Floats
-from resample_texture.source import Kind, Picture
 
 SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
 JPEG, TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
+BYTES_PER_VALUE = 20  # of a source and the copies that are made while it is read and worked on
 UNCALIBRATED = 0xFFFF  # Exif's word for neither sRGB nor Adobe RGB
 Color = tuple[float, float, float]
+
+
+class Kind(NamedTuple):
+    """What a picture's file says about its values."""
+
+    channels: tuple[str, ...]  # of those that `read_picture` gives; alpha is called A and is last
+    bits: int  # per channel: 8, 16, or 32 for floats
+    is_encoded: bool  # by the sRGB curve
+
+    @property
+    def has_alpha(self) -> bool:
+        return "A" in self.channels
+
+
+class Picture(NamedTuple):
+    """A picture in linear light, premultiplied."""
+
+    data: Floats  # (H, W, C)
+    kind: Kind
+
+
+def read_picture(path: str | Path) -> Picture:
+    """Read a picture in linear light, premultiplied, and what its file says.
+
+    Parameters
+    ----------
+    path
+        Any format that OpenImageIO reads.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    ValueError
+        It does not fit into this machine's memory.
+    """
+    height, width, stored, kind = _header(Path(path))
+    require_memory(
+        BYTES_PER_VALUE * height * width * stored,
+        f"{path} of {width} x {height} pixels",
+        "take a smaller picture",
+    )
+    data = read_image(path)
+    if kind.has_alpha:
+        n = kind.channels.index("A")
+        order = [c for c in range(len(kind.channels)) if c != n] + [n]
+        data = data[..., order]
+        kind = kind._replace(channels=tuple(kind.channels[c] for c in order))
+    return Picture(np.ascontiguousarray(data), kind)
 
 
 class Look(NamedTuple):
@@ -22,6 +77,18 @@ class Look(NamedTuple):
     bits: int | None = None  # 8, 16 or 32 per channel; None is what fits format and source
     background: Color | None = None  # linear light; None keeps transparency
     is_light: bool = True  # otherwise numbers, which no curve encodes
+
+
+def look_of(written: Written) -> Look:
+    """Choices of the writer.
+
+    Raises
+    ------
+    ValueError
+        The background is no color.
+    """
+    behind = None if written.background is None else linear_color(written.background)
+    return Look(written.bits, behind)
 
 
 def check_output(path: Path, look: Look, *, transparent: bool) -> None:
@@ -164,3 +231,23 @@ def _put(path: Path, data: NDArray[Any], kind: Kind, is_light: bool) -> str:
     except OSError:
         return "the file came out incomplete; is the disk full?"
     return ""
+
+
+def _header(path: Path) -> tuple[int, int, int, Kind]:
+    """Height, width, number of stored channels, and what is said about the values."""
+    import OpenImageIO
+
+    if not path.is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    source = OpenImageIO.ImageInput.open(str(path))
+    if source is None:
+        reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
+        raise OSError(f"{path} is not a picture that can be read: {reason}")
+    spec = source.spec()
+    source.close()
+    names = list(spec.channelnames)
+    bits = {"uint8": 8, "uint16": 16}.get(str(spec.format), 32)
+    space = spec.get_string_attribute("oiio:ColorSpace").lower()
+    is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
+    shown = tuple(name for name in "RGBA" if name in names) if "R" in names else tuple(names)
+    return spec.height, spec.width, spec.nchannels, Kind(shown, bits, is_encoded)

@@ -1,0 +1,53 @@
+"""3D warping of depth images by hybrid forward resampling.
+
+The names below are imported when they are first used, so that `import resample_warp3d` is quick.
+"""
+
+from typing import TYPE_CHECKING
+
+from resample.lazy import attributes
+
+if TYPE_CHECKING:
+    from resample_warp3d.cameras import Camera
+    from resample_warp3d.equation import between, of_rectified
+    from resample_warp3d.hybrid import Hybrid
+    from resample_warp3d.merging import merge
+    from resample_warp3d.preparation import prepare
+    from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.warping import render, warp, warp_disparity
+
+_HOMES = {
+    "Camera": "cameras",
+    "DepthImage": "types",
+    "Equation": "types",
+    "Hole": "types",
+    "Hybrid": "hybrid",
+    "Source": "types",
+    "Warped": "types",
+    "between": "equation",
+    "merge": "merging",
+    "of_rectified": "equation",
+    "prepare": "preparation",
+    "render": "warping",
+    "warp": "warping",
+    "warp_disparity": "warping",
+}
+
+__all__ = [
+    "Camera",
+    "DepthImage",
+    "Equation",
+    "Hole",
+    "Hybrid",
+    "Source",
+    "Warped",
+    "between",
+    "merge",
+    "of_rectified",
+    "prepare",
+    "render",
+    "warp",
+    "warp_disparity",
+]
+
+__getattr__ = attributes(__name__, _HOMES)

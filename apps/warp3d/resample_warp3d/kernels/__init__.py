@@ -1,0 +1,1 @@
+"""The numba code of 3D warping: bare arrays and numbers."""

@@ -1,0 +1,185 @@
+"""Which neighbours of a depth image lie on one surface, and how the surface runs there.
+
+Everything is measured in nearness, which is linear on planes as seen by a pinhole: on a plane the
+second differences vanish, so a jump that the slope beside it explains is no edge.
+"""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from resample.kernels.jit import kernel, parallel_kernel
+from resample.types import Doubles, Floats, Single
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
+
+EXPLAINED: Single = np.float32(0.5)  # share of a step that the step beside it has to account for
+STEEPEST: Single = np.float32(0.3)  # of the nearness: a larger step is an edge in any case
+
+
+@kernel
+def _is_explained(
+    there: Single, here: Single, before: Single, earlier: Single, tolerance: Single
+) -> bool:
+    """Whether the steps that lead to a sample account for the one after it (0: unknown).
+
+    The step before has to be accounted for itself, or two edges in a row would explain each other.
+    """
+    if not before > 0:
+        return False
+    rest = np.float32(1) - EXPLAINED
+    jump, step = there - here, here - before
+    if abs(jump - step) > rest * abs(jump) + tolerance:
+        return False
+    return bool(not earlier > 0 or abs(step - (before - earlier)) <= rest * abs(step) + tolerance)
+
+
+@kernel
+def _at(nearness: Floats, row: int, column: int) -> Single:
+    """Nearness of a sample; 0 beyond the frame."""
+    height, width = nearness.shape
+    if 0 <= row < height and 0 <= column < width:
+        return nearness[row, column]
+    return np.float32(0)
+
+
+@kernel
+def _is_linked(nearness: Floats, row: int, column: int, down: bool, tolerance: Doubles) -> bool:
+    """Whether a sample and the next one along an axis are on one surface."""
+    dr, dc = (1, 0) if down else (0, 1)
+    here, there = nearness[row, column], _at(nearness, row + dr, column + dc)
+    if not (here > 0 and there > 0):
+        return False
+    most = max(here, there)
+    allowed = np.float32(tolerance[0] + tolerance[1] * most + tolerance[2] * most * most)
+    if abs(there - here) <= allowed:
+        return True
+    if abs(there - here) > STEEPEST * most:
+        return False
+    before, after = (
+        _at(nearness, row - dr, column - dc),
+        _at(nearness, row + 2 * dr, column + 2 * dc),
+    )
+    earlier = _at(nearness, row - 2 * dr, column - 2 * dc)
+    later = _at(nearness, row + 3 * dr, column + 3 * dc)
+    return _is_explained(there, here, before, earlier, allowed) or _is_explained(
+        here, there, after, later, allowed
+    )
+
+
+@kernel
+def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> None:
+    """Links of a row's samples to the right and downward."""
+    for column in range(nearness.shape[1]):
+        links[row, column] = 0
+        if _is_linked(nearness, row, column, False, tolerance):
+            links[row, column] |= RIGHT
+        if _is_linked(nearness, row, column, True, tolerance):
+            links[row, column] |= DOWN
+
+
+@parallel_kernel
+def link_rows(nearness: Floats, tolerance: Doubles, links: Links) -> None:
+    """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
+
+    Parameters
+    ----------
+    nearness
+        (H, W); 0 where unknown.
+    tolerance
+        (3,) jumps that are none: a + b δ + c δ².
+    links
+        (H, W) filled.
+    """
+    for row in prange(nearness.shape[0]):
+        _link_row(nearness, int(np.int64(row)), tolerance, links)
+
+
+@kernel
+def _join_row(links: Links, row: int) -> None:
+    """Give a row's links their other ends, LEFT and UP."""
+    for column in range(links.shape[1]):
+        if column > 0 and links[row, column - 1] & RIGHT:
+            links[row, column] |= LEFT
+        if row > 0 and links[row - 1, column] & DOWN:
+            links[row, column] |= UP
+
+
+@parallel_kernel
+def join_rows(links: Links) -> None:
+    """Give all links their other ends; reads the bits RIGHT and DOWN, which stay."""
+    for row in prange(links.shape[0]):
+        _join_row(links, int(np.int64(row)))
+
+
+@kernel
+def _line(
+    values: Floats, links: Links, row: int, column: int, down: bool, reach: int
+) -> tuple[float, float, int]:
+    """Line through a sample's neighbours on its surface: value at the sample, slope, neighbours.
+
+    Least squares over up to `reach` linked samples on each side; with 1 on each side the value is
+    the sample's own.
+    """
+    forward, backward = (DOWN, UP) if down else (RIGHT, LEFT)
+    dr, dc = (1, 0) if down else (0, 1)
+    here = float(values[row, column])
+    count, total, moment, first, second = 1, 0.0, 0.0, 0.0, 0.0
+    for side in range(2):
+        bit, sign = (forward, 1) if side == 0 else (backward, -1)
+        r, c = row, column
+        for n in range(1, reach + 1):
+            if not links[r, c] & bit:
+                break
+            r, c = r + sign * dr, c + sign * dc
+            value = float(values[r, c]) - here
+            count += 1
+            total += value
+            moment += sign * n * value
+            first += sign * n
+            second += n * n
+    if count == 1:
+        return here, 0.0, 1
+    slope = (count * moment - first * total) / (count * second - first * first)
+    if reach == 1:
+        return here, slope, count
+    return here + (total - slope * first) / count, slope, count
+
+
+@kernel
+def _fit_row(
+    values: Floats, links: Links, row: int, down: bool, reach: int, fitted: Floats, slope: Floats
+) -> None:
+    for column in range(values.shape[1]):
+        if values[row, column] <= 0:
+            fitted[row, column], slope[row, column] = np.float32(0), np.float32(0)
+            continue
+        value, change, _ = _line(values, links, row, column, down, reach)
+        fitted[row, column] = np.float32(value) if value > 0 else values[row, column]
+        slope[row, column] = np.float32(change)
+
+
+@parallel_kernel
+def fit_rows(
+    values: Floats, links: Links, down: bool, reach: int, fitted: Floats, slope: Floats
+) -> None:
+    """Fit lines along rows (or, `down`, columns) of every surface; all arrays are (H, W)."""
+    for row in prange(values.shape[0]):
+        _fit_row(values, links, int(np.int64(row)), down, reach, fitted, slope)
+
+
+@kernel
+def _curvature(values: Floats, links: Links, row: int, column: int) -> float:
+    """Second difference along the row, relative to the nearness; not a number at edges."""
+    if links[row, column] & LEFT and links[row, column] & RIGHT:
+        here = values[row, column]
+        return float((values[row, column - 1] + values[row, column + 1]) / here - 2)
+    return math.nan
+
+
+@kernel
+def curvatures(values: Floats, links: Links, step: int, result: Doubles) -> None:
+    """Relative second differences of every `step`-th row and column; (H // step, W // step)."""
+    for row in range(result.shape[0]):
+        for column in range(result.shape[1]):
+            result[row, column] = _curvature(values, links, row * step, column * step)

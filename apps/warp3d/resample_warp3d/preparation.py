@@ -1,0 +1,117 @@
+"""Depth images made ready for warping: surfaces, their slopes, and how noisy they are.
+
+Done once per source; the result serves every target.
+"""
+
+import math
+
+import numpy as np
+
+from resample.types import Doubles, Floats
+from resample_warp3d.types import DepthImage, Links, Source
+
+SMOOTH = 1e-4  # of the nearness: a surface's relative noise below this is none
+FLAT = 2e-3  # of the nearness: a jump of less is no edge
+FEWEST, MOST = 8, 4096  # values of a coarse map; fewer are a scene of few flat things
+COARSEST = 0.02  # of the largest nearness: a larger step is between things
+LARGEST_REACH = 4  # samples on each side that a slope is fitted to
+
+
+def prepare(image: DepthImage, *, noise: float | None = None, step: float | None = None) -> Source:
+    """Prepare a depth image.
+
+    Parameters
+    ----------
+    image
+        Color and nearness; values that are no finite number above 0 are unknown.
+    noise
+        Standard deviation of the nearness relative to it; measured if left out.
+    step
+        Smallest difference of nearness that is told apart; measured if left out.
+
+    Returns
+    -------
+    The source: links between neighbours on one surface, slopes, and smoothed nearness.
+
+    Raises
+    ------
+    ValueError
+        Color and nearness differ in size, or there is no depth at all.
+    """
+    nearness = known(image)
+    quantum = quantum_of(nearness) if step is None else step
+    links = linked(nearness, quantum, 0.0 if noise is None else noise)
+    if noise is None:
+        noise = noise_of(nearness, links)
+        if noise > SMOOTH:
+            links = linked(nearness, quantum, noise)
+            noise = noise_of(nearness, links)
+    reach = reach_for(noise)
+    fitted, slope = fit(nearness, links, reach)
+    color = np.ascontiguousarray(image.color, np.float32)
+    return Source(color, fitted, slope, links, image.place, noise, quantum)
+
+
+def known(image: DepthImage) -> Floats:
+    """Nearness in float32, 0 where it is unknown."""
+    nearness = np.ascontiguousarray(image.nearness, np.float32)
+    if image.color.ndim != 3 or nearness.shape != image.color.shape[:2]:
+        height, width = nearness.shape[:2]
+        raise ValueError(
+            f"color of {image.color.shape[1]} × {image.color.shape[0]} px does not fit depth of "
+            f"{width} × {height} px"
+        )
+    nearness = np.where(np.isfinite(nearness) & (nearness > 0), nearness, np.float32(0))
+    if not nearness.any():
+        raise ValueError("no pixel has a depth; check its unit and its file")
+    return nearness
+
+
+def quantum_of(nearness: Floats) -> float:
+    """Smallest step between values of nearness where they are few, as of 8-bit maps; else 0."""
+    values = np.unique(nearness[nearness > 0])
+    if not FEWEST <= values.size <= MOST:
+        return 0.0
+    smallest = float(np.min(np.diff(values)))
+    return smallest if smallest < COARSEST * float(values[-1]) else 0.0
+
+
+def linked(nearness: Floats, quantum: float, noise: float) -> Links:
+    """Links between neighbours on one surface."""
+    from resample_warp3d.kernels.linking import join_rows, link_rows
+
+    links = np.zeros(nearness.shape, np.uint8)
+    tolerance = np.array([1.5 * quantum, max(FLAT, 6.0 * math.sqrt(2.0) * noise), 0.0])
+    link_rows(nearness, tolerance, links)
+    join_rows(links)
+    return links
+
+
+def noise_of(nearness: Floats, links: Links) -> float:
+    """Standard deviation of the nearness about its surfaces, relative to it.
+
+    The median of absolute second differences, of which noise has √6 times its own deviation.
+    """
+    from resample_warp3d.kernels.linking import curvatures
+
+    sparse = max(1, math.isqrt(nearness.size // 65536))
+    curvature: Doubles = np.full([max(1, n // sparse) for n in nearness.shape], np.nan)
+    curvatures(nearness, links, sparse, curvature)
+    found = np.abs(curvature[np.isfinite(curvature)])
+    return float(1.4826 * np.median(found) / math.sqrt(6.0)) if found.size else 0.0
+
+
+def reach_for(noise: float) -> int:
+    """Samples on each side that slopes are fitted to."""
+    return 1 if noise <= SMOOTH else min(LARGEST_REACH, 2 + int(noise / 1e-3))
+
+
+def fit(nearness: Floats, links: Links, reach: int) -> tuple[Floats, Floats]:
+    """Nearness and slope of planes fitted to the samples around each on its surface."""
+    from resample_warp3d.kernels.linking import fit_rows
+
+    along, x = np.empty_like(nearness), np.empty_like(nearness)
+    fit_rows(nearness, links, False, reach, along, x)
+    fitted, y = np.empty_like(nearness), np.empty_like(nearness)
+    fit_rows(along, links, True, reach, fitted, y)
+    return fitted, np.stack([x, y], axis=2)

@@ -1,0 +1,112 @@
+"""The application's own nouns.
+
+Continuous pixel coordinates everywhere: the pixel in row i, column j covers
+[j, j + 1) × [i, i + 1) and has its center at (j + 0.5, i + 0.5), in the source as in the target.
+Cameras look along +z, x to the right and y down; poses map world to camera.
+
+McMillan's warping equation takes a pixel x₁ of the source to x₂ ~ M x₁ + δ(x₁) e, with a matrix M,
+the epipole e (where the target's picture shows the source's eye) and a generalised disparity δ. Two
+cameras give M = K₂ R K₁⁻¹, e = K₂ t and δ = 1 / z; a rectified pair M = 1, e = (−1, 0, 0) and δ in
+px. Nearer is larger; 0 is nothing known. What divides by the third coordinate of x₂ is δ as the
+target sees it, which is called *nearness* here and linear on planes, in both views.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+
+Links = NDArray[np.uint8]
+
+# Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
+RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
+
+
+class Hole(IntEnum):
+    """Why a pixel of the target is what it is."""
+
+    NONE = 0  # covered, wholly or in part
+    DISOCCLUDED = 1  # the source has something nearer in the way
+    OUTSIDE = 2  # beyond the source's frame
+    NO_DEPTH = 3  # the source shows it but knows no depth there
+    CRACK = 4  # a gap between samples, filled from both its sides
+
+
+class DepthImage(NamedTuple):
+    """A picture and how far everything in it is."""
+
+    color: Floats  # (H, W, C) linear light, premultiplied where a channel is opacity
+    nearness: Floats  # (H, W) δ; 0 where there is none
+    place: Doubles  # (H, W, 2) where a camera without distortion sees each sample, px; or (0, 0, 2)
+
+
+class Equation(NamedTuple):
+    """McMillan's warping equation, x₂ ~ matrix x₁ + δ epipole."""
+
+    matrix: Doubles  # (3, 3)
+    epipole: Doubles  # (3,)
+
+
+class Sheet(NamedTuple):
+    """A depth image as a sheet of cells, one around each sample, torn where surfaces end."""
+
+    color: (
+        Floats  # (G, H, W, 3) channels in groups of three, each surface without the others' light
+    )
+    vertex: Floats  # (H + 1, W + 1) nearness at the lattice's corners; 0 where the sheet is torn
+    place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
+    torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
+    corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
+    links: Links  # (H, W)
+
+
+class Source(NamedTuple):
+    """A depth image prepared for warping; see `resample_warp3d.preparation`."""
+
+    color: Floats  # (H, W, C)
+    nearness: Floats  # (H, W) smoothed along surfaces where it is noisy or coarse; 0: none
+    slope: Floats  # (H, W, 2) change of nearness to the next column and row, on the surface
+    links: Links  # (H, W) which neighbours are on the same surface
+    place: Doubles  # (H, W, 2) as in DepthImage
+    noise: float  # standard deviation of the nearness, relative to it
+    step: float = 0.0  # smallest difference of nearness that is told apart
+    sheet: Sheet | None = None  # what `sheets.sheet_of` makes of it
+
+
+class Rendered(NamedTuple):
+    """What a method makes of a source in the frame of a target."""
+
+    image: Floats  # (H, W, C) multiplied by the coverage
+    coverage: Floats  # (H, W) 0..1
+    nearness: Floats  # (H, W) of the nearest surface; 0 where nothing is
+    magnification: (
+        Floats  # (H, W) px of the target per px of the source (areas); 0 where nothing is
+    )
+    bridged: NDArray[np.bool_]  # (H, W) filled between samples
+
+
+class Warped(NamedTuple):
+    """A warped depth image."""
+
+    image: Floats  # (H, W, C) multiplied by the coverage
+    coverage: Floats  # (H, W) 0..1
+    depth: Floats  # (H, W) z in the target, 1 / nearness; inf where nothing is
+    holes: NDArray[np.uint8]  # (H, W) values of `Hole`
+    magnification: (
+        Floats  # (H, W) px of the target per px of the source (areas); 0 where nothing is
+    )
+    confidence: Floats  # (H, W) 0..1: how far the source's sampling and view support the pixel
+
+
+class Method(Protocol):
+    """Role of a way to warp.
+
+    A plugin is a class whose constructor takes the user's choices by name and refuses bad ones with
+    a `ValueError`; its entry point stands in the group `resample.warps`.
+    """
+
+    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+        """Warp a prepared depth image into a frame of (height, width) px."""

@@ -1,0 +1,238 @@
+"""The library's calls: depth images as other cameras see them."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample import registry
+from resample.types import Doubles, Floats
+from resample_warp3d.cameras import Camera, undistorted_places
+from resample_warp3d.equation import between, of_rectified
+from resample_warp3d.filling import fill as fill_holes
+from resample_warp3d.holes import explained
+from resample_warp3d.preparation import prepare
+from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
+
+LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
+
+
+def warp(  # noqa: PLR0913 - what a user may say about a warp
+    color: NDArray[np.number],
+    depth: ArrayLike,
+    source: Camera,
+    target: Camera,
+    method: str | Method = "hybrid",
+    *,
+    size: tuple[int, int] | None = None,
+    noise: float | None = None,
+    step: float | None = None,
+    fill: bool = False,
+    threads: int | None = None,
+) -> Warped:
+    """Warp a depth image: exact at 1:1, antialiased where it shrinks, without holes where it grows.
+
+    Parameters
+    ----------
+    color
+        (H, W) or (H, W, C), any number of channels, linear light, premultiplied where one is
+        opacity. Integers are taken as shares of their largest value.
+    depth
+        (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown.
+    source, target
+        Cameras; the target's distortion is not applied.
+    method
+        Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object with that role.
+    size
+        Height and width of the target, px. The source's.
+    noise
+        Standard deviation of the depth, relative to it; measured if left out.
+    step
+        Smallest difference of 1 / depth that is told apart; measured if left out.
+    fill
+        Make up what the source does not show, from the background beside it.
+    threads
+        At most this many; pixels do not depend on it.
+
+    Returns
+    -------
+    Picture (height, width, C), coverage, depth, typed holes, magnification and confidence.
+
+    Raises
+    ------
+    ValueError
+        A picture, depth, size or choice cannot be worked with.
+    LookupError
+        The method is unknown.
+    """
+    nearness = nearness_of(depth)
+    height, width = nearness.shape
+    place = undistorted_places(source, (height, width))
+    prepared = prepare(DepthImage(as_light(color), nearness, place), noise=noise, step=step)
+    shape = (height, width) if size is None else size
+    chosen = registry.build("warps", method) if isinstance(method, str) else method
+    warped = render(prepared, between(source, target), shape, chosen, threads)
+    return fill_holes(warped) if fill else warped
+
+
+def warp_disparity(
+    color: NDArray[np.number],
+    disparity: ArrayLike,
+    fraction: float = 1.0,
+    method: str | Method = "hybrid",
+    *,
+    fill: bool = False,
+    threads: int | None = None,
+) -> Warped:
+    """Warp one picture of a rectified pair toward the other.
+
+    Parameters
+    ----------
+    color
+        As in `warp`.
+    disparity
+        (H, W) px, larger is nearer; 0 and what is not finite are unknown.
+    fraction
+        1 leads from the left picture to the right one, −1 from the right to the left, 0.5 half way.
+    method, fill, threads
+        As in `warp`.
+
+    Returns
+    -------
+    As `warp`; `depth` is 1 / disparity.
+    """
+    nearness = two_dimensional(disparity, "disparity").astype(np.float32)
+    prepared = prepare(DepthImage(as_light(color), nearness, np.empty((0, 0, 2))))
+    chosen = registry.build("warps", method) if isinstance(method, str) else method
+    shape = nearness.shape[0], nearness.shape[1]
+    warped = render(prepared, of_rectified(fraction), shape, chosen, threads)
+    return fill_holes(warped) if fill else warped
+
+
+def nearness_of(depth: ArrayLike) -> Floats:
+    """1 / depth, 0 where the depth is unknown.
+
+    Raises
+    ------
+    ValueError
+        It is not of the shape (H, W).
+    """
+    given = two_dimensional(depth, "depth")
+    nearness = np.zeros(given.shape, np.float64)
+    np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > 0))
+    return nearness.astype(np.float32)
+
+
+def two_dimensional(given: ArrayLike, name: str) -> Doubles:
+    """Numbers of the shape (H, W)."""
+    array = np.asarray(given, np.float64)
+    if array.ndim != 2 or min(array.shape) < 1:
+        raise ValueError(f"{name} of shape {array.shape}; give (H, W) of at least 1 px")
+    return array
+
+
+def as_light(color: NDArray[np.number]) -> Floats:
+    """Picture (H, W, C) in float32; integers as shares of their largest value.
+
+    Raises
+    ------
+    ValueError
+        It is no picture, or of a type that none has.
+    """
+    given = np.asarray(color)
+    if given.ndim == 2:
+        given = given[..., None]
+    if given.ndim != 3 or min(given.shape) < 1:
+        raise ValueError(f"color of shape {given.shape}; give (H, W) or (H, W, C) of at least 1 px")
+    if given.dtype.kind == "u":
+        return np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
+    if given.dtype.kind != "f":
+        raise ValueError(f"color of type {given.dtype}; give unsigned integers or floats")
+    return np.ascontiguousarray(given, np.float32)
+
+
+def render(
+    source: Source,
+    equation: Equation,
+    shape: tuple[int, int],
+    method: Method,
+    threads: int | None = None,
+) -> Warped:
+    """Warp a prepared source by McMillan's equation.
+
+    Parameters
+    ----------
+    source
+        Of `preparation.prepare`; one serves any number of targets.
+    equation
+        Of `equation.between` or `equation.of_rectified`.
+    shape
+        Height and width of the target, px.
+    method, threads
+        As in `warp`.
+
+    Raises
+    ------
+    ValueError
+        The shape or the equation cannot be worked with.
+    """
+    from resample.kernels import jit
+
+    height, width = shape
+    if min(height, width) < 1 or height * width > LARGEST_PICTURE:
+        raise ValueError(
+            f"a target of {width} × {height} px; give 1 px or more each way, together at most "
+            f"{LARGEST_PICTURE} px"
+        )
+    if not is_usable(equation):
+        raise ValueError("the warping equation is singular or not finite; check both cameras")
+    with jit.threads(threads):
+        if is_identity(source, equation, shape) and getattr(method, "keeps_samples", False):
+            rendered = unmoved(source)
+        else:
+            rendered = method(source, equation, shape)
+        holes = explained(rendered, source, equation)
+    near = rendered.nearness
+    depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
+    return Warped(
+        rendered.image, rendered.coverage, depth, holes, rendered.magnification,
+        confidence_of(rendered),
+    )  # fmt: skip
+
+
+def is_usable(equation: Equation) -> bool:
+    """Whether an equation's numbers are finite and its matrix leads back."""
+    matrix = equation.matrix
+    if not (np.isfinite(matrix).all() and np.isfinite(equation.epipole).all()):
+        return False
+    return bool(abs(np.linalg.det(matrix / np.abs(matrix).max())) > 1e-15)
+
+
+def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> bool:
+    """Whether every sample stays where it is: the target is the source."""
+    matrix = equation.matrix / equation.matrix[2, 2]
+    extent = np.array([source.nearness.shape[1], source.nearness.shape[0], 1.0])
+    moved = np.abs(matrix - np.eye(3)) @ extent  # px, at most
+    shift = np.abs(equation.epipole / equation.matrix[2, 2]).max() * source.nearness.max()
+    return (
+        source.place.size == 0
+        and tuple(shape) == source.nearness.shape
+        and float(max(moved.max(), shift)) < 1e-9 * max(shape)
+    )
+
+
+def unmoved(source: Source) -> Rendered:
+    """Source as it is, bit by bit; what has no depth is not there."""
+    known = source.nearness > 0
+    coverage = known.astype(np.float32)
+    image = np.where(known[..., None], source.color, np.float32(0))
+    return Rendered(image, coverage, source.nearness.copy(), coverage.copy(), np.zeros_like(known))
+
+
+def confidence_of(rendered: Rendered) -> Floats:
+    """How far samples support each pixel, 0..1.
+
+    Its coverage, divided by the pixels that have to share one sample; half of that where a gap was
+    filled. A surface that the source saw at a grazing angle is magnified, too.
+    """
+    shared = np.maximum(rendered.magnification, np.float32(1))
+    trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))
+    return np.asarray(rendered.coverage * trust / shared, np.float32)

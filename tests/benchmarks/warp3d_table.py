@@ -1,0 +1,341 @@
+"""The tables of docs/quality.md on 3D warping: `python -m tests.benchmarks.warp3d_table`.
+
+`--only synthetic,pairs` prints some of them, `--methods hybrid,mesh` of some methods, and
+`--reference FILE.npz` keeps the ray-traced views of the first ones from run to run. The workload is
+the scene of `shared/bench/warp_scene.py` with its views and score; the real pairs are those of
+`shared/data/depth`. A table whose workload is absent says so.
+
+Values are warped and compared as they are encoded, but those of our generated scene, which are
+linear light. Times are CPU time on one thread, median of 5 warm runs, without the preparation of
+the source, which is shown beside them.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from inspect import cleandoc
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample import registry
+from resample.kernels.jit import threads
+from resample.quality import psnr
+from resample_warp3d.cameras import Camera
+from resample_warp3d.compare import Case, scene_case, screen_of
+from resample_warp3d.equation import between
+from resample_warp3d.pairs import load_pairs
+from resample_warp3d.preparation import prepare
+from resample_warp3d.scenes import STANDS, generated
+from resample_warp3d.scoring import Target, delivered, filled_alike, flicker, hole_percent, score
+from resample_warp3d.types import DepthImage, Source
+
+BENCH = Path(__file__).parents[2] / "../shared/bench"
+DATA = Path(__file__).parents[2] / "../shared/data/depth"
+RUNS = 5
+FRAMES = 10  # of a dolly
+FLICKER_SIZE = 512
+
+# Share of the way from the source to the view, its last part, that a dolly covers: steps as large
+# as those that the goals were set with, where cv2.warpFrame flickered by 44.5, 30.8 and 69.0.
+DOLLIES = {"side": 0.1, "back4": 0.1, "in3": 0.025}
+SEEN = 0.999  # share of a pixel's rays
+
+Row = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is measured."""
+
+    methods: Sequence[str]
+    size: int
+    reference: Path | None
+
+
+class View(NamedTuple):
+    """One of the workload's views."""
+
+    camera: Camera
+    target: Target
+
+
+class Workload(NamedTuple):
+    """The workload's source and views."""
+
+    color: Any  # (H, W, 3) encoded
+    depth: Any  # (H, W)
+    camera: Camera
+    views: dict[str, View]
+
+
+@cache
+def bench() -> Any:
+    sys.path.insert(0, str(BENCH.resolve()))
+    return import_module("warp_scene")
+
+
+def camera_of(matrix: Any, pose: Any) -> Camera:
+    """Camera of the workload, whose pixel centers are whole numbers."""
+    fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    return Camera.from_intrinsics(fx, fy, cx, cy, world_to_camera=pose, convention="opencv")
+
+
+@cache
+def workload(size: int, file: Path | None) -> Workload:
+    """The ray-traced views, read from a file if there is one, and else kept in it."""
+    if file is not None and file.is_file():
+        arrays = dict(np.load(file))
+    else:
+        arrays = flat(bench().reference(size))
+        if file is not None:
+            np.savez(file, **arrays)
+    if arrays["A"].shape[0] != size:
+        raise ValueError(f"{file} holds views of {arrays['A'].shape[0]} px, not {size}")
+    views = {}
+    for name in bench().CASES:
+        case = {key: arrays[f"{name}/{key}"] for key in ("T", "B", "visible", "edge")}
+        target = Target(case["B"], case["visible"] > SEEN, case["edge"])
+        views[name] = View(camera_of(arrays["K"], case["T"]), target)
+    return Workload(arrays["A"], arrays["z"], camera_of(arrays["K"], np.eye(4)), views)
+
+
+def flat(reference: Any) -> dict[str, Any]:
+    """Arrays of the workload by name."""
+    arrays = {key: reference[key] for key in ("A", "z", "K")}
+    for name, case in reference["cases"].items():
+        arrays |= {f"{name}/{key}": value for key, value in case.items()}
+    return arrays
+
+
+def source_of(color: Any, depth: Any) -> Source:
+    nearness = (1.0 / depth).astype(np.float32)
+    return prepare(DepthImage(np.asarray(color, np.float32), nearness, np.empty((0, 0, 2))))
+
+
+def case_of(work: Workload, name: str, source: Source) -> Case:
+    view = work.views[name]
+    return Case(name, source, between(work.camera, view.camera), view.target, is_light=False)
+
+
+def warped(case: Case, method: str) -> tuple[Any, Any]:
+    """Picture and which pixels are covered."""
+    shape = case.target.mask.shape
+    rendered = registry.build("warps", method)(case.source, case.equation, shape)
+    return screen_of(case, rendered)
+
+
+def milliseconds(run: Callable[[], object]) -> float:
+    """CPU time on one thread, median of warm runs."""
+    times = []
+    with threads(1):
+        run()
+        for _ in range(RUNS):
+            start = time.process_time()
+            run()
+            times.append(1000.0 * (time.process_time() - start))
+    return statistics.median(times)
+
+
+def measured(case: Case, method: str) -> tuple[str, str]:
+    """PSNR / edge PSNR / holes, and CPU milliseconds."""
+    measures = score(*warped(case, method), case.target)
+    shape, build = case.target.mask.shape, registry.build("warps", method)
+    duration = milliseconds(lambda: build(case.source, case.equation, shape))
+    edge = measures["edge psnr"]
+    numbers = f"{measures['psnr']:.2f} / {edge:.1f} / {measures['hole %']:.2f}"
+    return numbers, f"{duration:.0f}"
+
+
+def one_view_each(cases: Sequence[Case], methods: Sequence[str]) -> Iterator[Row]:
+    for method in methods:
+        results = {case.name: measured(case, method) for case in cases}
+        row = {"method": method} | {name: numbers for name, (numbers, _) in results.items()}
+        yield row | {"CPU ms": ", ".join(duration for _, duration in results.values())}
+
+
+def synthetic(run: Run) -> Iterator[Row]:
+    """PSNR / edge PSNR (dB) / holes (%) in the shared scene, and CPU time on one thread."""
+    work = workload(run.size, run.reference)
+    source = source_of(work.color, work.depth)
+    cases = [case_of(work, name, source) for name in work.views]
+    duration = milliseconds(lambda: source_of(work.color, work.depth))
+    yield from one_view_each(cases, run.methods)
+    yield {"method": f"(preparation: {duration:.0f} ms)"}
+
+
+def own_scene(run: Run) -> Iterator[Row]:
+    """PSNR / edge PSNR (dB) / holes (%) in the generated scene, warped in linear light."""
+    scene = generated(run.size)
+    source = prepare(scene.depth_image())
+    yield from one_view_each([scene_case(scene, view, source) for view in STANDS], run.methods)
+
+
+def stored(run: Run) -> Iterator[Row]:
+    """PSNR (dB) / holes (%) with depth as files and sensors have it, in3 and back4."""
+    work = workload(run.size, run.reference)
+    for method in run.methods:
+        row = {"method": method}
+        for kind, depth in depths(work.depth).items():
+            source = source_of(work.color, depth)
+            for name in ("in3", "back4"):
+                case = case_of(work, name, source)
+                screen, covered = warped(case, method)
+                image = np.where(covered[..., None], screen, 0)
+                quality = psnr(image, case.target.truth, mask=case.target.mask)
+                holes = hole_percent(covered, case.target.mask)
+                row[f"{name}, {kind}"] = f"{quality:.2f} / {holes:.2f}"
+        yield row
+
+
+def depths(depth: Any) -> dict[str, Any]:
+    """Exact depth; uint16 mm; 8-bit inverse depth over its range; with noise of 0.2 %."""
+    inverse = 1.0 / depth
+    low, high = inverse.min(), inverse.max()
+    levels = np.round(255.0 * (inverse - low) / (high - low))
+    noise = np.random.default_rng(7).standard_normal(depth.shape)
+    return {
+        "exact": depth,
+        "mm": np.round(1000.0 * depth) / 1000.0,
+        "8-bit 1/z": 1.0 / (low + levels / 255.0 * (high - low)),
+        "0.2 % noise": depth * (1.0 + 0.002 * noise),
+    }
+
+
+def identity(run: Run) -> Iterator[Row]:
+    """A view from where the source stands: equal values, and the largest difference."""
+    work = workload(run.size, run.reference)
+    source = source_of(work.color, work.depth)
+    whole = np.ones(work.depth.shape, np.bool_)
+    equation = between(work.camera, work.camera)
+    for method in run.methods:
+        case = Case("identity", source, equation, Target(work.color, whole, whole), is_light=False)
+        rendered = registry.build("warps", method)(source, equation, work.depth.shape)
+        image, covered = delivered(rendered.image, rendered.coverage)
+        yield {
+            "method": method,
+            "bit-exact": "yes" if np.array_equal(image, case.source.color) else "no",
+            "equal values, %": f"{100.0 * np.mean(image == case.source.color):.2f}",
+            "largest difference": f"{np.abs(image - case.source.color).max():.2g}",
+            "PSNR, dB": f"{psnr(image, case.source.color):.1f}",
+            "holes, %": f"{hole_percent(covered, whole):.3f}",
+        }
+
+
+def flickering(run: Run) -> Iterator[Row]:
+    """RMS of the errors' change from frame to frame × 255, 512², 10 frames before each view.
+
+    Eye and angles move evenly over the last tenth of the way from the source to side and back4, and
+    over the last fortieth to in3.
+    """
+    source = None
+    dollies = {}
+    for name in DOLLIES:
+        dollies[name], source = dolly(name)
+    for method in run.methods:
+        row = {"method": method}
+        for name, views in dollies.items():
+            errors, masks = [], []
+            for view in views:
+                equation = between(dolly_camera(0.0, name), view.camera)
+                case = Case(name, source, equation, view.target, is_light=False)
+                screen, covered = warped(case, method)
+                errors.append(np.where(covered[..., None], screen, 0) - view.target.truth)
+                masks.append(view.target.mask)
+            row[name] = f"{flicker(errors, masks):.1f}"
+        yield row
+
+
+def dolly(name: str) -> tuple[list[View], Source]:
+    """Views on the way to one of the workload, and their source."""
+    scene, size = bench().Scene(), (FLICKER_SIZE, FLICKER_SIZE)
+    matrix = bench().K_for(*size)
+    color, depth, _ = scene.render(matrix, np.eye(4), size)
+    views = []
+    for share in np.linspace(1.0 - DOLLIES[name], 1.0, FRAMES):
+        pose = dolly_pose(share, name)
+        truth, _, _ = scene.render(matrix, pose, size)
+        visible, _, _ = scene.visible(matrix, pose, matrix, np.eye(4), size, size)
+        mask = visible > SEEN
+        views.append(View(camera_of(matrix, pose), Target(truth, mask, mask)))
+    return views, source_of(color, depth)
+
+
+def dolly_pose(share: float, name: str) -> Any:
+    eye, yaw, pitch = bench().CASES[name]
+    return bench().look(tuple(share * n for n in eye), share * yaw, share * pitch)
+
+
+def dolly_camera(share: float, name: str) -> Camera:
+    return camera_of(bench().K_for(FLICKER_SIZE, FLICKER_SIZE), dolly_pose(share, name))
+
+
+def pairs(run: Run) -> Iterator[Row]:
+    """Real pairs: PSNR (dB) as delivered / with holes filled alike / holes (%)."""
+    loaded = load_pairs(DATA)
+    sources = [prepare(pair.image) for pair in loaded]
+    for method in run.methods:
+        numbers = []
+        for pair, source in zip(loaded, sources, strict=True):
+            target = Target(pair.truth, pair.mask, pair.mask)
+            case = Case(pair.name, source, pair.equation, target, is_light=False)
+            screen, covered = warped(case, method)
+            image = np.where(covered[..., None], screen, 0)
+            filled = filled_alike(screen, covered)
+            numbers.append(
+                [psnr(picture, pair.truth, mask=pair.mask) for picture in (image, filled)]
+                + [hole_percent(covered, pair.mask)]
+            )
+        row = {"method": method, "mean": three(np.mean(numbers, axis=0))}
+        yield row | {pair.name: three(each) for pair, each in zip(loaded, numbers, strict=True)}
+
+
+def three(numbers: Any) -> str:
+    delivered_db, filled_db, holes = numbers
+    return f"{delivered_db:.2f} / {filled_db:.2f} / {holes:.2f}"
+
+
+TABLES: dict[str, tuple[Callable[[Run], Iterator[Row]], Path | None]] = {
+    "synthetic": (synthetic, BENCH),
+    "flicker": (flickering, BENCH),
+    "stored": (stored, BENCH),
+    "identity": (identity, BENCH),
+    "generated": (own_scene, None),
+    "pairs": (pairs, DATA),
+}
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Table of rows; the first has all columns."""
+    names = list(rows[0])
+    lines = [names, ["---"] * len(names), *([row.get(name, "") for name in names] for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default=",".join(TABLES), help="tables, of " + ", ".join(TABLES))
+    parser.add_argument("--methods", default=",".join(registry.names("warps")))
+    parser.add_argument("--size", type=int, default=1024, help="px, of synthetic scenes")
+    parser.add_argument("--reference", type=Path, help="file of ray-traced views, .npz")
+    choices = parser.parse_args()
+    run = Run(choices.methods.split(","), choices.size, choices.reference)
+    for name in choices.only.split(","):
+        table, needed = TABLES[name]
+        if needed is not None and not needed.is_dir():
+            sys.stdout.write(f"\n{name}: skipped, there is no {needed}\n")
+            continue
+        sys.stdout.write(
+            f"\n{name}: {cleandoc(table.__doc__ or '')}\n\n{markdown(list(table(run)))}"
+        )
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

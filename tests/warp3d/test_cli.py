@@ -1,0 +1,699 @@
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO
+import pytest
+import trimesh
+from PIL import Image
+
+from resample.images import read_channels, read_image
+from resample.options import run
+from resample_warp3d import cli
+from resample_warp3d.types import Hole
+from tests.conftest import DATA
+
+EYE = ["--intrinsics", "20,20,16,12"]
+FAST = ["--method", "mcmillan-zbuffer"]
+STAY = ["--size", "32x24"]
+RIGHT = ["--move", "0.2,0,0"]  # 2 px of the wall at 2, 8 px of nothing
+
+
+def ended(*words: object) -> object:
+    with pytest.raises(SystemExit) as caught:
+        run(cli.app, [str(word) for word in words])
+    return caught.value.code
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The working folder of every command, with color.png and depth.png; nothing is announced.
+
+    A box at 1 stands before a wall at 2, in thousandths; the color is noise.
+    """
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(11)
+    cv2.imwrite("color.png", rng.integers(0, 256, (24, 32, 3), np.uint8))
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[8:16, 12:20] = 1000
+    cv2.imwrite("depth.png", depth)
+    monkeypatch.setattr("resample_warp3d.session.announce_compilation", lambda: None)
+    return tmp_path
+
+
+def refused(capsys, *words: object) -> str:
+    """The one line that a command says when it fails, having written nothing."""
+    before = sorted(Path().rglob("*"))
+    assert ended(*words) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error.startswith("resample: error: ")
+    assert error.count("\n") == 1
+    assert sorted(Path().rglob("*")) == before
+    return error
+
+
+def render(*words: object, color: str = "color.png", depth: str = "depth.png") -> list[object]:
+    """Words of a command that renders thousandths."""
+    scale = ["--depth-scale", 1000] if depth.endswith(".png") else []
+    return ["render", color, depth, *EYE, *scale, *words]
+
+
+def moved(*words: object, **files: str) -> np.ndarray:
+    """What `render` makes, in linear light, premultiplied."""
+    assert ended(*render(*words, "-o", "out.exr", **files)) == 0
+    return read_image("out.exr")
+
+
+def store(path: str, data: np.ndarray, names: tuple[str, ...]) -> None:
+    """Write a float picture (H, W, C) with channels of these names."""
+    spec = OpenImageIO.ImageSpec(data.shape[1], data.shape[0], data.shape[2], OpenImageIO.FLOAT)
+    spec.channelnames = names
+    spec.alpha_channel = names.index("A") if "A" in names else -1
+    target = OpenImageIO.ImageOutput.create(path)
+    assert target.open(path, spec)
+    assert target.write_image(np.ascontiguousarray(data, np.float32))
+    assert target.close()
+
+
+def pose(path: str, x: float = 0.0) -> str:
+    """Write a pose of a camera at x."""
+    matrix = np.eye(4)
+    matrix[0, 3] = -x
+    np.savetxt(path, matrix)
+    return path
+
+
+# Pictures in and out
+
+
+def test_a_picture_that_stays_where_it_is_keeps_every_level():
+    assert ended(*render("-o", "out.png", *STAY)) == 0
+    written = cv2.imread("out.png", cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(written[..., :3], cv2.imread("color.png"))
+
+
+def test_a_wall_moves_by_its_disparity():
+    picture, source = moved(*RIGHT, *FAST), read_image("color.png")
+    assert np.allclose(picture[:8, :30, :3], source[:8, 2:], atol=1e-6)  # float32 of levels
+
+
+def test_what_no_view_shows_is_transparent():
+    picture = moved(*RIGHT, *FAST)
+    assert picture.shape == (24, 32, 4)
+    assert not picture[:, 30:].any()
+
+
+def test_the_default_method_moves_things_too():
+    picture, source = moved(*RIGHT), read_image("color.png")
+    assert np.abs(picture[2:6, 2:28, :3] - source[2:6, 4:30]).mean() < 0.05  # noise is hard
+
+
+def test_transparency_is_added_once(rng):
+    store("in.exr", rng.random((24, 32, 4)), ("R", "G", "B", "A"))
+    moved(*RIGHT, *FAST, color="in.exr")
+    assert sorted(read_channels("out.exr")) == sorted("RGBA")
+
+
+def test_any_number_of_channels_stays_that_number(rng):
+    store("in.exr", rng.random((24, 32, 6)), tuple("uvwxyz"))
+    moved(*STAY, *FAST, "--fill", color="in.exr")
+    assert sorted(read_channels("out.exr")) == sorted("uvwxyz")
+
+
+def test_filled_pictures_are_opaque():
+    assert moved(*RIGHT, *FAST, "--fill").shape == (24, 32, 3)
+    assert ended(*render(*RIGHT, *FAST, "--fill", "-o", "out.jpg")) == 0
+
+
+def test_a_jpeg_needs_a_background(capsys):
+    assert "JPEG has no transparency" in refused(capsys, *render(*RIGHT, "-o", "out.jpg"))
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.jpg", "--background", "white")) == 0
+    assert read_image("out.jpg")[:, -1].mean() > 0.9  # JPEG's loss beside noise
+
+
+def test_a_picture_has_as_many_bits_as_asked_for():
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.png", "--bits", 16)) == 0
+    assert cv2.imread("out.png", cv2.IMREAD_UNCHANGED).dtype == np.uint16
+
+
+@pytest.mark.parametrize("method", ["hybrid", "mcmillan-zbuffer"])
+def test_labels_are_not_mixed(method, rng):
+    labels = rng.integers(1, 7, (24, 32), np.uint16) * 1000 + 7
+    cv2.imwrite("names.png", labels)
+    words = [*RIGHT, "--labels", "--method", method, "-o", "out.png"]
+    assert ended(*render(*words, color="names.png")) == 0
+    assert set(np.unique(cv2.imread("out.png", -1))) <= {0, *np.unique(labels)}
+
+
+def test_labels_refuse_what_mixes(capsys):
+    words = render(*RIGHT, "--labels", "-o", "out.png")
+    assert "leave out one of --labels and --fill" in refused(capsys, *words, "--fill")
+    assert "mesh mixes colors; for labels take hybrid" in refused(
+        capsys, *words, "--method", "mesh"
+    )
+
+
+# What is known beside the picture
+
+
+def test_holes_are_named_by_their_colors():
+    assert ended(*render(*RIGHT, "-o", "out.png", "--holes", "holes.png")) == 0
+    with Image.open("holes.png") as written:
+        codes, colors = np.array(written), np.array(written.convert("RGBA"))
+    assert codes[2, 31] == Hole.OUTSIDE
+    assert codes[2, 10] == Hole.NONE
+    assert Hole.DISOCCLUDED in codes[8:16]
+    assert colors[2, 31].tolist() == [128, 128, 128, 255]
+    assert colors[codes == Hole.DISOCCLUDED][0].tolist() == [255, 0, 255, 255]
+    assert colors[2, 10, 3] == 0
+
+
+def test_holes_are_told(capsys):
+    assert ended(*render(*RIGHT, "-o", "out.png")) == 0
+    error = capsys.readouterr().err
+    assert "% hidden in the source" in error
+    assert "% outside of it" in error
+    assert "--holes shows them, --fill makes them up" in error
+
+
+@pytest.mark.parametrize("suffix", ["exr", "npy", "png"])
+def test_depth_is_written_in_three_forms(suffix):
+    name = f"d.{suffix}"
+    words = ["--move", "0,0,0.5", *FAST, "--size", "16x12", "-o", "o.png", "--depth-output", name]
+    assert ended(*render(*words)) == 0
+    if suffix == "png":
+        depth = cv2.imread(name, cv2.IMREAD_UNCHANGED) / 1000
+    else:
+        depth = np.load(name) if suffix == "npy" else read_channels(name)["Z"]
+    assert depth[2, 2] == pytest.approx(1.5, abs=1e-3)  # thousandths
+
+
+def test_coverage_is_a_picture_of_shares():
+    assert ended(*render(*RIGHT, *FAST, "-o", "o.png", "--coverage", "c.png")) == 0
+    share = cv2.imread("c.png", 0)
+    assert (share[0, 5], share[0, 31]) == (255, 0)
+
+
+@pytest.mark.parametrize(("name", "kind"), [("m.ply", "mesh"), ("m.glb", "points")])
+def test_the_source_is_exported(name, kind):
+    words = [*STAY, *FAST, "-o", "o.png", "--export", name, "--export-as", kind]
+    assert ended(*render(*words)) == 0
+    read = trimesh.load(name)
+    assert np.allclose(np.abs(read.bounds[:, 2]), sorted([1, 2], reverse=name == "m.glb"), atol=0.2)
+
+
+def test_stats_tell_sizes_shares_and_times():
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.png", "--stats", "s.json")) == 0
+    stats = json.loads(Path("s.json").read_text())
+    assert (stats["sources"], stats["size"]) == ([[32, 24]], [32, 24])
+    assert 0.5 < stats["covered"] < 1
+    assert sum(stats["holes"].values()) == pytest.approx(1, abs=1e-5)
+    assert {"read", "prepare", "warp", "write"} == set(stats["seconds"])
+
+
+# Depth and cameras
+
+
+def test_every_encoding_of_the_same_depth_gives_the_same_picture():
+    z = cv2.imread("depth.png", cv2.IMREAD_UNCHANGED) / 1000.0
+    y, x = np.mgrid[:24, :32] + 0.5
+    length = np.sqrt(1 + ((x - 16) / 20) ** 2 + ((y - 12) / 20) ** 2)
+    forms = {
+        "z": (z, []),
+        "ray": (z * length, []),
+        "inverse": (1 / z, []),
+        "disparity": (20 * 0.5 / z - 3, ["--baseline", 0.5, "--doffs", 3]),
+    }
+    expected = moved(*RIGHT, *FAST)
+    for kind, (numbers, more) in forms.items():
+        np.save("d.npy", numbers)
+        words = [*RIGHT, *FAST, "--depth-kind", kind, *more]
+        assert np.array_equal(moved(*words, depth="d.npy"), expected), kind
+
+
+def test_a_pose_file_and_a_move_say_the_same():
+    expected = moved(*RIGHT, *FAST)
+    assert np.array_equal(moved("--pose", pose("t.txt", 0.2), *FAST), expected)
+    there = ["--source-pose", pose("s.txt", 5), "--pose", pose("t.txt", 5.2)]
+    assert np.allclose(moved(*there, *FAST), expected, atol=1e-5)  # sums of larger numbers
+
+
+def test_a_field_of_view_stands_for_intrinsics():
+    focal = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
+    assert ended(*focal, "--fov", 2 * np.degrees(np.arctan(12 / 20)), "-o", "out.exr") == 0
+    assert np.array_equal(read_image("out.exr"), moved(*RIGHT, *FAST))
+
+
+def test_opencvs_convention_counts_from_pixel_centers():
+    words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
+    opencv = ["--intrinsics", "20,20,15.5,11.5", "--convention", "opencv", "-o", "out.exr"]
+    assert ended(*words, *opencv) == 0
+    assert np.array_equal(read_image("out.exr"), moved(*RIGHT, *FAST))
+
+
+def test_another_size_shows_the_same_view():
+    assert moved(*FAST, "--size", "16x12").shape[:2] == (12, 16)
+    half = moved(*FAST, "--size", "16x12", "--target-intrinsics", "10,10,8,6")
+    assert np.array_equal(half, moved(*FAST, "--size", "16x12"))
+
+
+def test_a_lens_bends_the_picture():
+    bent = moved(*FAST, *STAY, "--distortion", "-0.2,0.05,0,0")
+    assert not np.array_equal(bent, moved(*FAST, *STAY))
+
+
+def test_further_views_cover_more():
+    words = ["--move", "0.4,0,0", *FAST]
+    one = moved(*words)
+    both = moved(*words, "--view", f"color.png,depth.png,{pose('t.txt', 0.4)}")
+    assert one[..., 3].mean() < 0.95
+    assert both[..., 3].mean() == pytest.approx(1)
+
+
+def test_the_number_of_threads_changes_no_pixel():
+    assert np.array_equal(moved(*RIGHT), moved(*RIGHT, "--threads", 1))
+
+
+def test_a_doubtful_scale_is_said(capsys):
+    words = ["render", "color.png", "depth.png", *EYE, *FAST, "-o", "out.png", *STAY]
+    assert ended(*words, "--depth-scale", 0.5) == 0
+    assert "check the depth's scale" in capsys.readouterr().err
+
+
+def test_looking_away_is_said(capsys):
+    assert ended(*render("--turn", "180,0,0", "-o", "out.png", *FAST)) == 0
+    assert "nothing of the source is in view" in capsys.readouterr().err
+
+
+def test_colors_that_are_no_numbers_are_holes(capsys):
+    values = np.ones((24, 32, 3), np.float32)
+    values[3, 4] = np.nan
+    store("gap.exr", values, ("R", "G", "B"))
+    picture = moved(*STAY, *FAST, color="gap.exr")
+    assert picture[3, 4, 3] == 0
+    assert np.isfinite(picture).all()
+    assert "1 pixels are not numbers" in capsys.readouterr().err
+
+
+def test_pictures_of_one_pixel_are_rendered():
+    cv2.imwrite("dot.png", np.full((1, 1, 3), 99, np.uint8))
+    cv2.imwrite("dot-depth.png", np.full((1, 1), 2000, np.uint16))
+    words = ["render", "dot.png", "dot-depth.png", "--depth-scale", 1000, "--fov", 60]
+    assert ended(*words, "--size", "1", "-o", "out.png") == 0
+    assert cv2.imread("out.png").tolist() == [[[99, 99, 99]]]
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([], "say from where to look: --pose FILE, or --move x,y,z"),
+        (["--move", "1,2"], "move '1,2'; give 3 numbers"),
+        (["--turn", "a,b,c"], "turn 'a,b,c'; give 3 numbers"),
+        ([*RIGHT, "--pose", "none.txt"], "none.txt"),
+        ([*RIGHT, "--size", "0"], "both sides must be at least 1"),
+        ([*RIGHT, "--target-intrinsics", "1,2,3"], "give fx,fy,cx,cy"),
+        ([*RIGHT, "--distortion", "1,2,3"], "4, 5, 8, 12, 14"),
+        ([*RIGHT, "--fov", "60"], "give one of --intrinsics and --fov"),
+        ([*RIGHT, "--method", "magic"], "unknown warp 'magic'"),
+        ([*RIGHT, "--noise", "-1"], "greater than or equal to 0"),
+        ([*RIGHT, "--threads", "0"], "greater than or equal to 1"),
+        ([*RIGHT, "--depth-kind", "disparity"], "disparity needs --baseline"),
+        ([*RIGHT, "--near", "1"], "--near belongs to --depth-kind inverse"),
+        ([*RIGHT, "--depth-kind", "inverse", "--near", "1"], "needs near and far"),
+        ([*RIGHT, "--view", "a.png,b.png"], "give COLOR,DEPTH,POSE"),
+        ([*RIGHT, "--view", "a.png,b.png,c.txt"], "a.png: there is no such file"),
+        ([*RIGHT, "--background", "mud"], "give none, #rrggbb or a color's name"),
+        ([*RIGHT, "--bits", "32"], ".png has 8 or 16 bits per channel, not 32"),
+        ([*RIGHT, "--holes", "h.jpg"], "holes are written as .png"),
+        ([*RIGHT, "--depth-output", "d.jpg"], "depth is written as .exr, .npy or .png"),
+        ([*RIGHT, "--export", "m.obj"], "written as .ply or .glb"),
+        ([*RIGHT, "--coverage", "./out.png"], "cannot be written twice"),
+        ([*RIGHT, "--stats", "none/s.json"], "cannot be written"),
+    ],
+)
+def test_a_bad_choice_is_one_line(words, complaint, capsys):
+    assert complaint in refused(capsys, *render("-o", "out.png", *words))
+
+
+@pytest.mark.parametrize("name", ["out.gif", "out", "none/out.png", "folder.png"])
+def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeypatch, capsys):
+    Path("folder.png").mkdir()
+    monkeypatch.setattr("resample_warp3d.inputs.read_view", None)
+    assert name in refused(capsys, *render(*RIGHT, "-o", name))
+
+
+def test_intrinsics_are_asked_for(capsys):
+    words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, "-o", "out.png"]
+    assert "give --intrinsics fx,fy,cx,cy or, where they are unknown, --fov 60" in refused(
+        capsys, *words
+    )
+    assert "singular" in refused(capsys, *words, "--intrinsics", "0,20,16,12")
+
+
+def test_whole_numbers_need_their_scale(capsys):
+    words = ["render", "color.png", "depth.png", *EYE, *RIGHT, "-o", "out.png"]
+    assert "needs its scale" in refused(capsys, *words)
+
+
+def test_a_size_mismatch_names_both(capsys):
+    cv2.imwrite("small.png", np.full((10, 12), 1000, np.uint16))
+    error = refused(capsys, *render(*RIGHT, "-o", "out.png", depth="small.png"))
+    assert "color.png has 32 x 24 pixels, small.png has 12 x 10" in error
+
+
+def test_a_file_without_any_depth_is_one_line(capsys):
+    cv2.imwrite("none.png", np.zeros((24, 32), np.uint16))
+    error = refused(capsys, *render(*RIGHT, "-o", "out.png", depth="none.png"))
+    assert "none.png has no depth at all" in error
+
+
+def test_poses_that_are_none_say_how_far_they_are_off(capsys):
+    np.savetxt("scaled.txt", np.diag([2.0, 2, 2, 1]))
+    error = refused(capsys, *render("--pose", "scaled.txt", "-o", "out.png"))
+    assert "scaled.txt" in error
+    assert "not orthonormal: R Rᵀ is off by up to 3" in error
+
+
+@pytest.mark.parametrize("which", ["color", "depth"])
+def test_damaged_files_are_one_line(which, capsys):
+    data = Path(f"{which}.png").read_bytes()
+    Path("cut.png").write_bytes(data[: len(data) // 2])
+    Path("text.png").write_text("no picture")
+    Path("empty.png").write_bytes(b"")
+    for name in ("cut.png", "text.png", "empty.png", "gone.png"):
+        words = render(*RIGHT, "-o", "out.png", **{which: name})
+        assert name in refused(capsys, *words)
+
+
+def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
+    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample_warp3d.session.prepare", None)
+    error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
+    assert "a picture of 8000 x 8000 pixels needs" in error
+
+
+# Stereo
+
+
+def rectified() -> None:
+    """Write disparity.npy: a wall at 2 px and a box at 6 px."""
+    disparity = np.full((24, 32), 2.0, np.float32)
+    disparity[8:16, 12:20] = 6
+    np.save("disparity.npy", disparity)
+
+
+def shifted(*words: object) -> np.ndarray:
+    assert ended("stereo", "color.png", "disparity.npy", "-o", "out.exr", *FAST, *words) == 0
+    return read_image("out.exr")
+
+
+def test_things_are_further_left_in_the_right_picture():
+    rectified()
+    source, right = read_image("color.png"), shifted()
+    assert np.allclose(right[:8, :30, :3], source[:8, 2:], atol=1e-6)  # float32 of levels
+    assert np.allclose(right[8:16, 6:14, :3], source[8:16, 12:20], atol=1e-6)
+
+
+def test_the_right_picture_leads_to_the_left_one():
+    rectified()
+    source, left = read_image("color.png"), shifted("--from", "right")
+    assert np.allclose(left[:8, 2:, :3], source[:8, :30], atol=1e-6)
+    assert np.array_equal(left, shifted("--fraction", "-1"))
+
+
+def test_half_of_the_way_is_half_of_the_disparity():
+    rectified()
+    source = read_image("color.png")
+    assert np.allclose(shifted("--fraction", 0.5)[:8, :31, :3], source[:8, 1:], atol=1e-6)
+
+
+def test_stereo_writes_holes_and_fills_them():
+    rectified()
+    shifted("--holes", "holes.png", "--coverage", "c.png")
+    with Image.open("holes.png") as holes:
+        assert (np.array(holes)[:8, 30:] == Hole.OUTSIDE).all()
+    assert shifted("--fill").shape[2] == 3
+
+
+def test_stereo_refuses_in_one_line(capsys):
+    cv2.imwrite("disparity.png", np.full((24, 32), 8, np.uint8))
+    words = ["stereo", "color.png", "disparity.png", "-o", "out.png"]
+    assert "needs its scale" in refused(capsys, *words)
+    assert "none.png" in refused(capsys, "stereo", "color.png", "none.png", "-o", "out.png")
+
+
+@pytest.mark.slow
+def test_the_readmes_stereo_command_runs():
+    cones = DATA / "depth/middlebury2003_cones"
+    if not cones.is_dir():
+        pytest.skip("the Middlebury pairs are not on this machine (set RESAMPLE_TEST_DATA)")
+    words = [str(cones / "im2.png"), str(cones / "disp2.png"), "--disparity-scale", "4"]
+    assert ended("stereo", *words, "-o", "right.png", "--fill") == 0
+    made, truth = read_image("right.png"), read_image(cones / "im6.png")
+    error = np.sqrt(np.mean((made - truth) ** 2))
+    assert error < 0.08  # exposure, and what had to be made up
+
+
+# Animations
+
+
+def film(*words: object, frames: int = 3) -> list[object]:
+    depth = ["depth.png", "--depth-scale", 1000]
+    return ["animate", "color.png", *depth, *EYE, *FAST, "--frames", frames, *words]
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.webp", "a.gif", "a.apng", "frames"])
+def test_animate_writes_every_form(name):
+    assert ended(*film("-o", name)) == 0
+    assert {path.name for path in Path().iterdir()} == {"color.png", "depth.png", name}
+    if name == "frames":
+        assert len(list(Path(name).glob("frame-*.png"))) == 3
+
+
+@pytest.mark.parametrize("path", ["orbit", "dolly"])
+def test_paths_differ(path):
+    for name, words in (("a", []), ("b", ["--path", path])):
+        assert ended(*film("-o", name, *words)) == 0
+    assert Path("a/frame-0001.png").read_bytes() != Path("b/frame-0001.png").read_bytes()
+
+
+def test_a_file_of_poses_is_followed():
+    np.savetxt("poses.txt", np.concatenate([np.eye(4)] * 2))
+    words = ["animate", "color.png", "depth.png", *EYE, "--depth-scale", 1000, "-o", "frames"]
+    assert ended(*words, "--path", "poses.txt", *FAST) == 0
+    assert len(list(Path("frames").glob("frame-*.png"))) == 2
+    still = cv2.imread("frames/frame-0001.png")
+    assert np.array_equal(still, cv2.imread("color.png"))
+
+
+def test_a_run_goes_on_where_it_ended():
+    assert ended(*film("-o", "frames")) == 0
+    kept = Path("frames/frame-0000.png").stat().st_mtime_ns
+    whole = Path("frames/frame-0002.png").read_bytes()
+    Path("frames/frame-0002.png").unlink()
+    assert ended(*film("-o", "frames", "--resume")) == 0
+    assert Path("frames/frame-0000.png").stat().st_mtime_ns == kept
+    assert Path("frames/frame-0002.png").read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "words", [["--amount", 0.2], ["--size", 16], ["--fill"], ["--background", "red"]]
+)
+def test_another_job_is_not_gone_on_with(words, capsys):
+    assert ended(*film("-o", "frames")) == 0
+    error = refused(capsys, *film("-o", "frames", "--resume", *words))
+    assert "frames of another animation" in error
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["-o", "a.avi"], "animations are written as .mp4, .webp, .gif, .apng or a folder"),
+        (["-o", "none/a.mp4"], "cannot be written"),
+        (["-o", "a.gif", "--fps", "0"], "0 frames per second"),
+        (["-o", "a.gif", "--path", "walk"], "known: sway, orbit, dolly, or a file of poses"),
+        (["-o", "a.gif", "--path", "walk.txt"], "walk.txt"),
+        (["-o", "a.gif", "--amount", "0"], "greater than 0"),
+        (["-o", "a.gif", "--size", "0"], "at least 1"),
+    ],
+)
+def test_animate_refuses_in_one_line(words, complaint, capsys):
+    assert complaint in refused(capsys, *film(*words))
+
+
+def test_a_number_of_frames_is_checked(capsys):
+    assert "0 frames; 1 to 10000" in refused(capsys, *film("-o", "a.gif", frames=0))
+
+
+KILLED = """
+import os, signal, sys
+from resample_warp3d import session
+whole = session.on_screen
+made = []
+
+def killing(*arguments, **choices):
+    if len(made) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    made.append(1)
+    return whole(*arguments, **choices)
+
+session.on_screen = killing
+from resample_warp3d.cli import main
+main()
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_run_is_gone_on_with():
+    words = [str(word) for word in film("-o", "a.gif")]
+    killed = subprocess.run([sys.executable, "-c", KILLED, *words], check=False, timeout=120)
+    assert killed.returncode == -signal.SIGKILL
+    assert not Path("a.gif").exists()
+    assert len(list(Path(".a.gif.frames").glob("frame-*.png"))) == 2
+    assert ended(*words, "--resume") == 0
+    with Image.open("a.gif") as animation:
+        assert animation.n_frames == 3
+    assert sorted(path.name for path in Path().iterdir()) == ["a.gif", "color.png", "depth.png"]
+
+
+# Point clouds
+
+
+def scan() -> None:
+    """Write scan.ply: a red patch of points at z 0."""
+    place = np.stack([*np.mgrid[:20, :20], np.zeros((20, 20))], axis=2).reshape(-1, 3) / 10.0
+    color = np.tile(np.uint8([255, 0, 0, 255]), (400, 1))
+    trimesh.PointCloud(place, color).export("scan.ply")
+
+
+def test_a_cloud_is_shown():
+    scan()
+    words = ["--camera", "0/90/1", "--size", "40x30", "-o", "scan.exr"]
+    assert ended("cloud", "scan.ply", *words) == 0
+    channels = read_channels("scan.exr")
+    assert {"R", "G", "B", "A", "Z", "coverage"} <= set(channels)
+    assert channels["A"][15, 20] == pytest.approx(1, abs=0.01)  # levels of coverage
+    assert (channels["R"][15, 20], channels["G"][15, 20]) == pytest.approx((1, 0), abs=0.01)
+
+
+def test_a_cloud_is_seen_from_a_pose():
+    scan()
+    matrix = np.eye(4)
+    matrix[:3, 3] = (-1, -1, 3)
+    np.savetxt("pose.txt", matrix)
+    words = ["--pose", "pose.txt", "--intrinsics", "20,20,16,12", "--size", "32x24"]
+    assert ended("cloud", "scan.ply", *words, "-o", "scan.exr") == 0
+    channels = read_channels("scan.exr")
+    assert channels["Z"][12, 16] == pytest.approx(3, abs=1e-3)  # float32 of the projection
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["-o", "o.jpg"], "pictures are written as .png or .exr"),
+        (["-o", "o.png", "--camera", "left"], "give azimuth/elevation/zoom"),
+        (["-o", "o.png", "--camera", "0/0/0"], "a zoom of 0"),
+        (["-o", "o.png", "--pose", "p.txt"], "--pose and --intrinsics belong together"),
+        (["-o", "o.png", "--size", "0"], "at least 1"),
+        (["-o", "o.png", "--point-size", "0"], "a point size of 0"),
+        (["-o", "none/o.png"], "cannot be written"),
+    ],
+)
+def test_cloud_refuses_in_one_line(words, complaint, capsys):
+    scan()
+    assert complaint in refused(capsys, "cloud", "scan.ply", *words)
+
+
+def test_files_that_are_no_clouds_are_one_line(capsys):
+    Path("text.ply").write_text("no cloud")
+    for name in ("text.ply", "gone.ply", "color.png"):
+        assert name in refused(capsys, "cloud", name, "-o", "o.png")
+
+
+# Comparisons, figures and the demo
+
+METHODS = ["--methods", "mcmillan-zbuffer,mcmillan"]
+
+
+def test_methods_are_compared_in_the_generated_scene(capsys):
+    words = ["--size", "48", "--views", "side, in3", "-o", "sheet.png"]
+    assert ended("compare", "--scene", "generated", *METHODS, *words) == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header.split()[:3] == ["view", "method", "psnr"]
+    assert [row.split()[:2] for row in rows] == [
+        [view, method] for view in ("side", "in3") for method in METHODS[1].split(",")
+    ]
+    assert Path("sheet.png").stat().st_size > 1000
+
+
+def test_methods_are_compared_with_a_true_picture(capsys):
+    assert ended(*render(*RIGHT, *FAST, "--background", "black", "-o", "true.png")) == 0
+    capsys.readouterr()
+    words = ["compare", "color.png", "depth.png", *EYE, "--depth-scale", 1000, *RIGHT, *METHODS]
+    assert ended(*words, "--truth", "true.png", "--json") == 0
+    first, _ = json.loads(capsys.readouterr().out)
+    assert first["psnr"] is None or first["psnr"] > 40  # 8 bits of its own picture
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--methods", "magic"], "unknown warp 'magic'"),
+        (["--methods", ""], "give methods to compare"),
+        (["--views", "above"], "unknown view 'above'; known: side"),
+        (["--scene", "sea"], "Choose from"),
+        (["--size", "0"], "at least 1"),
+        (["-o", "sheet.jpg"], "contact sheets are written as .png"),
+        (["-o", "none/sheet.png"], "cannot be written"),
+        (["color.png", "depth.png"], "give COLOR, DEPTH and --truth"),
+        (["color.png", "depth.png", "--scene", "generated"], "takes no files"),
+        (["--truth", "color.png"], "takes no files"),
+    ],
+)
+def test_compare_refuses_in_one_line(words, complaint, capsys):
+    assert complaint in refused(capsys, "compare", *words)
+
+
+def test_figures_write_a_sheet_the_pictures_and_the_numbers(capsys):
+    assert ended("figures", "-o", "deep/figures", "--size", "48", *METHODS) == 0
+    written = {path.name for path in Path("deep/figures").iterdir()}
+    assert {"figure-6.png", "figure-6.json", "reference.png", "mcmillan-zoom.png"} <= written
+    assert "mcmillan-zbuffer" in capsys.readouterr().out
+
+
+def test_figures_take_ones_own_pictures(capsys):
+    words = ["figures", "color.png", "depth.png", *EYE, "--depth-scale", 1000, *RIGHT]
+    assert ended(*words, "-o", "figures", *METHODS) == 0
+    assert Path("figures/figure-6.png").is_file()
+    assert "hole %" in capsys.readouterr().out
+    assert "give COLOR and DEPTH" in refused(capsys, "figures", "color.png", "-o", "figures")
+
+
+@pytest.mark.slow
+def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
+    monkeypatch.setattr("resample_warp3d.session.DEMO_SIZE", 48)
+    monkeypatch.setattr("resample_warp3d.session.DEMO_FRAMES", 2)
+    assert ended("demo", "-o", "demo") == 0
+    assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
+    assert {"figure-6.png", "sway.gif"} <= {path.name for path in Path("demo").iterdir()}
+
+
+@pytest.mark.parametrize("command", ["demo", "figures"])
+def test_a_file_is_refused_as_a_folder(command, capsys):
+    Path("demo").write_text("a file")
+    assert "demo" in refused(capsys, command, "-o", "demo")
+
+
+# Words
+
+
+def test_a_mistyped_command_is_put_right(capsys):
+    assert 'Did you mean "render"' in refused(capsys, "rendr", "color.png")
