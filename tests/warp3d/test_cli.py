@@ -162,7 +162,7 @@ def test_labels_refuse_what_mixes(capsys):
 
 
 def test_holes_are_named_by_their_colors():
-    assert ended(*render(*RIGHT, "-o", "out.png", "--holes", "holes.png")) == 0
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.png", "--holes", "holes.png")) == 0
     with Image.open("holes.png") as written:
         codes, colors = np.array(written), np.array(written.convert("RGBA"))
     assert codes[2, 31] == Hole.OUTSIDE
@@ -174,7 +174,7 @@ def test_holes_are_named_by_their_colors():
 
 
 def test_holes_are_told(capsys):
-    assert ended(*render(*RIGHT, "-o", "out.png")) == 0
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.png")) == 0
     error = capsys.readouterr().err
     assert "% hidden in the source" in error
     assert "% outside of it" in error

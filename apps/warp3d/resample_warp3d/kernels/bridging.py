@@ -13,7 +13,7 @@ from resample_warp3d.types import Hole
 NARROW = 3  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a rim grows, at most
 FULL = 0.97  # coverage of a side
-RIM = 1.0  # of a cell's length on the screen: how uncertain the end of its surface is
+RIM = 1.5  # of what a cell is longer than a pixel: how uncertain the end of its surface is
 SAME = 0.01  # of the nearness: sides closer together than this are one surface
 
 Flags = NDArray[np.bool_]
@@ -59,7 +59,7 @@ def _rim(coverage: Floats, magnification: Floats, row: int, column: int) -> tupl
             r, c = row + dr, column + dc
             if not (0 <= r < coverage.shape[0] and 0 <= c < coverage.shape[1]):
                 continue
-            if coverage[r, c] >= FULL and n <= RIM * math.sqrt(magnification[r, c]):
+            if coverage[r, c] >= FULL and n <= RIM * (math.sqrt(magnification[r, c]) - 1.0):
                 return r, c
     return -1, -1
 

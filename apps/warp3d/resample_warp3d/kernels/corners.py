@@ -18,6 +18,7 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
 Indices = NDArray[np.int32]
 
+OVERHANG = 0.5  # px that the outermost samples reach beyond the frame
 BENT = 0.65  # share of the last step of nearness by which the step after it may differ
 
 
@@ -163,6 +164,11 @@ def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
 def _shift(nearness: Floats, edge: Floats, row: int, column: int, down: bool) -> float:
     """How far silhouettes move a corner of the lattice along an axis, px."""
     height, width = nearness.shape
+    place, last = (row, height) if down else (column, width)
+    if place == 0:
+        return -OVERHANG
+    if place == last:
+        return OVERHANG
     total, count = 0.0, 0
     for side in range(2):
         if down:

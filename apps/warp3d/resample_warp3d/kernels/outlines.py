@@ -203,13 +203,15 @@ def _pure(
         foreign, dr, dc = _side(nearness, edge, row, column, side)
         if foreign <= 0.0:
             continue
-        # The next samples inside both surfaces, as the edge was found with.
+        # The next samples inside both surfaces, as the edge was found with; what they make of the
+        # color lies between it and its own surface's.
         weight = foreign / total
         for c in range(color.shape[2]):
-            outer = color[row + 2 * dr, column + 2 * dc, c]
-            result[row, column, c] += np.float32(
-                weight * (1.0 - own) / own * (color[row, column, c] - outer)
-            )
+            outer, inner = color[row + 2 * dr, column + 2 * dc, c], color[row - dr, column - dc, c]
+            here = color[row, column, c]
+            pure = here + (1.0 - own) / own * (here - outer)
+            pure = min(max(pure, min(here, inner)), max(here, inner))
+            result[row, column, c] += np.float32(weight * (pure - here))
 
 
 @kernel
