@@ -13,6 +13,9 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 EMPTY = np.empty((0, 0, 2))
 BENT = 0.65  # share of the last step by which the step beyond a surface's end may differ
 
+TURN = np.linspace(0, 9, 100001)  # where a surface turns away, samples after its last one
+RATIO = (np.sqrt(TURN + 1) - np.sqrt(TURN + 2)) / (np.sqrt(TURN) - np.sqrt(TURN + 1))
+
 
 class Thing(NamedTuple):
     """Something that rays meet."""
@@ -46,14 +49,15 @@ def flat(*levels):
     return lambda point: np.broadcast_to(np.array(levels), (*point.shape[:-1], len(levels)))
 
 
-def plane(normal, distance, color, inside=lambda point: True):
-    """Points with normal · point = distance that lie inside."""
+def plane(normal, distance, color, inside=None):
+    """Points with normal · point = distance; only those `inside`, if that is given."""
 
     def hit(eye, direction):
         with np.errstate(divide="ignore", invalid="ignore"):
             t = (distance - eye @ normal) / (direction @ np.array(normal, float))
             point = eye + np.where(np.isfinite(t), t, 0.0)[..., None] * direction
-        return np.where((t > 1e-9) & inside(point), t, np.inf)
+        is_met = t > 1e-9 if inside is None else (t > 1e-9) & inside(point)
+        return np.where(is_met, t, np.inf)
 
     return Thing(hit, color)
 
@@ -146,10 +150,13 @@ def change(nearness, links, key, offset, axis):
         return distance * (line[1] - line[0])
     if -1 not in line:
         return 0.0
-    last = line[0] - line[-1]
-    if -2 not in line:
+    return _beyond(line[0] - line[-1], line[-1] - line[-2] if -2 in line else None, distance)
+
+
+def _beyond(last, previous, distance):
+    """Change beyond a surface's last sample, by its last two steps."""
+    if previous is None:
         return distance * last
-    previous = line[-1] - line[-2]
     if last * previous <= 0:
         return 0.0
     turn = limb(previous / last)
@@ -162,9 +169,7 @@ def change(nearness, links, key, offset, axis):
 
 def limb(ratio):
     """Where √(T − t) with this ratio of steps from −2 to −1 and from −1 to 0 ends; 9: farther."""
-    turn = np.linspace(0, 9, 900001)
-    ratios = (np.sqrt(turn + 1) - np.sqrt(turn + 2)) / (np.sqrt(turn) - np.sqrt(turn + 1))
-    return 9.0 if ratio >= 0.93 else float(np.interp(ratio, ratios, turn))
+    return 9.0 if ratio >= 0.93 else float(np.interp(ratio, RATIO, TURN))
 
 
 def _line(nearness, links, key, step):
@@ -208,6 +213,4 @@ def camera_at(eye=(0.0, 0.0, 0.0), yaw=0.0, roll=0.0, *, focal=64.0, shape=(64, 
     )
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, -turn @ eye
-    return Camera.from_intrinsics(
-        focal, focal, shape[1] / 2, shape[0] / 2, world_to_camera=pose
-    )
+    return Camera.from_intrinsics(focal, focal, shape[1] / 2, shape[0] / 2, world_to_camera=pose)

@@ -11,20 +11,18 @@ def bridged(rendered: Rendered) -> Rendered:
     """Picture with gaps of up to two pixels closed from their sides, the farther one first.
 
     Between samples that a view pulls apart gaps open which no surface ends at; and where a sample
-    covers many pixels, the end of its surface is known to a part of that only.
+    covers many pixels, the end of its surface is known to a part of that only. What is given is
+    written over.
     """
     from resample_warp3d.kernels.bridging import bridge_rows
 
-    image, coverage, nearness, magnification, _ = rendered
-    new = Rendered(
-        np.empty_like(image), np.empty_like(coverage), np.empty_like(nearness),
-        np.empty_like(magnification), np.empty(coverage.shape, np.bool_),
-    )  # fmt: skip
+    closed = np.zeros(rendered.coverage.shape, np.bool_)
+    coverage = rendered.coverage.copy()
     bridge_rows(
-        image, coverage, nearness, magnification,
-        new.image, new.coverage, new.nearness, new.magnification, new.bridged,
+        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification,
+        coverage, closed,
     )  # fmt: skip
-    return new
+    return rendered._replace(coverage=coverage, bridged=closed)
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:

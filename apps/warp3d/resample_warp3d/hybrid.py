@@ -1,20 +1,29 @@
 """The hybrid method: cells where samples shrink or grow alike, exact visibility, two layers.
 
 Samples are cells of a sheet that is torn at silhouettes (`sheets`). Where a cell is smaller than a
-pixel it is a point with the area it covers; where it is larger it is cut into parts of a pixel's
-size, with colors of a parabola that keeps the sample's mean. So a pixel is the mean of what it
-shows, at any scale and along each axis.
+pixel it is a point with the area it covers; where it is larger it gives every pixel the mean of its
+color over their overlap. So a pixel is the mean of what it shows, at any scale and along each axis.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from resample.types import Doubles, Floats
 from resample_warp3d.holes import bridged
 from resample_warp3d.sheets import sheet_of
-from resample_warp3d.types import Equation, Rendered, Source
+from resample_warp3d.types import Equation, Rendered, Sheet, Source
 
 BAND = 32  # rows of the target that one thread paints at a time
+
+
+class Projected(NamedTuple):
+    """A sheet on the target's screen, as `kernels.screen` writes it."""
+
+    vertex: Floats  # (H + 1, W + 1, 3)
+    torn: Floats  # (N, 4, 3)
+    bounds: Floats  # (H, segments, 4)
 
 
 @dataclass(frozen=True)
@@ -24,7 +33,7 @@ class Hybrid:
     Parameters
     ----------
     quality
-        Parts that cells are cut into per px of the target, 0.25 to 8; 0.5 is a preview.
+        Parts that cells are cut into per px of the target, 0.25 to 8.
     labels
         Colors are names, which are not mixed: each pixel has the one that covers most of it.
 
@@ -45,29 +54,66 @@ class Hybrid:
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        from resample_warp3d.kernels import layers, screen
+        from resample_warp3d.kernels.layers import paint_bands
 
         sheet = source.sheet
         if sheet is None or self.labels:
             sheet = sheet_of(source, is_label=self.labels)
-        scale = np.linalg.norm(equation.matrix[2])
-        matrix, epipole = equation.matrix / scale, equation.epipole / scale
-        height, width = source.nearness.shape
-        vertices = np.empty((height + 1, width + 1, 3), np.float32)
-        screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
-        torn = np.empty_like(sheet.corner)
-        screen.project_corners(sheet.corner, matrix, epipole, torn)
-        bounds = np.empty((height, screen.segment_count(width), 4), np.float32)
-        screen.bound_segments(vertices, torn, sheet.torn, bounds)
-        image = np.empty((*shape, source.color.shape[2]), np.float32)
-        coverage, nearness, magnification = (np.empty(shape, np.float32) for _ in range(3))
-        layers.paint_bands(
-            vertices, torn, sheet.torn, bounds, sheet.color, sheet.links,
-            BAND, self.quality, float(np.sign(np.linalg.det(matrix))), self.labels,
-            image, coverage, nearness, magnification,
+        matrix, epipole, scale = normalised(equation)
+        screen = project(sheet, matrix, epipole)
+        blank = empty(shape, source.color.shape[2])
+        paint_bands(
+            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
+            BAND, self.quality, float(np.sign(np.linalg.det(matrix))), self.labels, *blank[:4],
         )  # fmt: skip
-        # The equation was divided by `scale`, and with it what nearness is divided by.
-        nearness /= np.float32(scale)
-        empty = np.zeros(shape, np.bool_)
-        painted = Rendered(image, coverage, nearness, magnification, empty)
-        return painted if self.labels else bridged(painted)
+        blank.nearness[:] /= np.float32(scale)
+        return blank if self.labels else bridged(blank)
+
+
+@dataclass(frozen=True)
+class Preview:
+    """The nearest cell over each pixel's center: quick, but not antialiased."""
+
+    keeps_samples = True
+
+    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+        """Warp; what the source does not show stays empty."""
+        from resample_warp3d.kernels.preview import look_in_bands
+
+        sheet = sheet_of(source) if source.sheet is None else source.sheet
+        matrix, epipole, scale = normalised(equation)
+        screen = project(sheet, matrix, epipole)
+        blank = empty(shape, source.color.shape[2])
+        look_in_bands(
+            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
+            BAND, float(np.sign(np.linalg.det(matrix))), *blank[:4],
+        )  # fmt: skip
+        blank.nearness[:] /= np.float32(scale)
+        return blank
+
+
+def normalised(equation: Equation) -> tuple[Doubles, Doubles, float]:
+    """Matrix and epipole of a usual size, and what nearness has to be divided by for it."""
+    scale = float(np.linalg.norm(equation.matrix[2]))
+    return equation.matrix / scale, equation.epipole / scale, scale
+
+
+def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> Projected:
+    """Sheet on the screen of a target."""
+    from resample_warp3d.kernels import screen
+
+    height, width = sheet.torn.shape
+    vertices = np.empty((height + 1, width + 1, 3), np.float32)
+    screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
+    torn = np.empty_like(sheet.corner)
+    screen.project_corners(sheet.corner, matrix, epipole, torn)
+    bounds = np.empty((height, screen.segment_count(width), 4), np.float32)
+    screen.bound_segments(vertices, torn, sheet.torn, bounds)
+    return Projected(vertices, torn, bounds)
+
+
+def empty(shape: tuple[int, int], channels: int) -> Rendered:
+    """Arrays to be filled."""
+    coverage, nearness, magnification = (np.empty(shape, np.float32) for _ in range(3))
+    image = np.empty((*shape, channels), np.float32)
+    return Rendered(image, coverage, nearness, magnification, np.zeros(shape, np.bool_))

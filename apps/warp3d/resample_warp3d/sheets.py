@@ -36,10 +36,12 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     index = np.empty((height, width), np.int32)
     corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
     corners.fill_torn(nearness, links, edge, index, corner)
+    marked = np.empty_like(links)
+    corners.mark_inner(links, marked)
     place = corner_places(source.place)
     if place.size:
         bend(corner, place)
-    return Sheet(grouped(color), vertex, place, index, corner, links)
+    return Sheet(grouped(color), vertex, place, index, corner, marked)
 
 
 def grouped(color: Floats) -> Floats:

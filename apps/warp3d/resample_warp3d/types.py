@@ -23,6 +23,7 @@ Links = NDArray[np.uint8]
 
 # Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
+INNER = 16  # set in a sheet: all samples that a color is interpolated from are on the same surface
 
 
 class Hole(IntEnum):
@@ -60,7 +61,7 @@ class Sheet(NamedTuple):
     place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
     torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
-    links: Links  # (H, W)
+    links: Links  # (H, W) of the source, and INNER
 
 
 class Source(NamedTuple):

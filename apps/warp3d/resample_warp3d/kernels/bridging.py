@@ -12,6 +12,7 @@ from resample_warp3d.types import Hole
 
 NARROW = 3  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a rim grows, at most
+BLOCK = 64  # pixels of a row that are skipped together
 FULL = 0.97  # coverage of a side
 RIM = 1.5  # of what a cell is longer than a pixel: how uncertain the end of its surface is
 SAME = 0.01  # of the nearness: sides closer together than this are one surface
@@ -65,63 +66,82 @@ def _rim(coverage: Floats, magnification: Floats, row: int, column: int) -> tupl
 
 
 @kernel
+def _is_far(coverage: Floats, row: int, start: int) -> bool:
+    """Whether nothing is covered within reach of `BLOCK` pixels of a row."""
+    height, width = coverage.shape
+    for r in range(max(0, row - GROWN), min(height, row + GROWN + 1)):
+        for c in range(max(0, start - GROWN), min(width, start + BLOCK + GROWN)):
+            if coverage[r, c] > 0:
+                return False
+    return True
+
+
+@kernel
+def _bridge_pixel(
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+    row: int, column: int, new_coverage: Floats, bridged: Flags,
+) -> None:  # fmt: skip
+    r, k, s, m = _sides(coverage, row, column)
+    if r < 0:
+        r, k = _rim(coverage, magnification, row, column)
+        s, m = r, k
+    if r < 0:
+        return
+    # What is farther goes on behind what is nearer.
+    if nearness[r, k] < nearness[s, m] * (1.0 - SAME):
+        s, m = r, k
+    elif nearness[s, m] < nearness[r, k] * (1.0 - SAME):
+        r, k = s, m
+    missing = np.float32(1) - coverage[row, column]
+    for c in range(image.shape[2]):
+        image[row, column, c] += missing * np.float32(0.5) * (image[r, k, c] + image[s, m, c])
+    new_coverage[row, column] = 1
+    if coverage[row, column] < 0.5:
+        nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
+        magnification[row, column] = magnification[r, k]
+        bridged[row, column] = True
+
+
+@kernel
 def _bridge_row(
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, row: int,
-    new_image: Floats, new_coverage: Floats, new_nearness: Floats, new_magnification: Floats,
-    bridged: Flags,
+    new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
-    channels = image.shape[2]
-    for column in range(coverage.shape[1]):
-        bridged[row, column] = False
-        new_coverage[row, column] = coverage[row, column]
-        new_nearness[row, column] = nearness[row, column]
-        new_magnification[row, column] = magnification[row, column]
-        for c in range(channels):
-            new_image[row, column, c] = image[row, column, c]
-        missing = np.float32(1) - coverage[row, column]
-        if missing <= 0:
+    width = coverage.shape[1]
+    for start in range(0, width, BLOCK):
+        end = min(width, start + BLOCK)
+        missing, covered = 0, 0
+        for column in range(start, end):
+            missing += int(coverage[row, column] < FULL)
+            covered += int(coverage[row, column] > 0)
+        if missing == 0 or (covered == 0 and _is_far(coverage, row, start)):
             continue
-        r, k, s, m = _sides(coverage, row, column)
-        if r < 0:
-            r, k = _rim(coverage, magnification, row, column)
-            s, m = r, k
-        if r < 0:
-            continue
-        # What is farther goes on behind what is nearer.
-        if nearness[r, k] < nearness[s, m] * (1.0 - SAME):
-            s, m = r, k
-        elif nearness[s, m] < nearness[r, k] * (1.0 - SAME):
-            r, k = s, m
-        for c in range(channels):
-            filling = np.float32(0.5) * (image[r, k, c] + image[s, m, c])
-            new_image[row, column, c] += missing * filling
-        new_coverage[row, column] = 1
-        if coverage[row, column] < 0.5:
-            new_nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
-            new_magnification[row, column] = magnification[r, k]
-            bridged[row, column] = True
+        for column in range(start, end):
+            if coverage[row, column] < FULL:
+                _bridge_pixel(
+                    image, coverage, nearness, magnification, row, column, new_coverage, bridged,
+                )  # fmt: skip
 
 
 @parallel_kernel
 def bridge_rows(
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-    new_image: Floats, new_coverage: Floats, new_nearness: Floats, new_magnification: Floats,
-    bridged: Flags,
+    new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
-    """Close gaps narrower than `NARROW` px, and let strongly magnified surfaces grow by a part of a
-    sample, which is how well their ends are known.
+    """Close narrow gaps, and let magnified surfaces grow by as little as their ends are known.
 
     Parameters
     ----------
     image, coverage, nearness, magnification
-        (H, W[, C]) of a picture; the next four are filled with the same after it.
+        (H, W[, C]) of a picture. All but the coverage are changed, where it is below `FULL`.
+    new_coverage
+        Copy of the coverage, which is changed.
     bridged
-        (H, W) filled: pixels that have most of their color from there.
-    """  # noqa: D205
+        (H, W) all False; set where pixels have most of their color from there.
+    """
     for row in prange(coverage.shape[0]):
         _bridge_row(
-            image, coverage, nearness, magnification, int(np.int64(row)),
-            new_image, new_coverage, new_nearness, new_magnification, bridged,
+            image, coverage, nearness, magnification, int(np.int64(row)), new_coverage, bridged,
         )  # fmt: skip
 
 

@@ -160,10 +160,48 @@ def bend_of(
 
 
 @kernel
+def _inner_bend(z: Single, a: Single, here: Single, b: Single, c: Single) -> Bend:
+    """Slope and curvature of the middle of five samples, as of `bend_of`."""
+    slope = np.float32(2 / 3) * (b - a) - SIDE_OUTER * (c - z)
+    return slope, np.float32(1.5) * (a + b) - QUARTER * (z + c) - np.float32(2.5) * here
+
+
+@kernel
+def inner_bends(
+    color: Floats, group: int, row: int, column: int, c: int
+) -> tuple[Bend, Bend, Single]:
+    """Slopes and curvatures of a channel along both axes, and its twist, away from tears."""
+    here = color[group, row, column, c]
+    along = _inner_bend(
+        color[group, row, column - 2, c], color[group, row, column - 1, c], here,
+        color[group, row, column + 1, c], color[group, row, column + 2, c],
+    )  # fmt: skip
+    across = _inner_bend(
+        color[group, row - 2, column, c], color[group, row - 1, column, c], here,
+        color[group, row + 1, column, c], color[group, row + 2, column, c],
+    )  # fmt: skip
+    above = color[group, row - 1, column + 1, c] - color[group, row - 1, column - 1, c]
+    below = color[group, row + 1, column + 1, c] - color[group, row + 1, column - 1, c]
+    return along, across, QUARTER * (below - above)
+
+
+@kernel
+def bends_of(
+    color: Floats, links: Links, group: int, row: int, column: int, c: int
+) -> tuple[Bend, Bend, Single]:
+    """Slopes and curvatures of a channel along both axes, and its twist."""
+    return (
+        bend_of(color, links, group, row, column, c, False),
+        bend_of(color, links, group, row, column, c, True),
+        twist_of(color, links, group, row, column, c),
+    )
+
+
+@kernel
 def twist_of(color: Floats, links: Links, group: int, row: int, column: int, c: int) -> Single:
     """How a channel's slope along a row changes down the columns; 0 near tears."""
     sideways = LEFT | RIGHT
-    if links[row, column] != (sideways | UP | DOWN):
+    if links[row, column] & (sideways | UP | DOWN) != (sideways | UP | DOWN):
         return ZERO
     if links[row - 1, column] & sideways != sideways:
         return ZERO

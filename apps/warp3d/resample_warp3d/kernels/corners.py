@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from resample.kernels.jit import kernel, parallel_kernel
 from resample.types import Floats, Single
 from resample_warp3d.kernels.outlines import limb
-from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
+from resample_warp3d.types import DOWN, INNER, LEFT, RIGHT, UP, Links
 
 Indices = NDArray[np.int32]
 
@@ -158,6 +158,27 @@ def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
             else:
                 index[row, column] = -1
     return count
+
+
+@kernel
+def _mark_row(links: Links, row: int, marked: Links) -> None:
+    whole, sideways = LEFT | RIGHT | UP | DOWN, LEFT | RIGHT
+    height, width = links.shape
+    for column in range(width):
+        marked[row, column] = links[row, column]
+        if links[row, column] != whole or not (1 < row < height - 2 and 1 < column < width - 2):
+            continue
+        along = links[row, column - 1] & links[row, column + 1] & sideways == sideways
+        across = links[row - 1, column] & links[row + 1, column] == whole
+        if along and across:
+            marked[row, column] = whole | INNER
+
+
+@parallel_kernel
+def mark_inner(links: Links, marked: Links) -> None:
+    """Write links (H, W) with INNER where no interpolation meets a tear."""
+    for row in prange(links.shape[0]):
+        _mark_row(links, int(np.int64(row)), marked)
 
 
 @kernel

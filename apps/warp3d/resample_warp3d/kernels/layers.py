@@ -21,24 +21,27 @@ from resample_warp3d.kernels.cells import (
     ZERO,
     Plane,
     area_of,
-    bend_of,
+    bends_of,
     corners_of,
     extent_of,
     floor_of,
+    inner_bends,
     is_too_long,
     nearness_at,
     plane_of,
     shape_of,
-    twist_of,
     value_at,
 )
 from resample_warp3d.kernels.screen import SEGMENT, Corner, Indices
-from resample_warp3d.types import Links
+from resample_warp3d.types import INNER, Links
 
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes stand for cells, which are none
 HALF_FULL: Single = np.float32(0.5)  # coverage from which on a pixel has a label
 SLIGHT: Single = np.float32(1e-5)  # px; keeps divisions finite
+SHEAR: Single = np.float32(0.3)  # of a cell's length: how much its sides may lean to be upright
+MEAN_SQUARE: Single = np.float32(1 / 12)  # of what lies evenly in −1/2..1/2
+NO_PLANE: Plane = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
 MANY = 64  # pixels of a cell that are looked at to see whether it lies alone there
 
 
@@ -242,19 +245,17 @@ def _add_large(
     count_v = _parts(_length(bx, by), frame.quality)
     red, green = color[group, row, column, 0], color[group, row, column, 1]
     blue = color[group, row, column, 2]
-    flat = ZERO, ZERO
-    red_x, green_x, blue_x, red_y, green_y, blue_y = flat, flat, flat, flat, flat, flat
-    red_t, green_t, blue_t = ZERO, ZERO, ZERO
-    if not frame.is_label:
-        red_x = bend_of(color, links, group, row, column, 0, False)
-        green_x = bend_of(color, links, group, row, column, 1, False)
-        blue_x = bend_of(color, links, group, row, column, 2, False)
-        red_y = bend_of(color, links, group, row, column, 0, True)
-        green_y = bend_of(color, links, group, row, column, 1, True)
-        blue_y = bend_of(color, links, group, row, column, 2, True)
-        red_t = twist_of(color, links, group, row, column, 0)
-        green_t = twist_of(color, links, group, row, column, 1)
-        blue_t = twist_of(color, links, group, row, column, 2)
+    flat = (ZERO, ZERO), (ZERO, ZERO), ZERO
+    (red_x, red_y, red_t), (green_x, green_y, green_t) = flat, flat
+    blue_x, blue_y, blue_t = flat
+    if links[row, column] & INNER and not frame.is_label:
+        red_x, red_y, red_t = inner_bends(color, group, row, column, 0)
+        green_x, green_y, green_t = inner_bends(color, group, row, column, 1)
+        blue_x, blue_y, blue_t = inner_bends(color, group, row, column, 2)
+    elif not frame.is_label:
+        red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
+        green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
+        blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
     step_u, step_v = ONE / np.float32(count_u), ONE / np.float32(count_v)
     for part_v in range(count_v):
         v = (np.float32(part_v) + HALF) * step_v - HALF
@@ -286,6 +287,72 @@ def _add_large(
 
 
 @kernel
+def _is_upright(ax: Single, ay: Single, bx: Single, by: Single) -> bool:
+    """Whether a cell's sides run along the pixels', nearly."""
+    return bool(abs(ay) <= SHEAR * abs(ax) and abs(bx) <= SHEAR * abs(by))
+
+
+@kernel
+def _add_upright(
+    p: Corner, q: Corner, r: Corner, s: Corner, is_alone: bool, color: Floats, links: Links,
+    group: int, row: int, column: int, frame: Frame,
+    front: Floats, behind: Floats, sums: Floats,
+) -> None:  # fmt: skip
+    """Add a cell as one upright box, with the mean of its color over each pixel's share of it."""
+    plane = NO_PLANE if is_alone else plane_of(p, q, r, s)
+    x, y, _, ax, ay, _, bx, by, _, _, _, _ = shape_of(p, q, r, s)
+    red, green = color[group, row, column, 0], color[group, row, column, 1]
+    blue = color[group, row, column, 2]
+    if links[row, column] & INNER:
+        red_x, red_y, red_t = inner_bends(color, group, row, column, 0)
+        green_x, green_y, green_t = inner_bends(color, group, row, column, 1)
+        blue_x, blue_y, blue_t = inner_bends(color, group, row, column, 2)
+    else:
+        red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
+        green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
+        blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
+    determinant = ax * by - ay * bx
+    inverse = ONE / determinant
+    # The box's sides in pixels, and how the cell's own coordinates change along the pixels'.
+    across, down = abs(ax), abs(by)
+    u_x, u_y, v_x, v_y = by * inverse, -bx * inverse, -ay * inverse, ax * inverse
+    density = abs(determinant) / (across * down)
+    left, top = x - HALF * across, y - HALF * down
+    right, bottom = left + across, top + down
+    first, last = max(floor_of(top), frame.first), min(floor_of(bottom) + 1, frame.last)
+    begin, end = max(floor_of(left), 0), min(floor_of(right) + 1, frame.width)
+    for pixel_row in range(first, last):
+        above = max(top, np.float32(pixel_row))
+        below = min(bottom, np.float32(pixel_row) + ONE)
+        height, offset_y = below - above, HALF * (above + below) - y
+        share_v = height * v_y
+        spread_v = (share_v * share_v - ONE) * MEAN_SQUARE
+        for pixel in range(begin, end):
+            before, after = max(left, np.float32(pixel)), min(right, np.float32(pixel) + ONE)
+            width, offset_x = after - before, HALF * (before + after) - x
+            m = width * height * density
+            if not m > ZERO:
+                continue
+            at = ((pixel_row - frame.first) * frame.width + pixel) * 8
+            if not is_alone:
+                near = nearness_at(plane, pixel, pixel_row) + plane[7]
+                if near < front[pixel_row - frame.first, pixel] * DISTINCT:
+                    if near < behind[pixel_row - frame.first, pixel] * DISTINCT:
+                        continue
+                    at += 4
+            u, v = offset_x * u_x + offset_y * u_y, offset_x * v_x + offset_y * v_y
+            share_u = width * u_x
+            uu = u * u + (share_u * share_u - ONE) * MEAN_SQUARE
+            vv, uv = v * v + spread_v, u * v
+            a = red + red_x[0] * u + red_y[0] * v + red_x[1] * uu + red_y[1] * vv + red_t * uv
+            b = green + green_x[0] * u + green_y[0] * v + green_x[1] * uu + green_y[1] * vv
+            b += green_t * uv
+            c = blue + blue_x[0] * u + blue_y[0] * v + blue_x[1] * uu + blue_y[1] * vv
+            c += blue_t * uv
+            _add_four(sums, at, a * m, b * m, c * m, m)
+
+
+@kernel
 def _is_inside(left: int, top: int, right: int, bottom: int, frame: Frame) -> bool:
     """Whether all that boxes of a cell may overlap lies in the band."""
     is_above = top > frame.first and bottom < frame.last
@@ -301,6 +368,7 @@ def _add_segment(
     """Add a segment's cells to a band's two layers."""
     end = min(index.shape[1], (segment + 1) * SEGMENT)
     small = ONE / (frame.quality * frame.quality)
+    is_quick = frame.quality <= ONE and not frame.is_label
     for column in range(segment * SEGMENT, end):
         is_there, p, q, r, s = corners_of(screen, torn, index, row, column)
         if not is_there:
@@ -321,6 +389,10 @@ def _add_segment(
             _add_small(
                 p, q, r, s, is_alone, red, green, blue, frame, front, behind, sums
             )  # fmt: skip
+        elif is_quick and _is_upright(ax, ay, bx, by):
+            _add_upright(
+                p, q, r, s, is_alone, color, links, group, row, column, frame, front, behind, sums
+            )
         else:
             _add_large(
                 p, q, r, s, is_alone, color, links, group, row, column, frame, front, behind, sums

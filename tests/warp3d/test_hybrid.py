@@ -1,0 +1,441 @@
+import math
+import time
+from functools import cache
+
+import numpy as np
+import pytest
+
+import resample_texture.warping
+from resample.quality import psnr
+from resample_warp3d.cameras import Camera
+from resample_warp3d.equation import between, of_rectified
+from resample_warp3d.hybrid import Hybrid
+from resample_warp3d.preparation import prepare
+from resample_warp3d.types import DepthImage, Hole
+from resample_warp3d.warping import render
+from tests.warp3d.naive_sheet import (
+    EMPTY,
+    ball,
+    camera_at,
+    depth_image,
+    flat,
+    pattern,
+    plane,
+    see,
+)
+from tests.warp3d.naive_warp import EQUATIONS, random_source
+
+SHAPE = 64, 64
+SOURCE = camera_at()
+LEVEL = (0.7, 0.3, 0.5)
+
+
+def is_on_card(point):
+    return (abs(point[..., 0]) < 0.5) & (abs(point[..., 1] - 0.1) < 0.4)
+
+
+WALL = plane((0.2, 0.1, 1.0), 4.0, pattern(6.0))
+CARD = plane((0.0, 0.0, 1.0), 2.5, pattern(3.0), is_on_card)
+SCENES = {
+    "wall": [WALL],
+    "card": [CARD, plane((0.2, 0.1, 1.0), 4.0, pattern(2.0))],
+    "ball": [ball((0.2, 0.1, 3.0), 0.6, pattern(3.0)), plane((0, 0, 1), 4.0, pattern(2.0))],
+}
+VIEWS = {
+    "side": camera_at((0.15, -0.05, 0.05), 0.02),
+    "roll": camera_at((0.05, 0.0, 0.1), 0.02, 0.5),
+    "back4": camera_at((0.1, 0.2, -11.0)),
+    "in3": camera_at((0.05, 0.05, 1.4)),
+    "oblique": camera_at((2.0, -0.1, 1.0), -0.6),
+}
+
+
+@cache
+def source_of(scene):
+    return prepare(depth_image(SCENES[scene], SOURCE, SHAPE))
+
+
+@cache
+def truth_of(scene, view):
+    return see(SCENES[scene], VIEWS[view], SHAPE, other=SOURCE, other_shape=SHAPE)
+
+
+def rendered(source, target, method=None, shape=SHAPE):
+    return render(source, between(SOURCE, target), shape, method or Hybrid())
+
+
+def picture(color, nearness):
+    """Source of numbers that broadcast to (H, W, C) and (H, W)."""
+    color = np.ascontiguousarray(np.broadcast_to(color, (*SHAPE, np.shape(color)[-1])), np.float32)
+    nearness = np.ascontiguousarray(np.broadcast_to(nearness, SHAPE), np.float32)
+    return prepare(DepthImage(color, nearness, EMPTY))
+
+
+def eroded(mask, reach=1):
+    for _ in range(reach):
+        inner = np.zeros_like(mask)
+        inner[1:-1, 1:-1] = (
+            mask[1:-1, 1:-1] & mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
+        )
+        mask = inner
+    return mask
+
+
+# dB below which these small pictures have not fallen, less 2: against 16 × 16 rays per pixel, over
+# all pixels that the source sees whole. The waves have 5 px in the source and more: less is lost
+# where they are magnified by parabolas (in3) or by boxes (roll), more at silhouettes (card, ball).
+TRUTH = {
+    ("wall", "side"): 0,
+    ("wall", "roll"): 0,
+    ("wall", "back4"): 0,
+    ("wall", "in3"): 0,
+    ("wall", "oblique"): 0,
+    ("card", "side"): 0,
+    ("card", "roll"): 0,
+    ("card", "back4"): 0,
+    ("card", "in3"): 0,
+    ("card", "oblique"): 0,
+    ("ball", "side"): 0,
+    ("ball", "roll"): 0,
+    ("ball", "back4"): 0,
+    ("ball", "in3"): 0,
+}
+
+
+@pytest.mark.parametrize(("scene", "view"), TRUTH)
+def test_it_shows_what_rays_show(scene, view):
+    truth = truth_of(scene, view)
+    given = rendered(source_of(scene), VIEWS[view]).image
+    found = psnr(given, truth.color.astype(np.float32), mask=truth.shown > 0.999)
+    print(f'("{scene}", "{view}"): {found:.1f}')
+    assert found >= TRUTH[scene, view]
+
+
+@pytest.mark.parametrize("view", ["roll", "in3", "oblique"])
+def test_more_quality_is_not_worse(view):
+    truth = truth_of("wall", view)
+    mask = truth.shown > 0.999
+    usual, more = (
+        psnr(rendered(source_of("wall"), VIEWS[view], Hybrid(quality=q)).image, truth.color, 1, mask)
+        for q in (1.0, 2.0)
+    )
+    assert more > usual - 0.1
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("view", ["side", "roll", "back4", "in3"])
+def test_what_the_source_sees_whole_is_no_hole(scene, view):
+    truth = truth_of(scene, view)
+    given = rendered(source_of(scene), VIEWS[view])
+    assert given.coverage[truth.shown == 1].min() > 0.5
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_depth_is_that_of_the_target(view):
+    truth = truth_of("wall", view)
+    is_inside = eroded(truth.shown == 1)
+    given = rendered(source_of("wall"), VIEWS[view]).depth
+    # Nearness is a plane over each cell, at most 5 % per px: its mean over minified cells.
+    np.testing.assert_allclose(given[is_inside], truth.depth[is_inside], rtol=2e-3)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4, 5, 7])
+def test_identity_is_exact_in_any_number_of_channels(channels, rng):
+    color = rng.normal(0, 100, (*SHAPE, channels))  # beyond 0..1 on both sides
+    color[3, 4] = 1e30
+    source = picture(color, 1 / truth_of("card", "side").depth)
+    given = rendered(source, SOURCE)
+    np.testing.assert_array_equal(given.image, source.color)
+    np.testing.assert_array_equal(given.coverage, 1)
+    np.testing.assert_array_equal(given.holes, Hole.NONE)
+
+
+def test_identity_leaves_out_what_has_no_depth(rng):
+    nearness = np.where(rng.random(SHAPE) < 0.1, 0.0, 0.4)
+    source = picture(rng.random((*SHAPE, 3)), nearness)
+    given = rendered(source, SOURCE)
+    is_known = nearness > 0
+    np.testing.assert_array_equal(given.image, np.where(is_known[..., None], source.color, 0))
+    np.testing.assert_array_equal(given.coverage, is_known)
+    np.testing.assert_array_equal(given.holes == Hole.NO_DEPTH, ~is_known)
+    np.testing.assert_array_equal(np.isinf(given.depth), ~is_known)
+
+
+def test_a_picture_hardly_changes_when_the_camera_hardly_moves():
+    source = source_of("card")
+    given = rendered(source, camera_at((0.001 * 2.5 / 64, 0, 0)))  # 0.001 px
+    # Beside silhouettes, samples mix what they show anew.
+    assert psnr(given.image, source.color) > 55
+    is_inside = eroded(source.links == 15)
+    assert np.abs(given.image - source.color)[is_inside].max() < 2e-3
+
+
+@pytest.mark.parametrize("pixels", [1, 3, 7])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_moves_by_whole_pixels_move_samples(pixels, axis):
+    image = depth_image([plane((0, 0, 1), 4.0, pattern(6.0))], SOURCE, SHAPE, rays=4)
+    eye = np.eye(3)[axis] * pixels * 4 / 64
+    given = rendered(prepare(image), camera_at(eye)).image
+    expected = np.roll(image.color, -pixels, axis=1 - axis)
+    inside = np.s_[2 : -2 - pixels, 2 : -2 - pixels]
+    np.testing.assert_allclose(given[inside], expected[inside], atol=3e-6)  # px in float32
+
+
+@pytest.mark.parametrize("disparity", [2.0, 3.5])
+def test_rectified_pairs_move_by_their_disparity(disparity):
+    color = 0.5 + 0.4 * np.sin(0.5 * np.arange(64))[None, :, None]
+    given = render(picture(color, disparity), of_rectified(1.0), SHAPE, Hybrid())
+    ends = 0.5 + 0.4 * np.sin(0.5 * (np.arange(64) + disparity))
+    # The mean of two samples of a wave of 12.6 px is 3 % off, that of the parabolas is not.
+    np.testing.assert_allclose(given.image[5, 3:-7, 0], ends[3:-7], atol=0.002)
+
+
+@pytest.mark.parametrize("focal", [25.0, 64.0, 160.0])
+def test_a_rotation_warps_as_textures_do(focal):
+    target = camera_at((0, 0, 0), 0.1, 0.3, focal=focal)
+    image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE, rays=4)
+    given = rendered(prepare(image), target)
+    equation = between(SOURCE, target)
+    texture = resample_texture.warping.warp(image.color, equation.matrix, SHAPE, filter="area")
+    is_inside = eroded(texture.coverage > 0.999, 6 if focal > 100 else 2)
+    # Colors are interpolated in other ways: Catmull-Rom there, parabolas here.
+    assert psnr(given.image, texture.image, mask=is_inside) > 50
+
+
+def test_a_plane_warps_as_textures_do():
+    target = camera_at((0.3, 0.2, -0.5), 0.1, 0.3)
+    image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE, rays=4)
+    given = rendered(prepare(image), target)
+    equation = between(SOURCE, target)
+    matrix = equation.matrix + np.outer(equation.epipole, [0, 0, 0.25])
+    texture = resample_texture.warping.warp(image.color, matrix, SHAPE, filter="area")
+    is_inside = eroded(texture.coverage > 0.999, 2)
+    assert psnr(given.image, texture.image, mask=is_inside) > 50
+
+
+CLOSER = {
+    "at a quarter": camera_at((0.3, 0.2, -11.7), 0.01, 0.3),
+    "at 1 / 1.3": camera_at((0.1, 0.0, -1.0), 0.02, 0.2),
+    "1.3 times": camera_at((0.0, 0.0, 1.0)),
+    "5 times": camera_at((0.05, -0.03, 3.2), 0.05, 0.4),
+    "at an angle": camera_at((3.4, 0.0, 2.4), -1.1),
+    "at another": camera_at((-3.4, 0.5, 2.4), 1.1, 0.3),
+}
+
+
+@pytest.mark.parametrize("view", CLOSER)
+def test_a_constant_color_stays_constant(view):
+    wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
+    shown = see(wall, CLOSER[view], SHAPE, rays=4, other=SOURCE, other_shape=SHAPE).shown
+    given = rendered(prepare(depth_image(wall, SOURCE, SHAPE, rays=1)), CLOSER[view])
+    is_inside = eroded(shown > 0.999)
+    assert is_inside.any()
+    np.testing.assert_array_equal(given.coverage[is_inside], 1)
+    # A pixel whose cells' boxes cover 97 % of it is full, and what is bridged beside it takes that.
+    np.testing.assert_allclose(
+        given.image[is_inside], np.broadcast_to(LEVEL, (is_inside.sum(), 3)), atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("view", CLOSER)
+def test_the_picture_is_multiplied_by_the_coverage(view):
+    wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
+    given = rendered(prepare(depth_image(wall, SOURCE, SHAPE, rays=1)), CLOSER[view])
+    np.testing.assert_allclose(given.image, given.coverage[..., None] * LEVEL, atol=1e-3)
+
+
+ALONE = plane((0.0, 0.0, 1.0), 2.5, flat(1.0), is_on_card)
+BEHIND = plane((0.0, 0.0, 1.0), 5.0, flat(0.0))
+
+
+@pytest.mark.parametrize(
+    ("target", "tolerance"),
+    [
+        (camera_at((1e-5, 0, 0)), 0.04),
+        (camera_at((0.1, 0.03, 0)), 0.05),
+        (camera_at((0, 0, -3.0)), 0.03),
+        (camera_at((0, 0, 1.0)), 0.08),
+        (camera_at((0, 0, 0), 0, 0.3), 0.08),  # the silhouette is known at rows and columns only
+    ],
+)
+def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(target, tolerance):
+    things = [ALONE, BEHIND]
+    source = prepare(depth_image(things, SOURCE, SHAPE))
+    truth = see(things, target, SHAPE, other=SOURCE, other_shape=SHAPE)
+    given = rendered(source, target).image[..., 0]
+    is_shown = truth.shown > 0.999
+    np.testing.assert_allclose(given[is_shown], truth.share[..., 0][is_shown], atol=tolerance)
+
+
+def test_without_anything_behind_it_a_surface_covers_its_area():
+    image = depth_image([ALONE], SOURCE, SHAPE)
+    source = picture(image.color, np.nan_to_num(image.nearness, posinf=0.0))
+    target = camera_at((0.0, 0.0, -3.0))
+    truth = see([ALONE], target, SHAPE).share.sum()
+    # Nothing tells where its silhouette runs between the samples: up to half of one, all around.
+    assert rendered(source, target).coverage.sum() == pytest.approx(truth, rel=0.05)
+
+
+def turned_around(depth):
+    """Camera on the axis at twice a depth, looking back."""
+    turn = np.diag([-1.0, 1.0, -1.0])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, -turn @ [0, 0, 2 * depth]
+    return SOURCE.moved(pose)
+
+
+def test_back_faces_are_not_seen():
+    things = [ball((0, 0, 3), 0.8, flat(1.0))]
+    image = depth_image(things, SOURCE, SHAPE)
+    source = prepare(image._replace(nearness=np.where(image.nearness > 0, image.nearness, 0)))
+    given = rendered(source, turned_around(3.0))
+    assert not given.coverage.any()
+    assert not given.image.any()
+    assert np.isinf(given.depth).all()
+
+
+@pytest.mark.parametrize(
+    "target",
+    [camera_at((0.3, 0.03, 0)), camera_at((0.3, 0, -3.0)), camera_at((1.2, 0, 0), -0.4)],
+)
+@pytest.mark.parametrize("gap", [1.005, 1.05, 2.0])
+def test_what_is_hidden_does_not_bleed(target, gap):
+    things = [
+        plane((0, 0, 1), 2.0, flat(0, 0, 1), lambda point: abs(point[..., 0]) < 0.6),
+        plane((0, 0, 1), 2.0 * gap, flat(1, 0, 0)),
+    ]
+    truth = see(things, target, SHAPE, other=SOURCE, other_shape=SHAPE)
+    given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image
+    for n, other in ((0, 0), (1, 2)):
+        is_whole = (truth.share[..., n] == 1) & (truth.shown == 1)
+        assert given[is_whole][:, other].max() < 1e-3  # FAINT: contrast that is not trusted
+
+
+@pytest.mark.parametrize("view", ["side", "in"])
+def test_there_and_back_gives_the_picture_again(view):
+    target = {"side": camera_at((0.2, 0.1, 0.1), 0.03, 0.1), "in": camera_at((0, 0, 1.0))}[view]
+    image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE)
+    there = rendered(prepare(image), target)
+    nearness = np.where(there.coverage > 0.99, 1 / there.depth, 0).astype(np.float32)
+    again = prepare(DepthImage(there.image, nearness, EMPTY))
+    back = render(again, between(target, SOURCE), SHAPE, Hybrid())
+    is_inside = eroded(back.coverage == 1, 3)
+    assert is_inside.mean() > 0.4
+    # Waves of 10 px and more, resampled twice by pixels' means.
+    assert psnr(back.image, image.color, mask=is_inside) > 45
+
+
+@pytest.mark.parametrize("equation", EQUATIONS)
+def test_one_and_two_threads_give_the_same_bits(equation):
+    source = random_source(40, 50)
+    one, two = (
+        render(source, EQUATIONS[equation], (70, 80), Hybrid(), threads) for threads in (1, 2)
+    )
+    for given, expected in zip(two, one, strict=True):
+        np.testing.assert_array_equal(given, expected)
+
+
+@pytest.mark.parametrize("view", ["side", "back4", "in3"])
+def test_a_sheet_made_before_gives_the_same_bits(view):
+    from resample_warp3d.sheets import sheet_of
+
+    source = source_of("card")
+    given = rendered(source._replace(sheet=sheet_of(source)), VIEWS[view])
+    np.testing.assert_array_equal(given.image, rendered(source, VIEWS[view]).image)
+
+
+@pytest.mark.parametrize("view", ["side", "roll", "in3"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_mirrored_target_shows_the_picture_mirrored(view, axis):
+    pose, fx, fy = VIEWS[view].world_to_camera, *((64, -64) if axis == 0 else (-64, 64))
+    mirrored = Camera.from_intrinsics(fx, fy, 32, 32, world_to_camera=pose)
+    source = source_of("card")
+    given, expected = rendered(source, mirrored), rendered(source, VIEWS[view])
+    np.testing.assert_allclose(given.coverage, np.flip(expected.coverage, axis), atol=1e-4)
+    # At a few places the sides of what is bridged, or the nearest of two, are told otherwise.
+    differing = np.abs(given.image - np.flip(expected.image, axis)).max(axis=2) > 1e-4
+    assert differing.sum() <= 8
+
+
+def test_a_mirrored_source_shows_the_same():
+    mirrored = Camera.from_intrinsics(64, -64, 32, 32)
+    image = depth_image(SCENES["card"], SOURCE, SHAPE)
+    flipped = DepthImage(*(np.ascontiguousarray(part[::-1]) for part in image[:2]), EMPTY)
+    given = render(prepare(flipped), between(mirrored, VIEWS["side"]), SHAPE, Hybrid())
+    assert psnr(given.image, rendered(prepare(image), VIEWS["side"]).image) > 45
+
+
+@pytest.mark.parametrize("view", ["side", "roll", "in3"])
+def test_labels_are_not_mixed(view, rng):
+    names = rng.integers(0, 5, (*SHAPE, 1)) * 0.2
+    source = picture(names, 1 / np.where(is_near_part(), 2.5, 4.0))
+    given = rendered(source, VIEWS[view], Hybrid(labels=True))
+    assert set(np.unique(given.image[given.coverage > 0])) <= set(np.unique(source.color))
+    assert set(np.unique(given.coverage)) <= {0.0, 1.0}
+
+
+def is_near_part():
+    y, x = np.mgrid[:64, :64]
+    return (abs(x - 30) < 12) & (abs(y - 36) < 10)
+
+
+def test_large_labels_stay_where_they_are():
+    source = picture(np.where(np.arange(64) < 32, 0.25, 0.75)[:, None], 0.25)
+    given = rendered(source, camera_at((0.4 * 4 / 64, 0, 0)), Hybrid(labels=True))
+    # 0.4 px to the left; the column at 31 is two fifths of the right label.
+    np.testing.assert_array_equal(given.image[2:-2, 2:32], 0.25)
+    np.testing.assert_array_equal(given.image[2:-2, 32:-2], 0.75)
+
+
+@pytest.mark.parametrize("quality", [0.2, 9, 0, -1, math.nan, math.inf])
+def test_quality_out_of_range_is_refused(quality):
+    with pytest.raises(ValueError, match=r"quality .*; 0\.25 to 8 parts per px are allowed"):
+        Hybrid(quality=quality)
+
+
+@pytest.mark.parametrize("depth", [2.0, 2.499, 2.5, 3.0, 3.9])
+def test_what_is_behind_the_eye_is_not_seen(depth):
+    source = picture(np.array([0.0, 1.0]), 1 / np.where(is_near_part(), 2.5, 4.0))
+    near = picture(np.where(is_near_part()[..., None], 1.0, 0.0), source.nearness)
+    given = rendered(near, camera_at((0, 0, depth)))
+    assert np.isfinite(given.image).all()
+    if depth >= 2.5:
+        assert given.image.max() < 1e-3
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-7])
+def test_right_before_a_surface_it_finishes_quickly(gap):
+    source = picture(np.array([0.5]), 0.5)
+    rendered(source, VIEWS["in3"])  # compiled
+    before = time.perf_counter()
+    given = rendered(source, camera_at((0.001, 0.0003, 2 - gap)))
+    assert time.perf_counter() - before < 1.0  # 0.1 s; cells are up to 1e6 px large
+    assert np.isfinite(given.image).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 200), (37, 5), (130, 70)])
+def test_the_target_has_any_shape(shape):
+    target = camera_at((0.1, 0, 0.5), 0.05, shape=SHAPE)
+    whole = rendered(source_of("card"), target, shape=(130, 200))
+    given = rendered(source_of("card"), target, shape=shape)
+    assert given.image.shape == (*shape, 3)
+    rows, columns = min(shape[0], 130) - 3, min(shape[1], 200) - 3
+    if min(rows, columns) > 0:  # what is bridged may look across the frame
+        part = np.s_[:rows, :columns]
+        np.testing.assert_allclose(given.image[part], whole.image[part], atol=1e-5)
+
+
+def test_channels_do_not_depend_on_those_beside_them_in_smooth_places():
+    image = depth_image([plane((0.2, 0.1, 1), 4.0, pattern(4.0, channels=7))], SOURCE, SHAPE, rays=4)
+    together = rendered(prepare(image), VIEWS["oblique"]).image
+    for n in range(7):
+        alone = image._replace(color=np.ascontiguousarray(image.color[..., n : n + 1]))
+        given = rendered(prepare(alone), VIEWS["oblique"]).image[..., 0]
+        np.testing.assert_allclose(given, together[..., n], atol=1e-6)
+
+
+def test_bright_light_is_as_exact_as_dark():
+    image = depth_image([WALL], SOURCE, SHAPE, rays=4)
+    bright = image._replace(color=image.color * np.float32(1024))
+    given, expected = (rendered(prepare(each), VIEWS["oblique"]).image for each in (bright, image))
+    np.testing.assert_allclose(given, 1024 * expected, rtol=1e-5, atol=1e-3)
