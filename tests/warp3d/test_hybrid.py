@@ -57,7 +57,7 @@ def source_of(scene):
 
 @cache
 def truth_of(scene, view):
-    return see(SCENES[scene], VIEWS[view], SHAPE, other=SOURCE, other_shape=SHAPE)
+    return see(SCENES[scene], VIEWS[view], SHAPE, rays=8, other=SOURCE, other_shape=SHAPE)
 
 
 def rendered(source, target, method=None, shape=SHAPE):
@@ -81,24 +81,24 @@ def eroded(mask, reach=1):
     return mask
 
 
-# dB below which these small pictures have not fallen, less 2: against 16 × 16 rays per pixel, over
-# all pixels that the source sees whole. The waves have 5 px in the source and more: less is lost
-# where they are magnified by parabolas (in3) or by boxes (roll), more at silhouettes (card, ball).
+# dB against 8 × 8 rays per pixel, over all pixels that the source sees whole, less 2. The waves
+# have 5 px in the source and more: pixels' means are exact, what is interpolated between them is
+# not. At silhouettes (card, ball) errors of a few hundredths of a pixel decide.
 TRUTH = {
-    ("wall", "side"): 0,
-    ("wall", "roll"): 0,
-    ("wall", "back4"): 0,
-    ("wall", "in3"): 0,
-    ("wall", "oblique"): 0,
-    ("card", "side"): 0,
-    ("card", "roll"): 0,
-    ("card", "back4"): 0,
-    ("card", "in3"): 0,
-    ("card", "oblique"): 0,
-    ("ball", "side"): 0,
-    ("ball", "roll"): 0,
-    ("ball", "back4"): 0,
-    ("ball", "in3"): 0,
+    ("wall", "side"): 56,
+    ("wall", "roll"): 56,
+    ("wall", "back4"): 47,  # nine of the source's samples make a pixel, as points
+    ("wall", "in3"): 52,
+    ("wall", "oblique"): 50,
+    ("card", "side"): 55,
+    ("card", "roll"): 53,
+    ("card", "back4"): 60,
+    ("card", "in3"): 39,
+    ("card", "oblique"): 41,
+    ("ball", "side"): 43,
+    ("ball", "roll"): 51,
+    ("ball", "back4"): 59,
+    ("ball", "in3"): 46,
 }
 
 
@@ -107,19 +107,16 @@ def test_it_shows_what_rays_show(scene, view):
     truth = truth_of(scene, view)
     given = rendered(source_of(scene), VIEWS[view]).image
     found = psnr(given, truth.color.astype(np.float32), mask=truth.shown > 0.999)
-    print(f'("{scene}", "{view}"): {found:.1f}')
     assert found >= TRUTH[scene, view]
 
 
-@pytest.mark.parametrize("view", ["roll", "in3", "oblique"])
-def test_more_quality_is_not_worse(view):
+@pytest.mark.parametrize("view", ["roll", "oblique"])
+def test_more_quality_is_better_where_cells_lie_askew(view):
     truth = truth_of("wall", view)
-    mask = truth.shown > 0.999
-    usual, more = (
-        psnr(rendered(source_of("wall"), VIEWS[view], Hybrid(quality=q)).image, truth.color, 1, mask)
-        for q in (1.0, 2.0)
-    )
-    assert more > usual - 0.1
+    usual, more = (rendered(source_of("wall"), VIEWS[view], Hybrid(quality=q)) for q in (1, 4))
+    mask = eroded(truth.shown > 0.999, 3)
+    color = truth.color.astype(np.float32)
+    assert psnr(more.image, color, mask=mask) > psnr(usual.image, color, mask=mask) + 3
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -131,12 +128,13 @@ def test_what_the_source_sees_whole_is_no_hole(scene, view):
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_depth_is_that_of_the_target(view):
+def test_depth_is_that_of_the_target_to_a_pixel(view):
     truth = truth_of("wall", view)
     is_inside = eroded(truth.shown == 1)
     given = rendered(source_of("wall"), VIEWS[view]).depth
-    # Nearness is a plane over each cell, at most 5 % per px: its mean over minified cells.
-    np.testing.assert_allclose(given[is_inside], truth.depth[is_inside], rtol=2e-3)
+    # The nearest of the cells over a pixel, which may end half a pixel beyond its center each way.
+    per_pixel = np.abs(np.gradient(truth.depth)).sum(axis=0)
+    assert (np.abs(given - truth.depth) < 0.75 * per_pixel + 1e-5 * truth.depth)[is_inside].all()
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4, 5, 7])
@@ -185,9 +183,9 @@ def test_moves_by_whole_pixels_move_samples(pixels, axis):
 def test_rectified_pairs_move_by_their_disparity(disparity):
     color = 0.5 + 0.4 * np.sin(0.5 * np.arange(64))[None, :, None]
     given = render(picture(color, disparity), of_rectified(1.0), SHAPE, Hybrid())
-    ends = 0.5 + 0.4 * np.sin(0.5 * (np.arange(64) + disparity))
-    # The mean of two samples of a wave of 12.6 px is 3 % off, that of the parabolas is not.
-    np.testing.assert_allclose(given.image[5, 3:-7, 0], ends[3:-7], atol=0.002)
+    moved = 0.5 + 0.4 * np.sin(0.5 * (np.arange(64) + disparity))
+    # Half way between samples, the mean of two flattens a wave of 12.6 px by 3 %.
+    np.testing.assert_allclose(given.image[5, 3:-7, 0], moved[3:-7], atol=0.4 * 0.035)
 
 
 @pytest.mark.parametrize("focal", [25.0, 64.0, 160.0])
@@ -213,6 +211,8 @@ def test_a_plane_warps_as_textures_do():
     assert psnr(given.image, texture.image, mask=is_inside) > 50
 
 
+# What is bridged takes the color of sides that may be covered to 97 % only, as if they were full.
+BRIDGED = 0.03
 CLOSER = {
     "at a quarter": camera_at((0.3, 0.2, -11.7), 0.01, 0.3),
     "at 1 / 1.3": camera_at((0.1, 0.0, -1.0), 0.02, 0.2),
@@ -230,50 +230,72 @@ def test_a_constant_color_stays_constant(view):
     given = rendered(prepare(depth_image(wall, SOURCE, SHAPE, rays=1)), CLOSER[view])
     is_inside = eroded(shown > 0.999)
     assert is_inside.any()
-    np.testing.assert_array_equal(given.coverage[is_inside], 1)
-    # A pixel whose cells' boxes cover 97 % of it is full, and what is bridged beside it takes that.
-    np.testing.assert_allclose(
-        given.image[is_inside], np.broadcast_to(LEVEL, (is_inside.sum(), 3)), atol=1e-3
-    )
+    color = given.image[is_inside] / given.coverage[is_inside][:, None]
+    np.testing.assert_allclose(color, np.broadcast_to(LEVEL, color.shape), atol=BRIDGED)
+
+
+@pytest.mark.parametrize("view", CLOSER)
+def test_there_is_no_gap_inside_a_surface(view):
+    wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
+    shown = see(wall, CLOSER[view], SHAPE, rays=4, other=SOURCE, other_shape=SHAPE).shown
+    given = rendered(prepare(depth_image(wall, SOURCE, SHAPE, rays=1)), CLOSER[view])
+    # Boxes stand for cells: what they leave out here, they cover twice there, up to 6 %.
+    assert given.coverage[eroded(shown > 0.999)].min() > 0.94
 
 
 @pytest.mark.parametrize("view", CLOSER)
 def test_the_picture_is_multiplied_by_the_coverage(view):
     wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
     given = rendered(prepare(depth_image(wall, SOURCE, SHAPE, rays=1)), CLOSER[view])
-    np.testing.assert_allclose(given.image, given.coverage[..., None] * LEVEL, atol=1e-3)
+    np.testing.assert_allclose(given.image, given.coverage[..., None] * LEVEL, atol=BRIDGED)
 
 
-ALONE = plane((0.0, 0.0, 1.0), 2.5, flat(1.0), is_on_card)
+# A white card at 2.5 before black, in px from the middle of the source: left, top, right, bottom.
+SIDES = np.array([-12.75, -8.1875, 12.3125, 12.6875])  # which 16 rays per pixel measure exactly
+
+
+def is_on_white(point):
+    x, y = 64 / 2.5 * point[..., 0], 64 / 2.5 * point[..., 1]
+    return (x > SIDES[0]) & (x < SIDES[2]) & (y > SIDES[1]) & (y < SIDES[3])
+
+
+ALONE = plane((0.0, 0.0, 1.0), 2.5, flat(1.0), is_on_white)
 BEHIND = plane((0.0, 0.0, 1.0), 5.0, flat(0.0))
 
 
-@pytest.mark.parametrize(
-    ("target", "tolerance"),
-    [
-        (camera_at((1e-5, 0, 0)), 0.04),
-        (camera_at((0.1, 0.03, 0)), 0.05),
-        (camera_at((0, 0, -3.0)), 0.03),
-        (camera_at((0, 0, 1.0)), 0.08),
-        (camera_at((0, 0, 0), 0, 0.3), 0.08),  # the silhouette is known at rows and columns only
-    ],
-)
-def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(target, tolerance):
-    things = [ALONE, BEHIND]
-    source = prepare(depth_image(things, SOURCE, SHAPE))
+@pytest.mark.parametrize("eye", [(1e-5, 0, 0), (0.1, 0.03, 0), (0, 0, 1.0), (0, 0, 1.8)])
+def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye):
+    things, target = [ALONE, BEHIND], camera_at(eye)
+    given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image[..., 0]
+    scale = 64 / (2.5 - eye[2])
+    left, top, right, bottom = scale * (SIDES * 2.5 / 64 - np.tile(eye[:2], 2)) + 32
+    start = np.arange(64)
+    width = np.clip(np.minimum(right, start + 1) - np.maximum(left, start), 0, 1)
+    height = np.clip(np.minimum(bottom, start + 1) - np.maximum(top, start), 0, 1)
+    share = height[:, None] * width
+    shown = see(things, target, SHAPE, rays=4, other=SOURCE, other_shape=SHAPE).shown
+    is_edge = (shown == 1) & (abs(share - 0.5) < 0.5)
+    error = np.abs(given - share)[is_edge]
+    # 97 % of a pixel count as all of it; the card's corners are known to a part of a sample only.
+    assert np.median(error) < 0.035
+    assert error.max() < 0.2
+
+
+def test_silhouettes_of_a_turned_picture_cover_their_share():
+    things, target = [ALONE, BEHIND], camera_at((0, 0, 0), 0, 0.3)
+    given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image[..., 0]
     truth = see(things, target, SHAPE, other=SOURCE, other_shape=SHAPE)
-    given = rendered(source, target).image[..., 0]
-    is_shown = truth.shown > 0.999
-    np.testing.assert_allclose(given[is_shown], truth.share[..., 0][is_shown], atol=tolerance)
+    error = np.abs(given - truth.share[..., 0])[truth.shown == 1]
+    assert error.max() < 0.2  # a corner; 0.06 along the sides, where boxes stand for cells
+    assert np.mean(error > 0.07) < 1e-3
 
 
 def test_without_anything_behind_it_a_surface_covers_its_area():
-    image = depth_image([ALONE], SOURCE, SHAPE)
-    source = picture(image.color, np.nan_to_num(image.nearness, posinf=0.0))
+    source = prepare(depth_image([ALONE], SOURCE, SHAPE))
     target = camera_at((0.0, 0.0, -3.0))
     truth = see([ALONE], target, SHAPE).share.sum()
-    # Nothing tells where its silhouette runs between the samples: up to half of one, all around.
-    assert rendered(source, target).coverage.sum() == pytest.approx(truth, rel=0.05)
+    # Where its silhouette runs between the samples nothing tells: half a sample all around is 8 %.
+    assert rendered(source, target).coverage.sum() == pytest.approx(truth, rel=0.08)
 
 
 def turned_around(depth):
@@ -285,9 +307,7 @@ def turned_around(depth):
 
 
 def test_back_faces_are_not_seen():
-    things = [ball((0, 0, 3), 0.8, flat(1.0))]
-    image = depth_image(things, SOURCE, SHAPE)
-    source = prepare(image._replace(nearness=np.where(image.nearness > 0, image.nearness, 0)))
+    source = prepare(depth_image([ball((0, 0, 3), 0.8, flat(1.0))], SOURCE, SHAPE, rays=1))
     given = rendered(source, turned_around(3.0))
     assert not given.coverage.any()
     assert not given.image.any()
@@ -305,10 +325,11 @@ def test_what_is_hidden_does_not_bleed(target, gap):
         plane((0, 0, 1), 2.0 * gap, flat(1, 0, 0)),
     ]
     truth = see(things, target, SHAPE, other=SOURCE, other_shape=SHAPE)
-    given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image
+    given = rendered(prepare(depth_image(things, SOURCE, SHAPE, rays=8)), target).image
     for n, other in ((0, 0), (1, 2)):
         is_whole = (truth.share[..., n] == 1) & (truth.shown == 1)
-        assert given[is_whole][:, other].max() < 1e-3  # FAINT: contrast that is not trusted
+        # Of a silhouette's contrast, a thousandth is not trusted; a box leaks what it is too wide.
+        assert given[is_whole][:, other].max() < 5e-3
 
 
 @pytest.mark.parametrize("view", ["side", "in"])
@@ -319,7 +340,7 @@ def test_there_and_back_gives_the_picture_again(view):
     nearness = np.where(there.coverage > 0.99, 1 / there.depth, 0).astype(np.float32)
     again = prepare(DepthImage(there.image, nearness, EMPTY))
     back = render(again, between(target, SOURCE), SHAPE, Hybrid())
-    is_inside = eroded(back.coverage == 1, 3)
+    is_inside = eroded(back.coverage > 0.95, 3)
     assert is_inside.mean() > 0.4
     # Waves of 10 px and more, resampled twice by pixels' means.
     assert psnr(back.image, image.color, mask=is_inside) > 45
@@ -426,7 +447,8 @@ def test_the_target_has_any_shape(shape):
 
 
 def test_channels_do_not_depend_on_those_beside_them_in_smooth_places():
-    image = depth_image([plane((0.2, 0.1, 1), 4.0, pattern(4.0, channels=7))], SOURCE, SHAPE, rays=4)
+    wall = plane((0.2, 0.1, 1), 4.0, pattern(4.0, channels=7))
+    image = depth_image([wall], SOURCE, SHAPE, rays=1)
     together = rendered(prepare(image), VIEWS["oblique"]).image
     for n in range(7):
         alone = image._replace(color=np.ascontiguousarray(image.color[..., n : n + 1]))

@@ -12,6 +12,7 @@ import numpy as np
 
 from resample.types import Doubles, Floats
 from resample_warp3d.holes import bridged
+from resample_warp3d.identity import is_identity, unmoved
 from resample_warp3d.sheets import sheet_of
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
 
@@ -46,8 +47,6 @@ class Hybrid:
     quality: float = 1.0
     labels: bool = False
 
-    keeps_samples = True  # where nothing moves, nothing changes
-
     def __post_init__(self) -> None:
         if not 0.25 <= self.quality <= 8.0:
             raise ValueError(f"quality {self.quality:g}; 0.25 to 8 parts per px are allowed")
@@ -56,6 +55,8 @@ class Hybrid:
         """Warp; what the source does not show stays empty."""
         from resample_warp3d.kernels.layers import paint_bands
 
+        if is_identity(source, equation, shape):
+            return unmoved(source)
         sheet = source.sheet
         if sheet is None or self.labels:
             sheet = sheet_of(source, is_label=self.labels)
@@ -74,12 +75,12 @@ class Hybrid:
 class Preview:
     """The nearest cell over each pixel's center: quick, but not antialiased."""
 
-    keeps_samples = True
-
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
         from resample_warp3d.kernels.preview import look_in_bands
 
+        if is_identity(source, equation, shape):
+            return unmoved(source)
         sheet = sheet_of(source) if source.sheet is None else source.sheet
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)

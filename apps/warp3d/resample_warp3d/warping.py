@@ -185,10 +185,7 @@ def render(
     if not is_usable(equation):
         raise ValueError("the warping equation is singular or not finite; check both cameras")
     with jit.threads(threads):
-        if is_identity(source, equation, shape) and getattr(method, "keeps_samples", False):
-            rendered = unmoved(source)
-        else:
-            rendered = method(source, equation, shape)
+        rendered = method(source, equation, shape)
         holes = explained(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
@@ -204,27 +201,6 @@ def is_usable(equation: Equation) -> bool:
     if not (np.isfinite(matrix).all() and np.isfinite(equation.epipole).all()):
         return False
     return bool(abs(np.linalg.det(matrix / np.abs(matrix).max())) > 1e-15)
-
-
-def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> bool:
-    """Whether every sample stays where it is: the target is the source."""
-    matrix = equation.matrix / equation.matrix[2, 2]
-    extent = np.array([source.nearness.shape[1], source.nearness.shape[0], 1.0])
-    moved = np.abs(matrix - np.eye(3)) @ extent  # px, at most
-    shift = np.abs(equation.epipole / equation.matrix[2, 2]).max() * source.nearness.max()
-    return (
-        source.place.size == 0
-        and tuple(shape) == source.nearness.shape
-        and float(max(moved.max(), shift)) < 1e-9 * max(shape)
-    )
-
-
-def unmoved(source: Source) -> Rendered:
-    """Source as it is, bit by bit; what has no depth is not there."""
-    known = source.nearness > 0
-    coverage = known.astype(np.float32)
-    image = np.where(known[..., None], source.color, np.float32(0))
-    return Rendered(image, coverage, source.nearness.copy(), coverage.copy(), np.zeros_like(known))
 
 
 def confidence_of(rendered: Rendered) -> Floats:

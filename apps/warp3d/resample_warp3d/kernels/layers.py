@@ -287,9 +287,9 @@ def _add_large(
 
 
 @kernel
-def _is_upright(ax: Single, ay: Single, bx: Single, by: Single) -> bool:
+def _is_upright(ax: Single, ay: Single, bx: Single, by: Single, shear: Single) -> bool:
     """Whether a cell's sides run along the pixels', nearly."""
-    return bool(abs(ay) <= SHEAR * abs(ax) and abs(bx) <= SHEAR * abs(by))
+    return bool(abs(ay) <= shear * abs(ax) and abs(bx) <= shear * abs(by))
 
 
 @kernel
@@ -368,7 +368,7 @@ def _add_segment(
     """Add a segment's cells to a band's two layers."""
     end = min(index.shape[1], (segment + 1) * SEGMENT)
     small = ONE / (frame.quality * frame.quality)
-    is_quick = frame.quality <= ONE and not frame.is_label
+    shear = ZERO if frame.is_label else SHEAR / max(frame.quality, ONE)
     for column in range(segment * SEGMENT, end):
         is_there, p, q, r, s = corners_of(screen, torn, index, row, column)
         if not is_there:
@@ -389,7 +389,7 @@ def _add_segment(
             _add_small(
                 p, q, r, s, is_alone, red, green, blue, frame, front, behind, sums
             )  # fmt: skip
-        elif is_quick and _is_upright(ax, ay, bx, by):
+        elif not frame.is_label and _is_upright(ax, ay, bx, by, shear):
             _add_upright(
                 p, q, r, s, is_alone, color, links, group, row, column, frame, front, behind, sums
             )

@@ -1,0 +1,28 @@
+"""Targets that are the source itself: nothing moves, so nothing may change."""
+
+import numpy as np
+
+from resample_warp3d.types import Equation, Rendered, Source
+
+STILL = 1e-9  # of the picture's size: what moves less than this stays where it is
+
+
+def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> bool:
+    """Whether every sample stays where it is: the target is the source."""
+    matrix = equation.matrix / equation.matrix[2, 2]
+    extent = np.array([source.nearness.shape[1], source.nearness.shape[0], 1.0])
+    moved = np.abs(matrix - np.eye(3)) @ extent  # px, at most
+    shift = np.abs(equation.epipole / equation.matrix[2, 2]).max() * source.nearness.max()
+    return (
+        source.place.size == 0
+        and tuple(shape) == source.nearness.shape
+        and float(max(moved.max(), shift)) < STILL * max(shape)
+    )
+
+
+def unmoved(source: Source) -> Rendered:
+    """Source as it is, bit by bit; what has no depth is not there."""
+    known = source.nearness > 0
+    coverage = known.astype(np.float32)
+    image = np.where(known[..., None], source.color, np.float32(0))
+    return Rendered(image, coverage, source.nearness.copy(), coverage.copy(), np.zeros_like(known))
