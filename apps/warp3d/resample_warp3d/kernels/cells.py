@@ -213,6 +213,29 @@ def twist_of(color: Floats, links: Links, group: int, row: int, column: int, c: 
 
 
 @kernel
+def range_of(
+    color: Floats, links: Links, group: int, row: int, column: int, c: int
+) -> tuple[Single, Single]:
+    """Least and greatest value of a channel in a sample and its neighbours on the surface.
+
+    A parabola between them that goes further is a ripple, which no surface has.
+    """
+    bits = links[row, column]
+    here = color[group, row, column, c]
+    right = color[group, row, column + 1, c] if bits & RIGHT else here
+    left = color[group, row, column - 1, c] if bits & LEFT else here
+    below = color[group, row + 1, column, c] if bits & DOWN else here
+    above = color[group, row - 1, column, c] if bits & UP else here
+    return min(here, right, left, below, above), max(here, right, left, below, above)
+
+
+@kernel
+def within(value: Single, limits: tuple[Single, Single]) -> Single:
+    """Value, or the limit that it exceeds."""
+    return min(max(value, limits[0]), limits[1])
+
+
+@kernel
 def value_at(
     u: Single, v: Single, mean: Single, along: Bend, across: Bend, twist: Single
 ) -> Single:

@@ -29,8 +29,10 @@ from resample_warp3d.kernels.cells import (
     is_too_long,
     nearness_at,
     plane_of,
+    range_of,
     shape_of,
     value_at,
+    within,
 )
 from resample_warp3d.kernels.screen import SEGMENT, Corner, Indices
 from resample_warp3d.types import INNER, Links
@@ -256,6 +258,9 @@ def _add_large(
         red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
         green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
         blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
+    red_range = range_of(color, links, group, row, column, 0)
+    green_range = range_of(color, links, group, row, column, 1)
+    blue_range = range_of(color, links, group, row, column, 2)
     step_u, step_v = ONE / np.float32(count_u), ONE / np.float32(count_v)
     for part_v in range(count_v):
         v = (np.float32(part_v) + HALF) * step_v - HALF
@@ -272,9 +277,9 @@ def _add_large(
             part_x, part_y = x + ax * u + bx * v + tx * u * v, y + ay * u + by * v + ty * u * v
             across = min(_length(side_x, other_x), ONE) + SLIGHT
             down = min(_length(side_y, other_y), ONE) + SLIGHT
-            here_red = value_at(u, v, red, red_x, red_y, red_t)
-            here_green = value_at(u, v, green, green_x, green_y, green_t)
-            here_blue = value_at(u, v, blue, blue_x, blue_y, blue_t)
+            here_red = within(value_at(u, v, red, red_x, red_y, red_t), red_range)
+            here_green = within(value_at(u, v, green, green_x, green_y, green_t), green_range)
+            here_blue = within(value_at(u, v, blue, blue_x, blue_y, blue_t), blue_range)
             if is_alone:
                 _add_box(
                     part_x, part_y, across, down, mass, here_red, here_green, here_blue, frame, sums
@@ -311,6 +316,9 @@ def _add_upright(
         red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
         green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
         blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
+    red_range = range_of(color, links, group, row, column, 0)
+    green_range = range_of(color, links, group, row, column, 1)
+    blue_range = range_of(color, links, group, row, column, 2)
     determinant = ax * by - ay * bx
     inverse = ONE / determinant
     # The box's sides in pixels, and how the cell's own coordinates change along the pixels'.
@@ -349,6 +357,7 @@ def _add_upright(
             b += green_t * uv
             c = blue + blue_x[0] * u + blue_y[0] * v + blue_x[1] * uu + blue_y[1] * vv
             c += blue_t * uv
+            a, b, c = within(a, red_range), within(b, green_range), within(c, blue_range)
             _add_four(sums, at, a * m, b * m, c * m, m)
 
 
