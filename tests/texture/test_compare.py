@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from resample.images import read_image, to_srgb
+from resample.settings import method_names
 from resample_texture import compare
-from resample_texture.choices import method_names
 from resample_texture.compare import Judge, enlarged, measured, sheet, source_values, timed
 from resample_texture.geometry import Homography
 from resample_texture.scenes import Scene

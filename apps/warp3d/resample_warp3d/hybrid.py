@@ -5,7 +5,7 @@ pixel it is a point with the area it covers; where it is larger it gives every p
 color over their overlap. So a pixel is the mean of what it shows, at any scale and along each axis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from resample.types import Doubles, Floats
 from resample_warp3d.holes import bridged
 from resample_warp3d.identity import is_identity, unmoved
-from resample_warp3d.sheets import sheet_of
+from resample_warp3d.sheets import Sheets
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
 
 BAND = 32  # rows of the target that one thread paints at a time
@@ -46,6 +46,7 @@ class Hybrid:
 
     quality: float = 1.0
     labels: bool = False
+    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not 0.25 <= self.quality <= 8.0:
@@ -57,9 +58,7 @@ class Hybrid:
 
         if is_identity(source, equation, shape):
             return unmoved(source)
-        sheet = source.sheet
-        if sheet is None or self.labels:
-            sheet = sheet_of(source, is_label=self.labels)
+        sheet = self._sheets(source, is_label=self.labels)
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])
@@ -75,13 +74,15 @@ class Hybrid:
 class Preview:
     """The nearest cell over each pixel's center: quick, but not antialiased."""
 
+    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
+
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
         from resample_warp3d.kernels.preview import look_in_bands
 
         if is_identity(source, equation, shape):
             return unmoved(source)
-        sheet = sheet_of(source) if source.sheet is None else source.sheet
+        sheet = self._sheets(source)
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])

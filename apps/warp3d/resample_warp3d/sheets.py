@@ -5,7 +5,24 @@ import numpy as np
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Sheet, Source
 
+KEPT = 4  # sheets
 PRECISION = 1e-6  # relative error of a float's nearness
+
+
+class Sheets:
+    """Sheets of the last few sources, each made when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[int, bool], tuple[Source, Sheet]] = {}
+
+    def __call__(self, source: Source, *, is_label: bool = False) -> Sheet:
+        """Sheet of a source; see `sheet_of`."""
+        key = id(source), is_label
+        if key not in self._made:
+            while len(self._made) >= KEPT:
+                del self._made[next(iter(self._made))]
+            self._made[key] = source, sheet_of(source, is_label=is_label)  # keeps the id taken
+        return self._made[key][1]
 
 
 def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:

@@ -74,7 +74,6 @@ class Source(NamedTuple):
     place: Doubles  # (H, W, 2) as in DepthImage
     noise: float  # standard deviation of the nearness, relative to it
     step: float = 0.0  # smallest difference of nearness that is told apart
-    sheet: Sheet | None = None  # what `sheets.sheet_of` makes of it
 
 
 class Rendered(NamedTuple):
