@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.types import Floats
 from resample_warp3d.equation import inverse
 from resample_warp3d.types import Equation, Hole, Rendered, Source
 
@@ -28,7 +29,8 @@ def bridged(rendered: Rendered) -> Rendered:
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
     """Why each pixel is what it is, (H, W) values of `Hole`.
 
-    A hole is taken to be as far as what lies beside it in its row, on the farther side.
+    A hole is taken to be as far as what lies beside it in its row, on the farther side; an empty
+    row as far as the farthest of the next row that is not.
     """
     from resample_warp3d.kernels.bridging import explain_holes
 
@@ -36,7 +38,20 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
     holes = np.empty(rendered.coverage.shape, np.uint8)
     explain_holes(
         rendered.coverage, rendered.nearness, back.matrix, back.epipole, source.place,
-        source.nearness > 0, holes,
+        source.nearness > 0, _farthest(rendered), holes,
     )  # fmt: skip
     holes[rendered.bridged] = Hole.CRACK
     return holes
+
+
+def _farthest(rendered: Rendered) -> Floats:
+    """Nearness (H,) of the farthest thing in each row, or in the next row that has any; 0: none."""
+    nearness = np.where(rendered.coverage > 0, rendered.nearness, np.inf).min(axis=1)
+    full = np.flatnonzero(np.isfinite(nearness))
+    if not full.size:
+        return np.zeros(nearness.shape, np.float32)
+    rows = np.arange(nearness.size)
+    after = np.clip(np.searchsorted(full, rows), 0, full.size - 1)
+    before = np.maximum(after - 1, 0)
+    is_before = np.abs(full[before] - rows) < np.abs(full[after] - rows)
+    return np.asarray(nearness[np.where(is_before, full[before], full[after])], np.float32)

@@ -9,6 +9,8 @@ STILL = 1e-9  # of the picture's size: what moves less than this stays where it 
 
 def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> bool:
     """Whether every sample stays where it is: the target is the source."""
+    if equation.matrix[2, 2] == 0.0:
+        return False
     matrix = equation.matrix / equation.matrix[2, 2]
     extent = np.array([source.nearness.shape[1], source.nearness.shape[0], 1.0])
     moved = np.abs(matrix - np.eye(3)) @ extent  # px, at most

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from resample_warp3d.types import Hole, Warped
 
 SAME = 0.02  # of the nearness: views whose surfaces are closer together than this see one
 SHARP = 2.0  # power of the confidence that views are weighed with
+LEAST = 1e-12  # weight of a view that has no confidence
 SOLID = 0.5  # coverage from which on a view's surface hides others
 
 
@@ -25,8 +27,9 @@ def merge(views: Sequence[Warped]) -> Warped:
     Returns
     -------
     Per pixel the mean of the views that show its nearest surface, weighed by their confidence: a
-    source that saw the surface from nearby, and not at a grazing angle, has more samples there. A
-    hole is a hole in all views; of its reasons the one nearest to a remedy is kept.
+    source that saw the surface from nearby, and not at a grazing angle, has more samples there.
+    Where it covers a pixel in part, the surface behind it shows. A hole is a hole in all views; of
+    its reasons the one nearest to a remedy is kept.
 
     Raises
     ------
@@ -37,34 +40,53 @@ def merge(views: Sequence[Warped]) -> Warped:
     if len(shapes) != 1:
         raise ValueError(f"views of one shape can be merged, not of {sorted(shapes) or 'none'}")
     ordered = sorted(views, key=_digest)
-    nearness = [_nearness(view) for view in ordered]
-    front = np.max(
-        [np.where(v.coverage >= SOLID, n, 0) for v, n in zip(ordered, nearness, strict=True)],
-        axis=0,
+    nearness = np.stack([_nearness(view) for view in ordered])
+    front, is_front = _surface(ordered, nearness)
+    behind, _ = _surface(ordered, np.where(is_front, 0, nearness))
+    rest = np.float32(1) - front.coverage
+    is_near = front.coverage > 0
+    coverage = front.coverage + rest * behind.coverage
+    near = np.where(is_near, front.nearness, behind.nearness)
+    return Warped(
+        front.image + rest[..., None] * behind.image,
+        coverage,
+        np.divide(1.0, near, out=np.full_like(near, np.inf), where=near > 0),
+        _holes(ordered, coverage),
+        np.where(is_near, front.magnification, behind.magnification),
+        np.where(is_near, front.confidence, behind.confidence),
     )
+
+
+class Surface(NamedTuple):
+    """What several views show of one surface, (H, W[, C]); all 0 where there is none."""
+
+    image: Floats
+    coverage: Floats
+    nearness: Floats
+    magnification: Floats
+    confidence: Floats
+
+
+def _surface(views: Sequence[Warped], nearness: Floats) -> tuple[Surface, NDArray[np.bool_]]:
+    """Nearest surface of several views (V, H, W), and where each of them shows it."""
+    solid = np.stack([view.coverage >= SOLID for view in views])
+    front = np.where(solid, nearness, 0).max(axis=0)
+    is_front = (nearness >= front * (1.0 - SAME)) & (nearness > 0)
     total = np.zeros(front.shape, np.float32)
-    image, depth = np.zeros(views[0].image.shape, np.float32), np.zeros_like(total)
-    coverage, confidence, magnification = (np.zeros_like(total) for _ in range(3))
-    for view, near in zip(ordered, nearness, strict=True):
-        weight = np.where(near >= front * (1.0 - SAME), view.confidence**SHARP, 0)
-        weight = np.where(view.coverage > 0, weight + 1e-12, 0).astype(np.float32)
-        weight *= near >= front * (1.0 - SAME)
+    image = np.zeros(views[0].image.shape, np.float32)
+    coverage, near, magnification, confidence = (np.zeros_like(total) for _ in range(4))
+    for view, shown, depth in zip(views, is_front, nearness, strict=True):
+        weight = np.where(shown, view.confidence**SHARP + LEAST, 0).astype(np.float32)
         total += weight
         image += weight[..., None] * view.image
         coverage += weight * view.coverage
-        depth += weight * near
+        near += weight * depth
         magnification += weight * view.magnification
-        confidence = np.maximum(confidence, np.where(weight > 0, view.confidence, 0))
+        confidence = np.maximum(confidence, np.where(shown, view.confidence, 0))
     share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-    near = depth * share
-    return Warped(
-        image * share[..., None],
-        coverage * share,
-        np.divide(1.0, near, out=np.full_like(near, np.inf), where=near > 0),
-        _holes(ordered, coverage * share),
-        magnification * share,
-        confidence,
-    )
+    return Surface(
+        image * share[..., None], coverage * share, near * share, magnification * share, confidence
+    ), is_front
 
 
 def _nearness(view: Warped) -> Floats:

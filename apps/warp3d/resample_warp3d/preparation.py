@@ -11,10 +11,12 @@ from resample.types import Doubles, Floats
 from resample_warp3d.types import DepthImage, Links, Source
 
 USUAL = 0.5587  # mean of the lower 80 % of |x|, x normal with deviation 1
-SMOOTH = 1e-3  # of the nearness: a surface's relative noise below this is none
+CLEAN = 1e-4  # of the nearness: noise below this is none
+SMOOTH = 1e-3  # of the nearness: noise above this is smoothed
 FLAT = 2e-3  # of the nearness: a jump of less is no edge
 FEWEST, MOST = 8, 4096  # values of a coarse map; fewer are a scene of few flat things
 MANY = 1 << 16  # samples; of more, a quarter is looked at
+LEVEL = 0.2  # share of neighbours, along both axes, that have one value in a coarse map
 COARSEST = 0.02  # of the largest nearness: a larger step is between things
 LARGEST_REACH = 4  # samples on each side that a slope is fitted to
 
@@ -25,7 +27,8 @@ def prepare(image: DepthImage, *, noise: float | None = None, step: float | None
     Parameters
     ----------
     image
-        Color and nearness; values that are no finite number above 0 are unknown.
+        Color and nearness; values that are no finite number above 0 are unknown, and so are samples
+        whose color is not finite.
     noise
         Standard deviation of the nearness relative to it; measured if left out.
     step
@@ -40,22 +43,25 @@ def prepare(image: DepthImage, *, noise: float | None = None, step: float | None
     ValueError
         Color and nearness differ in size, or there is no depth at all.
     """
+    for name, given in (("noise", noise), ("step", step)):
+        if given is not None and not 0.0 <= given < math.inf:
+            raise ValueError(f"{name} {given:g}; give a number of 0 or more, or leave it out")
     nearness = known(image)
     quantum = quantum_of(nearness) if step is None else step
     links = linked(nearness, quantum, 0.0 if noise is None else noise)
     if noise is None:
         noise = noise_of(nearness, links)
-        if noise > SMOOTH:
+        if noise > CLEAN:
             links = linked(nearness, quantum, noise)
             noise = noise_of(nearness, links)
     reach = reach_for(noise)
     fitted, slope = fit(nearness, links, reach)
-    color = np.ascontiguousarray(image.color, np.float32)
+    color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     return Source(color, fitted, slope, links, image.place, noise, quantum)
 
 
 def known(image: DepthImage) -> Floats:
-    """Nearness in float32, 0 where it is unknown."""
+    """Nearness in float32, 0 where it, its place or its color is unknown."""
     nearness = np.ascontiguousarray(image.nearness, np.float32)
     if image.color.ndim != 3 or nearness.shape != image.color.shape[:2]:
         height, width = nearness.shape[:2]
@@ -63,7 +69,10 @@ def known(image: DepthImage) -> Floats:
             f"color of {image.color.shape[1]} × {image.color.shape[0]} px does not fit depth of "
             f"{width} × {height} px"
         )
-    nearness = np.where(np.isfinite(nearness) & (nearness > 0), nearness, np.float32(0))
+    is_known = np.isfinite(nearness) & (nearness > 0) & np.isfinite(image.color).all(axis=2)
+    if image.place.size:
+        is_known &= np.isfinite(image.place).all(axis=2)
+    nearness = np.where(is_known, nearness, np.float32(0))
     if not nearness.any():
         raise ValueError("no pixel has a depth; check its unit and its file")
     return nearness
@@ -76,7 +85,12 @@ def quantum_of(nearness: Floats) -> float:
     if not FEWEST <= values.size <= MOST:
         return 0.0
     smallest = float(np.min(np.diff(values)))
-    return smallest if smallest < COARSEST * float(values[-1]) else 0.0
+    is_flat = min(
+        np.mean(nearness[::8, 1:] == nearness[::8, :-1]),
+        np.mean(nearness[1:, ::8] == nearness[:-1, ::8]),
+    )
+    is_coarse = is_flat > LEVEL and smallest < COARSEST * float(values[-1])
+    return smallest if is_coarse else 0.0
 
 
 def linked(nearness: Floats, quantum: float, noise: float) -> Links:

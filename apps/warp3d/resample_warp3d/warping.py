@@ -1,5 +1,7 @@
 """The library's calls: depth images as other cameras see them."""
 
+import operator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +14,7 @@ from resample_warp3d.holes import explained
 from resample_warp3d.preparation import prepare
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
 
+CLOSEST = 1e-30  # scene units: a depth below this is none
 LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
 
 
@@ -117,7 +120,7 @@ def nearness_of(depth: ArrayLike) -> Floats:
     """
     given = two_dimensional(depth, "depth")
     nearness = np.zeros(given.shape, np.float64)
-    np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > 0))
+    np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > CLOSEST))
     return nearness.astype(np.float32)
 
 
@@ -176,7 +179,7 @@ def render(
     """
     from resample.kernels import jit
 
-    height, width = shape
+    height, width = _height_and_width(shape)
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a target of {width} × {height} px; give 1 px or more each way, together at most "
@@ -184,6 +187,9 @@ def render(
         )
     if not is_usable(equation):
         raise ValueError("the warping equation is singular or not finite; check both cameras")
+    shape = height, width
+    if not callable(method):
+        raise ValueError(f"method {method!r}; give a name or an object that warps")
     with jit.threads(threads):
         rendered = method(source, equation, shape)
         holes = explained(rendered, source, equation)
@@ -195,12 +201,21 @@ def render(
     )  # fmt: skip
 
 
+def _height_and_width(shape: tuple[int, int]) -> tuple[int, int]:
+    try:
+        height, width = (operator.index(number) for number in shape)
+    except (TypeError, ValueError):
+        raise ValueError(f"size {shape!r}; give height and width, two whole numbers") from None
+    return height, width
+
+
 def is_usable(equation: Equation) -> bool:
     """Whether an equation's numbers are finite and its matrix leads back."""
     matrix = equation.matrix
     if not (np.isfinite(matrix).all() and np.isfinite(equation.epipole).all()):
         return False
-    return bool(abs(np.linalg.det(matrix / np.abs(matrix).max())) > 1e-15)
+    largest = np.abs(matrix).max()
+    return bool(largest > 0.0 and abs(np.linalg.det(matrix / largest)) > 1e-15)
 
 
 def confidence_of(rendered: Rendered) -> Floats:

@@ -94,7 +94,8 @@ def _bridge_pixel(
         r, k = s, m
     missing = np.float32(1) - coverage[row, column]
     for c in range(image.shape[2]):
-        image[row, column, c] += missing * np.float32(0.5) * (image[r, k, c] + image[s, m, c])
+        filling = image[r, k, c] / coverage[r, k] + image[s, m, c] / coverage[s, m]
+        image[row, column, c] += missing * np.float32(0.5) * filling
     new_coverage[row, column] = 1
     if coverage[row, column] < 0.5:
         nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
@@ -182,7 +183,7 @@ def _reason(
 @kernel
 def _explain_row(
     coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    known: Flags, row: int, holes: Kinds,
+    known: Flags, farthest: Floats, row: int, holes: Kinds,
 ) -> None:  # fmt: skip
     """Type a row's holes; each is taken to be as far as the farther of its two sides in the row."""
     width = coverage.shape[1]
@@ -199,7 +200,7 @@ def _explain_row(
         after = nearness[row, end] if end < width else np.float32(np.inf)
         near = float(min(before, after))
         if not math.isfinite(near):
-            near = 0.0
+            near = float(farthest[row])
         for c in range(column, end):
             holes[row, c] = _reason(back, origin, place, known, c + 0.5, row + 0.5, near)
         column = end
@@ -208,7 +209,7 @@ def _explain_row(
 @parallel_kernel
 def explain_holes(
     coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    known: Flags, holes: Kinds,
+    known: Flags, farthest: Floats, holes: Kinds,
 ) -> None:  # fmt: skip
     """Say why pixels are empty.
 
@@ -222,8 +223,12 @@ def explain_holes(
         As in `DepthImage`.
     known
         (h, w) whether the source has a depth there.
+    farthest
+        (H,) nearness that an empty row is taken to have.
     holes
         (H, W) filled with values of `Hole`; 0 where something is.
     """
     for row in prange(coverage.shape[0]):
-        _explain_row(coverage, nearness, back, origin, place, known, int(np.int64(row)), holes)
+        _explain_row(
+            coverage, nearness, back, origin, place, known, farthest, int(np.int64(row)), holes
+        )

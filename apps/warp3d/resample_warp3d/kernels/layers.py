@@ -39,11 +39,12 @@ from resample_warp3d.types import INNER, Links
 
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes stand for cells, which are none
-HALF_FULL: Single = np.float32(0.5)  # coverage from which on a pixel has a label
+TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 SLIGHT: Single = np.float32(1e-5)  # px; keeps divisions finite
 SHEAR: Single = np.float32(0.3)  # of a cell's length: how much its sides may lean to be upright
 MEAN_SQUARE: Single = np.float32(1 / 12)  # of what lies evenly in −1/2..1/2
 NO_PLANE: Plane = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
+SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
 MANY = 64  # pixels of a cell that are looked at to see whether it lies alone there
 
 
@@ -136,10 +137,18 @@ def _add_four(sums: Floats, at: int, a: Single, b: Single, c: Single, d: Single)
 
 
 @kernel
-def _keep_most(sums: Floats, at: int, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Keep what covers most."""
-    if d > sums[at + 3]:
-        sums[at], sums[at + 1], sums[at + 2], sums[at + 3] = a, b, c, d
+def _vote(sums: Floats, at: int, a: Single, b: Single, c: Single, d: Single) -> None:
+    """Vote for a label by what it covers; the one that has most of the votes stays.
+
+    Boyer and Moore's majority vote with weights: other labels wear the one that stands down.
+    """
+    if sums[at] == a and sums[at + 1] == b and sums[at + 2] == c:
+        sums[at + 3] += d
+    elif sums[at + 3] >= d:
+        sums[at + 3] -= d
+    else:
+        sums[at], sums[at + 1], sums[at + 2] = a, b, c
+        sums[at + 3] = d - sums[at + 3]
 
 
 @kernel
@@ -181,6 +190,17 @@ def _add_box(
 
 
 @kernel
+def _layer_at(
+    plane: Plane, column: int, row: int, frame: Frame, front: Floats, behind: Floats
+) -> int:
+    """Layer that a cell belongs to over a pixel: 0 front, 1 behind, 2 hidden."""
+    near = nearness_at(plane, column, row) + plane[7]
+    if near >= front[row - frame.first, column] * DISTINCT:
+        return 0
+    return 1 if near >= behind[row - frame.first, column] * DISTINCT else 2
+
+
+@kernel
 def _add_seen(
     x: Single, y: Single, across: Single, down: Single, mass: Single,
     red: Single, green: Single, blue: Single, plane: Plane, frame: Frame,
@@ -195,16 +215,32 @@ def _add_seen(
         along_y = share_y if r > row else ONE - share_y
         for c in range(max(column, 0), min(column + 2, frame.width)):
             m = mass * along_y * (share_x if c > column else ONE - share_x)
-            near = nearness_at(plane, c, r) + plane[7]
-            at = ((r - frame.first) * frame.width + c) * 8
-            if near < front[r - frame.first, c] * DISTINCT:
-                if near < behind[r - frame.first, c] * DISTINCT:
-                    continue
-                at += 4
-            if frame.is_label:
-                _keep_most(sums, at, red, green, blue, m)
-            elif m > ZERO:
+            layer = _layer_at(plane, c, r, frame, front, behind)
+            if layer < 2 and m > ZERO:
+                at = ((r - frame.first) * frame.width + c) * 8 + 4 * layer
                 _add_four(sums, at, red * m, green * m, blue * m, m)
+
+
+@kernel
+def _add_label(
+    x: Single, y: Single, across: Single, down: Single, mass: Single,
+    red: Single, green: Single, blue: Single, plane: Plane, frame: Frame,
+    front: Floats, behind: Floats, sums: Floats, voted: Floats,
+) -> None:  # fmt: skip
+    """Let a box vote for its label in the pixels of the band that it overlaps."""
+    left, top = x - HALF * across, y - HALF * down
+    column, row = floor_of(left), floor_of(top)
+    share_x = max(ZERO, (left + across - np.float32(column) - ONE) / across)
+    share_y = max(ZERO, (top + down - np.float32(row) - ONE) / down)
+    for r in range(max(row, frame.first), min(row + 2, frame.last)):
+        along_y = share_y if r > row else ONE - share_y
+        for c in range(max(column, 0), min(column + 2, frame.width)):
+            m = mass * along_y * (share_x if c > column else ONE - share_x)
+            layer = _layer_at(plane, c, r, frame, front, behind)
+            if layer < 2:
+                voted[r - frame.first, c, layer] += m
+                at = ((r - frame.first) * frame.width + c) * 8 + 4 * layer
+                _vote(sums, at, red, green, blue, m)
 
 
 @kernel
@@ -221,7 +257,7 @@ def _length(a: Single, b: Single) -> Single:
 def _add_small(
     p: Corner, q: Corner, r: Corner, s: Corner, is_alone: bool,
     red: Single, green: Single, blue: Single, frame: Frame,
-    front: Floats, behind: Floats, sums: Floats,
+    front: Floats, behind: Floats, sums: Floats, voted: Floats,
 ) -> None:  # fmt: skip
     """Add a cell of one part."""
     x, y, _, ax, ay, _, bx, by, _, _, _, _ = shape_of(p, q, r, s)
@@ -231,14 +267,19 @@ def _add_small(
         _add_box(x, y, across, down, mass, red, green, blue, frame, sums)
         return
     plane = plane_of(p, q, r, s)
-    _add_seen(x, y, across, down, mass, red, green, blue, plane, frame, front, behind, sums)
+    if frame.is_label:
+        _add_label(
+            x, y, across, down, mass, red, green, blue, plane, frame, front, behind, sums, voted
+        )  # fmt: skip
+    else:
+        _add_seen(x, y, across, down, mass, red, green, blue, plane, frame, front, behind, sums)
 
 
 @kernel
 def _add_large(
     p: Corner, q: Corner, r: Corner, s: Corner, is_alone: bool, color: Floats, links: Links,
     group: int, row: int, column: int, frame: Frame,
-    front: Floats, behind: Floats, sums: Floats,
+    front: Floats, behind: Floats, sums: Floats, voted: Floats,
 ) -> None:  # fmt: skip
     """Add a cell part by part."""
     plane = plane_of(p, q, r, s)
@@ -284,6 +325,11 @@ def _add_large(
                 _add_box(
                     part_x, part_y, across, down, mass, here_red, here_green, here_blue, frame, sums
                 )
+            elif frame.is_label:
+                _add_label(
+                    part_x, part_y, across, down, mass, here_red, here_green, here_blue, plane,
+                    frame, front, behind, sums, voted,
+                )  # fmt: skip
             else:
                 _add_seen(
                     part_x, part_y, across, down, mass, here_red, here_green, here_blue, plane,
@@ -372,11 +418,13 @@ def _is_inside(left: int, top: int, right: int, bottom: int, frame: Frame) -> bo
 def _add_segment(
     screen: Floats, torn: Floats, index: Indices, color: Floats, links: Links,
     group: int, row: int, segment: int, frame: Frame,
-    front: Floats, behind: Floats, sums: Floats,
+    front: Floats, behind: Floats, sums: Floats, voted: Floats,
 ) -> None:  # fmt: skip
     """Add a segment's cells to a band's two layers."""
     end = min(index.shape[1], (segment + 1) * SEGMENT)
-    small = ONE / (frame.quality * frame.quality)
+    # Squared lengths up to which cells have one color: upright ones, and those that lean.
+    whole = ONE / (frame.quality * frame.quality)
+    small = SMALL * SMALL * whole
     shear = ZERO if frame.is_label else SHEAR / max(frame.quality, ONE)
     for column in range(segment * SEGMENT, end):
         is_there, p, q, r, s = corners_of(screen, torn, index, row, column)
@@ -392,25 +440,30 @@ def _add_segment(
         is_alone = is_alone and _is_alone(left, top, right, bottom, frame, behind)
         ax, ay = HALF * (q[0] - p[0] + s[0] - r[0]), HALF * (q[1] - p[1] + s[1] - r[1])
         bx, by = HALF * (r[0] - p[0] + s[0] - q[0]), HALF * (r[1] - p[1] + s[1] - q[1])
-        if max(ax * ax + ay * ay, bx * bx + by * by) <= small:
+        longest = max(ax * ax + ay * ay, bx * bx + by * by)
+        is_upright = not frame.is_label and _is_upright(ax, ay, bx, by, shear)
+        if longest <= (small if is_upright else whole):
             red, green = color[group, row, column, 0], color[group, row, column, 1]
             blue = color[group, row, column, 2]
             _add_small(
-                p, q, r, s, is_alone, red, green, blue, frame, front, behind, sums
+                p, q, r, s, is_alone, red, green, blue, frame, front, behind, sums, voted
             )  # fmt: skip
-        elif not frame.is_label and _is_upright(ax, ay, bx, by, shear):
+        elif is_upright:
             _add_upright(
-                p, q, r, s, is_alone, color, links, group, row, column, frame, front, behind, sums
-            )
+                p, q, r, s, is_alone, color, links, group, row, column, frame,
+                front, behind, sums,
+            )  # fmt: skip
         else:
             _add_large(
-                p, q, r, s, is_alone, color, links, group, row, column, frame, front, behind, sums
-            )
+                p, q, r, s, is_alone, color, links, group, row, column, frame,
+                front, behind, sums, voted,
+            )  # fmt: skip
 
 
 @kernel
 def _resolve(
-    sums: Floats, group: int, front: Floats, behind: Floats, area: Floats, frame: Frame,
+    sums: Floats, voted: Floats, group: int, front: Floats, behind: Floats, area: Floats,
+    frame: Frame,
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
 ) -> None:  # fmt: skip
     """Composite a band's two layers."""
@@ -419,13 +472,19 @@ def _resolve(
         for x in range(frame.width):
             at = ((y - frame.first) * frame.width + x) * 8
             near_mass, far_mass = sums[at + 3], sums[at + 7]
-            share = min(near_mass / FULL, ONE)
-            total = min((near_mass + far_mass) / FULL, ONE)
+            # Boxes stand for cells: what is nearly full is full, and more than full is as much.
+            filled = min(max(near_mass + far_mass, FULL), ONE)
+            share = min(near_mass / filled, ONE)
+            total = min((near_mass + far_mass) / filled, ONE)
+            if near_mass + far_mass < TRACE:
+                share, total = ZERO, ZERO
             by_near = share / max(near_mass, np.float32(1e-20))
             by_far = (total - share) / max(far_mass, np.float32(1e-20))
             if frame.is_label:
-                total = ONE if near_mass + far_mass > HALF_FULL * HALF else ZERO
-                share = total if near_mass >= far_mass else ZERO
+                near_mass = voted[y - frame.first, x, 0]
+                far_mass = voted[y - frame.first, x, 1]
+                total = ONE if near_mass + far_mass >= HALF else ZERO
+                share = total if near_mass >= min(HALF, far_mass) else ZERO
                 by_near, by_far = share, total - share
             for c in range(channels):
                 image[y, x, 3 * group + c] = by_near * sums[at + c] + by_far * sums[at + 4 + c]
@@ -456,17 +515,22 @@ def _paint_band(
             if _meets(bounds, row, segment, frame):
                 _behind_segment(screen, torn, index, row, segment, frame, front, behind)
     sums = np.zeros(height * frame.width * 8, np.float32)
+    voted = np.zeros((height if frame.is_label else 0, frame.width, 2), np.float32)
     for group in range(color.shape[0]):
         if group > 0:
             sums[:] = ZERO
+            voted[:] = ZERO
         for row in range(bounds.shape[0]):
             for segment in range(bounds.shape[1]):
                 if _meets(bounds, row, segment, frame):
                     _add_segment(
                         screen, torn, index, color, links, group, row, segment, frame,
-                        front, behind, sums,
+                        front, behind, sums, voted,
                     )  # fmt: skip
-        _resolve(sums, group, front, behind, area, frame, image, coverage, nearness, magnification)
+        _resolve(
+            sums, voted, group, front, behind, area, frame,
+            image, coverage, nearness, magnification,
+        )  # fmt: skip
 
 
 @parallel_kernel
