@@ -14,7 +14,7 @@ import difflib
 import inspect
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
@@ -124,6 +124,23 @@ def build(group: str, spec: str) -> Any:
         return plugin(**chosen)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{spec}: {_one_line(error)}") from error
+
+
+def check(group: str, specs: Iterable[str]) -> None:
+    """Refuse plugins that `build` would refuse, before any work is done.
+
+    Parameters
+    ----------
+    group, specs
+        As `build` takes them.
+
+    Raises
+    ------
+    LookupError, ValueError
+        As `build`.
+    """
+    for spec in specs:
+        build(group, spec)
 
 
 def parameters(plugin: Any) -> dict[str, Any]:

@@ -243,16 +243,17 @@ def compare(
     size
         Of the views in px, 640x480. Half of the (tiled) picture's; for a matrix the picture's.
     """
+    from resample import registry
     from resample.compare import plain
     from resample.console import check_targets, rows_as_json
     from resample.pictures import flattened, read_picture
     from resample_texture.compare import Judge, sheet, source_values
     from resample_texture.scenes import check_scene, scene_of
-    from resample_texture.session import announce_compilation, check_methods
+    from resample_texture.session import announce_compilation
     from resample_texture.types import Edge
 
     names = method_names(methods)
-    check_methods(names)
+    registry.check("methods", names)
     check_scene(scene)
     shape = None if size is None else height_and_width(size)
     if output is not None and output.suffix.lower() not in SHEETS:

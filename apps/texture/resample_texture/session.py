@@ -1,14 +1,13 @@
 """A picture warped for the command line: in light or as encoded, with its times kept."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resample import registry
 from resample.console import progress_bar, require_memory, say
 from resample.images import from_srgb, to_srgb
 from resample.pictures import Kind, Picture
@@ -93,18 +92,6 @@ def check_memory(shape: tuple[int, int], channels: int) -> None:
     height, width = shape
     needed = BYTES_PER_VALUE * height * width * (channels + 1)
     require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
-
-
-def check_methods(names: Sequence[str]) -> None:
-    """Refuse names that no method has, before any work is done.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method is unknown or refuses its parameters.
-    """
-    for name in names:
-        registry.build("methods", name)
 
 
 def framed(frame: "MeshFrame") -> Frame:

@@ -351,14 +351,15 @@ def compare(
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
+    from resample import registry
     from resample.compare import check_sheet, plain
     from resample.console import check_targets, rows_as_json
     from resample_warp3d.compare import check_views, compare_scene, sheet
     from resample_warp3d.inputs import Reader, TrueView
-    from resample_warp3d.session import announce_compilation, check_methods, compare_files
+    from resample_warp3d.session import announce_compilation, compare_files
 
     names = method_names(methods)
-    check_methods(names)
+    registry.check("warps", names)
     given = TrueView(color, depth, truth, mask)
     is_generated = color is None or scene is not None
     given.check(is_generated=is_generated)
@@ -408,14 +409,15 @@ def figures(
     methods
         Separated by commas.
     """
+    from resample import registry
     from resample.compare import plain
     from resample_warp3d.compare import check_views
     from resample_warp3d.figures import generated_figure, write_figures
     from resample_warp3d.inputs import Reader
-    from resample_warp3d.session import announce_compilation, check_methods, figure_of_files
+    from resample_warp3d.session import announce_compilation, figure_of_files
 
     names = method_names(methods)
-    check_methods(names)
+    registry.check("warps", names)
     check_views([view])
     if (color is None) != (depth is None):
         raise ValueError("give COLOR and DEPTH, or neither for the generated scene")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from resample.types import Doubles
-from resample_warp3d.cameras import Camera
+from resample_warp3d.cameras import Camera, pixel_centers
 from resample_warp3d.types import DepthImage, Equation
 
 
@@ -35,8 +35,7 @@ def places(image: DepthImage) -> Doubles:
     if image.place.size:
         return image.place
     height, width = image.nearness.shape
-    columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5
-    return np.stack(np.broadcast_arrays(columns[None, :], rows[:, None]), axis=2)
+    return pixel_centers((height, width))
 
 
 def warp_places(equation: Equation, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:

@@ -98,7 +98,7 @@ def linked(nearness: Floats, quantum: float, noise: float) -> Links:
     from resample_warp3d.kernels.linking import join_rows, link_rows
 
     links = np.zeros(nearness.shape, np.uint8)
-    tolerance = np.array([1.5 * quantum, max(FLAT, 6.0 * math.sqrt(2.0) * noise), 0.0])
+    tolerance = np.array([1.5 * quantum, max(FLAT, 6.0 * math.sqrt(2.0) * noise)])
     link_rows(nearness, tolerance, links)
     join_rows(links)
     return links

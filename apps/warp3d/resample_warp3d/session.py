@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from resample import registry
 from resample.animations import fingerprint, write_film
 from resample.console import progress_bar, require_memory, say
 from resample.images import Background
@@ -254,18 +253,6 @@ def check_memory(shape: Shape, channels: int) -> None:
     height, width = shape
     needed = (BYTES_PER_PIXEL + 16 * channels) * height * width
     require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
-
-
-def check_methods(names: Sequence[str]) -> None:
-    """Refuse names that no method has, before any work is done.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method is unknown or refuses its parameters.
-    """
-    for name in names:
-        registry.build("warps", name)
 
 
 def mention_holes(warped: Warped) -> None:

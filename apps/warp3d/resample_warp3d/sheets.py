@@ -33,7 +33,7 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     source
         A prepared depth image.
     is_label
-        Colors are names: silhouettes run midway between samples, and nothing is unmixed.
+        Colors are names: only the depth tells where silhouettes run, and nothing is unmixed.
     """
     from resample_warp3d.kernels import corners, outlines
 

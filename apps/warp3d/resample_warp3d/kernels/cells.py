@@ -8,7 +8,7 @@ import numpy as np
 from resample.kernels.jit import kernel
 from resample.types import Floats, Single
 from resample_warp3d.kernels.screen import Corner, Indices
-from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
+from resample_warp3d.types import DOWN, INNER, LEFT, RIGHT, UP, Links
 
 Shape = tuple[
     Single, Single, Single, Single, Single, Single, Single, Single, Single, Single, Single, Single
@@ -68,6 +68,14 @@ def extent_of(
 
 
 @kernel
+def is_worth_painting(p: Corner, q: Corner, r: Corner, s: Corner, orientation: Single) -> bool:
+    """Whether a cell shows its front, and is neither edge-on nor larger than any picture."""
+    covered = orientation * area_of(p, q, r, s)
+    across = max(abs(s[0] - p[0]), abs(s[1] - p[1]), abs(r[0] - q[0]), abs(r[1] - q[1]))
+    return bool(covered > SMALLEST and not across > LARGEST)
+
+
+@kernel
 def shape_of(p: Corner, q: Corner, r: Corner, s: Corner) -> Shape:
     """Place, sides and twist of a cell: x, y and nearness of each.
 
@@ -96,13 +104,6 @@ def area_of(p: Corner, q: Corner, r: Corner, s: Corner) -> Single:
 
 
 @kernel
-def is_too_long(p: Corner, s: Corner, q: Corner, r: Corner) -> bool:
-    """Whether a cell is larger than anything worth painting, by its diagonals."""
-    across = max(abs(s[0] - p[0]), abs(s[1] - p[1]), abs(r[0] - q[0]), abs(r[1] - q[1]))
-    return bool(across > LARGEST)
-
-
-@kernel
 def plane_of(p: Corner, q: Corner, r: Corner, s: Corner) -> Plane:
     """A cell's nearness as a plane over the screen, its limits, and how much it may err.
 
@@ -128,7 +129,7 @@ def nearness_at(plane: Plane, column: int, row: int) -> Single:
 
 
 @kernel
-def bend_of(
+def _bend_of(
     color: Floats, links: Links, group: int, row: int, column: int, c: int, down: bool
 ) -> Bend:
     """Slope and curvature of a channel inside a sample's pixel along an axis, keeping its mean.
@@ -161,13 +162,13 @@ def bend_of(
 
 @kernel
 def _inner_bend(z: Single, a: Single, here: Single, b: Single, c: Single) -> Bend:
-    """Slope and curvature of the middle of five samples, as of `bend_of`."""
+    """Slope and curvature of the middle of five samples, as of `_bend_of`."""
     slope = np.float32(2 / 3) * (b - a) - SIDE_OUTER * (c - z)
     return slope, np.float32(1.5) * (a + b) - QUARTER * (z + c) - np.float32(2.5) * here
 
 
 @kernel
-def inner_bends(
+def _inner_bends(
     color: Floats, group: int, row: int, column: int, c: int
 ) -> tuple[Bend, Bend, Single]:
     """Slopes and curvatures of a channel along both axes, and its twist, away from tears."""
@@ -190,15 +191,17 @@ def bends_of(
     color: Floats, links: Links, group: int, row: int, column: int, c: int
 ) -> tuple[Bend, Bend, Single]:
     """Slopes and curvatures of a channel along both axes, and its twist."""
+    if links[row, column] & INNER:
+        return _inner_bends(color, group, row, column, c)
     return (
-        bend_of(color, links, group, row, column, c, False),
-        bend_of(color, links, group, row, column, c, True),
-        twist_of(color, links, group, row, column, c),
+        _bend_of(color, links, group, row, column, c, False),
+        _bend_of(color, links, group, row, column, c, True),
+        _twist_of(color, links, group, row, column, c),
     )
 
 
 @kernel
-def twist_of(color: Floats, links: Links, group: int, row: int, column: int, c: int) -> Single:
+def _twist_of(color: Floats, links: Links, group: int, row: int, column: int, c: int) -> Single:
     """How a channel's slope along a row changes down the columns; 0 near tears."""
     sideways = LEFT | RIGHT
     if links[row, column] & (sideways | UP | DOWN) != (sideways | UP | DOWN):

@@ -17,7 +17,6 @@ from resample.types import Floats, Single
 from resample_warp3d.kernels.cells import (
     HALF,
     ONE,
-    SMALLEST,
     ZERO,
     Plane,
     area_of,
@@ -25,8 +24,7 @@ from resample_warp3d.kernels.cells import (
     corners_of,
     extent_of,
     floor_of,
-    inner_bends,
-    is_too_long,
+    is_worth_painting,
     nearness_at,
     plane_of,
     range_of,
@@ -35,7 +33,7 @@ from resample_warp3d.kernels.cells import (
     within,
 )
 from resample_warp3d.kernels.screen import SEGMENT, Corner, Indices
-from resample_warp3d.types import INNER, Links
+from resample_warp3d.types import Links
 
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes stand for cells, which are none
@@ -84,10 +82,9 @@ def _front_of_segment(
         left, top, right, bottom = extent_of(p, q, r, s, frame.first, frame.last, frame.width)
         if left >= right or top >= bottom:
             continue
-        covered = frame.orientation * area_of(p, q, r, s)
-        if not covered > SMALLEST or is_too_long(p, s, q, r):
+        if not is_worth_painting(p, q, r, s, frame.orientation):
             continue
-        plane = plane_of(p, q, r, s)
+        plane, covered = plane_of(p, q, r, s), abs(area_of(p, q, r, s))
         for y in range(top, bottom):
             for x in range(left, right):
                 near = nearness_at(plane, x, y)
@@ -115,8 +112,7 @@ def _behind_segment(
                 is_front = is_front and least >= front[y - frame.first, x] * DISTINCT
         if is_front:
             continue
-        covered = frame.orientation * area_of(p, q, r, s)
-        if not covered > SMALLEST or is_too_long(p, s, q, r):
+        if not is_worth_painting(p, q, r, s, frame.orientation):
             continue
         plane = plane_of(p, q, r, s)
         for y in range(top, bottom):
@@ -164,6 +160,14 @@ def _is_alone(left: int, top: int, right: int, bottom: int, frame: Frame, behind
 
 
 @kernel
+def _overlap(middle: Single, length: Single) -> tuple[int, Single]:
+    """First pixel along an axis that a box overlaps, and the box's share of the next one."""
+    start = middle - HALF * length
+    pixel = floor_of(start)
+    return pixel, max(ZERO, (start + length - np.float32(pixel) - ONE) / length)
+
+
+@kernel
 def _add_box(
     x: Single, y: Single, across: Single, down: Single, mass: Single,
     red: Single, green: Single, blue: Single, frame: Frame, sums: Floats,
@@ -172,10 +176,9 @@ def _add_box(
 
     All of them are in the band; `x` and `y` are the box's middle.
     """
-    left, top = x - HALF * across, y - HALF * down
-    column, row = floor_of(left), floor_of(top)
-    below = max(ZERO, (top + down - np.float32(row) - ONE) / down) * mass
-    share = max(ZERO, (left + across - np.float32(column) - ONE) / across)
+    column, share = _overlap(x, across)
+    row, share_below = _overlap(y, down)
+    below = share_below * mass
     above = mass - below
     at = ((row - frame.first) * frame.width + column) * 8
     m = above * share
@@ -207,10 +210,8 @@ def _add_seen(
     front: Floats, behind: Floats, sums: Floats,
 ) -> None:  # fmt: skip
     """Add a box to the pixels of the band that it overlaps, in the layer where its cell is seen."""
-    left, top = x - HALF * across, y - HALF * down
-    column, row = floor_of(left), floor_of(top)
-    share_x = max(ZERO, (left + across - np.float32(column) - ONE) / across)
-    share_y = max(ZERO, (top + down - np.float32(row) - ONE) / down)
+    column, share_x = _overlap(x, across)
+    row, share_y = _overlap(y, down)
     for r in range(max(row, frame.first), min(row + 2, frame.last)):
         along_y = share_y if r > row else ONE - share_y
         for c in range(max(column, 0), min(column + 2, frame.width)):
@@ -228,10 +229,8 @@ def _add_label(
     front: Floats, behind: Floats, sums: Floats, voted: Floats,
 ) -> None:  # fmt: skip
     """Let a box vote for its label in the pixels of the band that it overlaps."""
-    left, top = x - HALF * across, y - HALF * down
-    column, row = floor_of(left), floor_of(top)
-    share_x = max(ZERO, (left + across - np.float32(column) - ONE) / across)
-    share_y = max(ZERO, (top + down - np.float32(row) - ONE) / down)
+    column, share_x = _overlap(x, across)
+    row, share_y = _overlap(y, down)
     for r in range(max(row, frame.first), min(row + 2, frame.last)):
         along_y = share_y if r > row else ONE - share_y
         for c in range(max(column, 0), min(column + 2, frame.width)):
@@ -291,11 +290,7 @@ def _add_large(
     flat = (ZERO, ZERO), (ZERO, ZERO), ZERO
     (red_x, red_y, red_t), (green_x, green_y, green_t) = flat, flat
     blue_x, blue_y, blue_t = flat
-    if links[row, column] & INNER and not frame.is_label:
-        red_x, red_y, red_t = inner_bends(color, group, row, column, 0)
-        green_x, green_y, green_t = inner_bends(color, group, row, column, 1)
-        blue_x, blue_y, blue_t = inner_bends(color, group, row, column, 2)
-    elif not frame.is_label:
+    if not frame.is_label:
         red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
         green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
         blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
@@ -354,14 +349,9 @@ def _add_upright(
     x, y, _, ax, ay, _, bx, by, _, _, _, _ = shape_of(p, q, r, s)
     red, green = color[group, row, column, 0], color[group, row, column, 1]
     blue = color[group, row, column, 2]
-    if links[row, column] & INNER:
-        red_x, red_y, red_t = inner_bends(color, group, row, column, 0)
-        green_x, green_y, green_t = inner_bends(color, group, row, column, 1)
-        blue_x, blue_y, blue_t = inner_bends(color, group, row, column, 2)
-    else:
-        red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
-        green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
-        blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
+    red_x, red_y, red_t = bends_of(color, links, group, row, column, 0)
+    green_x, green_y, green_t = bends_of(color, links, group, row, column, 1)
+    blue_x, blue_y, blue_t = bends_of(color, links, group, row, column, 2)
     red_range = range_of(color, links, group, row, column, 0)
     green_range = range_of(color, links, group, row, column, 1)
     blue_range = range_of(color, links, group, row, column, 2)
@@ -389,11 +379,10 @@ def _add_upright(
                 continue
             at = ((pixel_row - frame.first) * frame.width + pixel) * 8
             if not is_alone:
-                near = nearness_at(plane, pixel, pixel_row) + plane[7]
-                if near < front[pixel_row - frame.first, pixel] * DISTINCT:
-                    if near < behind[pixel_row - frame.first, pixel] * DISTINCT:
-                        continue
-                    at += 4
+                layer = _layer_at(plane, pixel, pixel_row, frame, front, behind)
+                if layer == 2:
+                    continue
+                at += 4 * layer
             u, v = offset_x * u_x + offset_y * u_y, offset_x * v_x + offset_y * v_y
             share_u = width * u_x
             uu = u * u + (share_u * share_u - ONE) * MEAN_SQUARE
@@ -410,8 +399,7 @@ def _add_upright(
 @kernel
 def _is_inside(left: int, top: int, right: int, bottom: int, frame: Frame) -> bool:
     """Whether all that boxes of a cell may overlap lies in the band."""
-    is_above = top > frame.first and bottom < frame.last
-    return is_above and left > 0 and right < frame.width
+    return top > frame.first and bottom < frame.last and left > 0 and right < frame.width
 
 
 @kernel
@@ -433,8 +421,7 @@ def _add_segment(
         left, top, right, bottom = extent_of(p, q, r, s, frame.first, frame.last, frame.width)
         if left >= right or top >= bottom:
             continue
-        covered = frame.orientation * area_of(p, q, r, s)
-        if not covered > SMALLEST or is_too_long(p, s, q, r):
+        if not is_worth_painting(p, q, r, s, frame.orientation):
             continue
         is_alone = _is_inside(left, top, right, bottom, frame) and not frame.is_label
         is_alone = is_alone and _is_alone(left, top, right, bottom, frame, behind)

@@ -51,7 +51,7 @@ def _is_linked(nearness: Floats, row: int, column: int, down: bool, tolerance: D
     if not (here > 0 and there > 0):
         return False
     most = max(here, there)
-    allowed = np.float32(tolerance[0] + tolerance[1] * most + tolerance[2] * most * most)
+    allowed = np.float32(tolerance[0] + tolerance[1] * most)
     if abs(there - here) <= allowed:
         return True
     if abs(there - here) > STEEPEST * most:
@@ -87,7 +87,7 @@ def link_rows(nearness: Floats, tolerance: Doubles, links: Links) -> None:
     nearness
         (H, W); 0 where unknown.
     tolerance
-        (3,) jumps that are none: a + b δ + c δ².
+        (2,) jumps that are none: a + b δ.
     links
         (H, W) filled.
     """

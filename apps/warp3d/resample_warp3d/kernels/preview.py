@@ -8,13 +8,10 @@ from resample.types import Floats, Single
 from resample_warp3d.kernels.cells import (
     HALF,
     ONE,
-    SMALLEST,
     ZERO,
-    area_of,
     corners_of,
     floor_of,
-    is_too_long,
-    plane_of,
+    is_worth_painting,
     shape_of,
 )
 from resample_warp3d.kernels.screen import SEGMENT, Indices
@@ -41,7 +38,7 @@ def _look_at_segment(
         bottom = min(last, floor_of(max(p[1], q[1], r[1], s[1]) + HALF))
         if left >= right or top >= bottom:
             continue
-        if not orientation * area_of(p, q, r, s) > SMALLEST or is_too_long(p, s, q, r):
+        if not is_worth_painting(p, q, r, s, orientation):
             continue
         x, y, near, ax, ay, an, bx, by, bn, _, _, _ = shape_of(p, q, r, s)
         inverse = ONE / (ax * by - ay * bx)
@@ -99,10 +96,9 @@ def _look_in_band(
                 continue
             row, column = divmod(owner[y - first, x], columns)
             _, p, q, r, s = corners_of(screen, torn, index, row, column)
-            plane = plane_of(p, q, r, s)
-            _, _, _, ax, ay, _, bx, by, _, _, _, _ = shape_of(p, q, r, s)
+            middle_x, middle_y, _, ax, ay, _, bx, by, _, _, _, _ = shape_of(p, q, r, s)
             area = ax * by - ay * bx
-            dx, dy = np.float32(x) + HALF - plane[0], np.float32(y) + HALF - plane[1]
+            dx, dy = np.float32(x) + HALF - middle_x, np.float32(y) + HALF - middle_y
             u, v = (dx * by - dy * bx) / area, (dy * ax - dx * ay) / area
             magnification[y, x] = abs(area)
             for channel in range(image.shape[2]):
