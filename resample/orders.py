@@ -1,11 +1,23 @@
 """Compositing orders: what is painted when, and what is summed first (paper, section 4.1)."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.types import Records, Sheets
+from resample.types import Doubles, Floats, Seen, Sheets
+
+LAST_SHEET = 2e9  # sheets are numbered by 32 bits
+
+
+class Summing(IntEnum):
+    """What is summed before it is composited."""
+
+    POINTS = 0  # points of a sheet; splats are composited one by one
+    SHEETS = 1  # all samples of a sheet
+    SLABS = 2  # all that lies between two planes parallel to the screen, which cut splats
 
 
 class CompositingOrder(Protocol):
@@ -13,29 +25,107 @@ class CompositingOrder(Protocol):
 
     @property
     def thickness(self) -> float:
-        """Of the layer whose points are summed before they are composited, in voxels."""
+        """Of the layer that is summed before it is composited, in voxels."""
 
-    def __call__(self, footprints: Records, layer: float) -> Sheets:
-        """Order of N footprints; `layer` is the thickness in scene units."""
+    @property
+    def summing(self) -> Summing:
+        """What is summed."""
+
+    def __call__(self, seen: Seen) -> Sheets:
+        """Order of N samples; under `Summing.SLABS` the key must be their depth."""
 
 
 @dataclass(frozen=True)
 class EverySample:
     """Strict depth order: splats are composited one by one, points in layers of depth.
 
+    Westover, Interactive Volume Rendering, 1989. Colors bleed a little where kernels overlap.
+
     Parameters
     ----------
     thickness
         Depth range over which points are summed, voxels ("e.g., 1 unit"; paper, section 4.1).
+    key
+        What samples are ordered by: `depth` along the view axis, or `distance` from the eye.
+    """
+
+    thickness: float = 1.0
+    key: str = "depth"
+
+    summing = Summing.POINTS
+
+    def __post_init__(self) -> None:
+        _check_thickness(self.thickness)
+        if self.key not in ("depth", "distance"):
+            raise ValueError(f"samples are ordered by depth or distance, not by {self.key!r}")
+
+    def __call__(self, seen: Seen) -> Sheets:
+        key = np.ascontiguousarray(seen.footprints["depth"])
+        if self.key == "distance":
+            key = key * seen.footprints["obliquity"]
+        return Sheets(key, _numbered(key / seen.layer))
+
+
+@dataclass(frozen=True)
+class AxisSheets:
+    """Sheets of the lattice along that of its axes which is nearest to the view axis.
+
+    Westover, Splatting: A Parallel, Feed-Forward Volume Rendering Algorithm, 1991. Colors of a
+    sheet do not bleed; pictures pop where another axis becomes the nearest, at 45 degrees.
+    """
+
+    thickness = 1.0
+    summing = Summing.SHEETS
+
+    def __call__(self, seen: Seen) -> Sheets:
+        forward = seen.view.rotation[2]
+        steps = seen.lattice / np.linalg.norm(seen.lattice, axis=0)
+        axis = int(np.argmax(np.abs(forward @ steps)))
+        to_lattice = np.linalg.inv(seen.lattice)[axis]
+        place = seen.position @ to_lattice
+        first = place.min(initial=np.inf)  # the lattice may begin anywhere, between whole numbers
+        number = np.rint(place - first) + first if place.size else place
+        if not seen.view.perspective:
+            ahead = np.sign(forward @ steps[:, axis]) * number
+            return Sheets(ahead.astype(np.float32), _numbered(ahead))
+        eye = -seen.view.rotation.T @ seen.view.translation
+        away = np.abs(number - eye @ to_lattice)  # an eye between sheets has some on both sides
+        return Sheets(away.astype(np.float32), _numbered(number))
+
+
+@dataclass(frozen=True)
+class ImageSheets:
+    """Slabs of even depth, which cut splats in parts.
+
+    Mueller, Shareef, Huang and Crawfis, High-Quality Splatting on Rectilinear Grids with Efficient
+    Culling of Occluded Voxels, 1999. Nothing bleeds and nothing pops; every splat is painted once
+    for each slab that it lies in. Thinner slabs come nearer to the integral along the ray.
+
+    Parameters
+    ----------
+    thickness
+        Of a slab, voxels.
     """
 
     thickness: float = 1.0
 
-    def __post_init__(self) -> None:
-        if not 0 < self.thickness < np.inf:
-            raise ValueError(f"a layer's thickness must be above 0 voxels, not {self.thickness}")
+    summing = Summing.SLABS
 
-    def __call__(self, footprints: Records, layer: float) -> Sheets:
-        depth = np.ascontiguousarray(footprints["depth"])
-        sheet = np.clip(np.floor(depth / layer), -2e9, 2e9).astype(np.int32)
-        return Sheets(depth, sheet)
+    def __post_init__(self) -> None:
+        _check_thickness(self.thickness)
+
+    def __call__(self, seen: Seen) -> Sheets:
+        depth = np.ascontiguousarray(seen.footprints["depth"])
+        return Sheets(depth, _numbered(depth / seen.layer))
+
+
+def _numbered(layers: Doubles | Floats) -> NDArray[np.int32]:
+    """Whole numbers of layers; those of samples that cannot be seen mean nothing."""
+    whole = np.floor(np.nan_to_num(layers, nan=0.0))
+    number: NDArray[np.int32] = np.clip(whole, -LAST_SHEET, LAST_SHEET).astype(np.int32)
+    return number
+
+
+def _check_thickness(thickness: float) -> None:
+    if not 0 < thickness < np.inf:
+        raise ValueError(f"a layer's thickness must be above 0 voxels, not {thickness}")

@@ -38,6 +38,7 @@ from resample.types import (
     RadialTable,
     Records,
     Samples,
+    Seen,
     Sheets,
     Statistics,
     Style,
@@ -176,7 +177,9 @@ class Resampler:
         clock = _Clock()
         scene = self._project(samples, view, height, width)
         clock.lap("project")
-        key, sheet = self.order(scene.footprints, scene.style.layer)
+        key, sheet = self.order(
+            Seen(scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer)
+        )
         sheets = Sheets(
             np.ascontiguousarray(key, np.float32), np.ascontiguousarray(sheet, np.int32)
         )

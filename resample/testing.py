@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from resample.filters import PixelFilter
 from resample.interpolation import LARGEST_RADIUS, Interpolation, prefilter, taps
-from resample.orders import CompositingOrder
+from resample.orders import CompositingOrder, Summing
 from resample.reconstruction import Reconstruction, ripple
-from resample.types import FOOTPRINT, Records, Sheets
+from resample.types import FOOTPRINT, Seen, Sheets, View
 
 LARGEST_RIPPLE = 0.1  # of a constant field; a plainly visible lattice
 
@@ -137,18 +137,26 @@ def check_order(order: CompositingOrder) -> None:
         footprint differently where others come before it.
     """
     name = repr(order)
-    _require(callable(order), f"{name} has no __call__(footprints, layer)")
+    _require(callable(order), f"{name} has no __call__(seen)")
     thickness = _positive(order, "thickness", "voxels")
+    _require(
+        getattr(order, "summing", None) in list(Summing),
+        f"{name} has the summing {getattr(order, 'summing', None)!r}; give one of {list(Summing)}",
+    )
     rng = np.random.default_rng(7)
     footprints = np.zeros(257, FOOTPRINT)
     for field in ("x", "y", "extinction", "spacing"):
         footprints[field] = rng.uniform(0, 100, footprints.size)
     footprints["depth"] = rng.uniform(-5, 50, footprints.size)
     footprints["depth"][:9] = 20.0  # as lattices seen along an axis have them
-    _sheets(order, footprints[:0], thickness)
-    sheets = _sheets(order, footprints, thickness)
+    footprints["obliquity"] = rng.uniform(1, 2, footprints.size)
+    position = rng.uniform(-9, 9, (footprints.size, 3)).astype(np.float32)
+    view = View(np.eye(3), np.array([0.5, 0.0, 20.0]), np.ones(2), np.zeros(2), 0.0, True)
+    seen = Seen(footprints, position, np.diag([1.0, 1.0, 1.5]), view, thickness)
+    _sheets(order, seen._replace(footprints=footprints[:0], position=position[:0]))
+    sheets = _sheets(order, seen)
     turn = rng.permutation(footprints.size)
-    mixed = _sheets(order, footprints[turn], thickness)
+    mixed = _sheets(order, seen._replace(footprints=footprints[turn], position=position[turn]))
     _require(
         np.array_equal(mixed.key, sheets.key[turn])
         and np.array_equal(mixed.sheet, sheets.sheet[turn]),
@@ -156,11 +164,13 @@ def check_order(order: CompositingOrder) -> None:
     )
 
 
-def _sheets(order: CompositingOrder, footprints: Records, layer: float) -> Sheets:
-    """Order of footprints, once its form has been checked."""
-    name, given = repr(order), footprints.copy()
-    sheets = order(footprints, layer)
+def _sheets(order: CompositingOrder, seen: Seen) -> Sheets:
+    """Order of samples, once its form has been checked."""
+    name, footprints = repr(order), seen.footprints
+    given, place = footprints.copy(), seen.position.copy()
+    sheets = order(seen)
     _require(np.array_equal(footprints, given), f"{name} overwrites the footprints")
+    _require(np.array_equal(seen.position, place), f"{name} overwrites the positions")
     _require(isinstance(sheets, Sheets), f"{name} gives {type(sheets).__name__}, not Sheets")
     for field, kind in (("key", np.float32), ("sheet", np.int32)):
         array = np.asarray(getattr(sheets, field))

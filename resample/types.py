@@ -26,7 +26,10 @@ Single = Any  # a number kept in float32: half the bytes, and twice as many at o
 LARGEST_CONE = math.radians(15)
 
 # The footprint models; see `resample.kernels.footprints`.
-AFFINE, CORRECTED, SMALL_ANGLE, EXACT = range(4)
+AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
+
+# What sheets are projected to; see `resample.kernels.fields`.
+COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
 
 class Samples(NamedTuple):
@@ -36,6 +39,44 @@ class Samples(NamedTuple):
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
     extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
+
+
+class Lamp(NamedTuple):
+    """A white light far away, and what surfaces do with it, after Blinn and Phong."""
+
+    toward: Doubles  # (3,) unit vector to the light, scene axes; zero: the light is at the viewer
+    viewer: Doubles  # (4,) position and 1, or unit vector to the viewer and 0; scene axes
+    ambient: float
+    diffuse: float
+    specular: float
+    shininess: float
+    flat: float  # data units per scene unit; up to this gradient there is no surface
+
+
+class Classifier(NamedTuple):
+    """What values of a field look like, G gradients by K values, evenly spaced."""
+
+    table: Floats  # (G, K, 4) straight linear RGB, and optical depth per scene unit
+    low: float  # data units, the value of the first column
+    high: float  # data units, the value of the last column, above `low`
+    steep: float  # data units per scene unit, the last row's gradient; the first row's is 0
+    lamp: Lamp
+    near: float  # z-depth, scene units, where depth cueing sets in
+    far: float  # z-depth, scene units, where it ends, above `near`
+    dimmed: float  # share of the light that it takes away there, 0..1
+
+
+class Field(NamedTuple):
+    """N samples of a scalar field; what they look like is decided after they were reconstructed.
+
+    Where no sample reaches, the field is the classifier's `low`.
+    """
+
+    position: Floats  # (N, 3) scene units
+    value: Floats  # (N,) data units
+    gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; zero: no surface
+    lattice: Doubles  # (3, 3) as in Samples
+    classifier: Classifier
 
 
 # What a painter needs of one sample seen by a camera; records are read one by one, so no columns.
@@ -101,11 +142,21 @@ class Screen(NamedTuple):
     sides: Doubles  # (4, 4) c is outside one if its product with (c, 1) is above 0; camera axes
 
 
+class Seen(NamedTuple):
+    """What a compositing order may look at: N samples and the camera that sees them."""
+
+    footprints: Records  # (N,) of FOOTPRINT
+    position: Floats  # (N, 3) scene units
+    lattice: Doubles  # (3, 3) as in Samples
+    view: View
+    layer: float  # scene units, the order's thickness
+
+
 class Sheets(NamedTuple):
     """How samples are put in order and which of them are summed before they are composited."""
 
     key: Floats  # (N,) samples are painted in ascending order of it
-    sheet: NDArray[np.int32]  # (N,) consecutive points of one sheet are summed, then composited
+    sheet: NDArray[np.int32]  # (N,) what is consecutive and of one sheet may be summed
 
 
 class RadialTable(NamedTuple):
@@ -196,3 +247,4 @@ class Frame(NamedTuple):
     first_depth: Floats  # (H, W) z-depth of the nearest visible sample; inf where nothing is
     coverage: Floats  # (H, W) share of the pixel that samples cover, however faint, 0..1
     statistics: Statistics
+    value: Floats | None = None  # (H, W) what a projection of a field measured; see `Projection`

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.orders import EverySample
+from resample.orders import EverySample, Summing
 from resample.reconstruction import GaussianKernel, ripple
 from resample.testing import check_filter, check_order, check_reconstruction
 from resample.types import Sheets
@@ -113,9 +113,10 @@ class Order:
     key: object = lambda footprints: footprints["depth"].copy()
     sheet: object = lambda footprints: np.zeros(footprints.size, np.int32)
     thickness: object = 1.0
+    summing: object = Summing.POINTS
 
-    def __call__(self, footprints, layer):  # noqa: ARG002 - these need no layer
-        return Sheets(self.key(footprints), self.sheet(footprints))
+    def __call__(self, seen):
+        return Sheets(self.key(seen.footprints), self.sheet(seen.footprints))
 
 
 def zeroed(footprints):
@@ -126,8 +127,9 @@ def zeroed(footprints):
 @pytest.mark.parametrize(
     ("order", "complaint"),
     [
-        (object(), r"has no __call__\(footprints, layer\)"),
+        (object(), r"has no __call__\(seen\)"),
         (Order(thickness=0), "has the thickness 0; it must be a positive, finite number of voxels"),
+        (Order(summing=7), "has the summing 7; give one of"),
         (Order(key=lambda f: f["depth"].astype(float)), "gives key as float64"),
         (Order(key=lambda f: f["depth"][1:]), "it must be float32"),
         (Order(key=lambda f: f["depth"] * np.float32("inf")), "keys that are not finite"),
@@ -145,8 +147,8 @@ def test_a_wrong_order_is_told(order, complaint):
 
 def test_an_order_gives_sheets():
     class Tuples(EverySample):
-        def __call__(self, footprints, layer):
-            return tuple(super().__call__(footprints, layer))
+        def __call__(self, seen):
+            return tuple(super().__call__(seen))
 
     with pytest.raises(AssertionError, match="gives tuple, not Sheets"):
         check_order(Tuples())
@@ -154,9 +156,9 @@ def test_an_order_gives_sheets():
 
 def test_an_order_must_take_no_footprints():
     class Greedy(EverySample):
-        def __call__(self, footprints, layer):
-            footprints["depth"].min()
-            return super().__call__(footprints, layer)
+        def __call__(self, seen):
+            seen.footprints["depth"].min()
+            return super().__call__(seen)
 
     with pytest.raises(ValueError, match="zero-size array"):
         check_order(Greedy())

@@ -304,7 +304,7 @@ def test_a_volume_of_one_value_is_seen():
         (["--footprint", "round"], "'exact', 'corrected', 'small-angle' or 'affine'"),
         (["--filter", "sinc"], "known filters: area, box, catmull-rom, gaussian,"),
         (["--kernel", "cone"], "known reconstructions: bspline, gaussian"),
-        (["--order", "random"], "known orders: every-sample"),
+        (["--order", "random"], "known orders: axis-sheets, every-sample, image-sheets"),
         (["--transfer", "cheese"], "known: bone, vessels, engine, lobster,"),
         (["--transfer", "none.toml"], "none.toml: No such file"),
         (["--transfer", "gray:opacity=2"], "opacity must be between 0 and 1"),

@@ -3,15 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.types import Doubles, Floats, Samples
+from resample.types import Doubles, Floats, Lamp, Samples
 from resample_volume.voxels import Voxels
-
-if TYPE_CHECKING:
-    from resample_volume.kernels import Lamp
 
 FLAT = 1e-6  # of the steepest gradient: what is less steep is rounding and has no normal
 
@@ -84,19 +80,17 @@ def _viewer(
 
 
 def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
-    from resample_volume.kernels import shade_voxels
+    from resample.kernels.lighting import shade_samples
 
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
     shaded = np.empty_like(voxels.color)
     lamp = _lamp(light, viewer, FLAT * _steepest(voxels.gradient))
-    shade_voxels(voxels.position, voxels.color, voxels.gradient, lamp, shaded)
+    shade_samples(voxels.position, voxels.color, voxels.gradient, lamp, shaded)
     return shaded
 
 
-def _lamp(light: Light, viewer: Doubles, flat: float) -> "Lamp":
-    from resample_volume.kernels import Lamp
-
+def _lamp(light: Light, viewer: Doubles, flat: float) -> Lamp:
     toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
     numbers = (light.ambient, light.diffuse, light.specular, light.shininess, flat)
     return Lamp(toward, viewer, *map(float, numbers))

@@ -132,7 +132,7 @@ def _evaluated(function: Evaluate, value: NDArray[Any], data_range: DataRange) -
 
 
 def _gradients(volume: Volume, voxel: NDArray[np.int64], reach: int) -> Floats:
-    from resample_volume.kernels import gradients
+    from resample_volume.kernels.voxels import gradients
 
     values = np.asarray(volume.values).view()
     values.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
@@ -154,7 +154,7 @@ def _modulated(seen: _Seen, slope: Floats, ramp: tuple[float, float]) -> tuple[_
 
 
 def _positions(volume: Volume, voxel: NDArray[np.int64]) -> Floats:
-    from resample_volume.kernels import place
+    from resample_volume.kernels.voxels import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)

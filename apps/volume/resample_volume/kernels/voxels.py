@@ -1,32 +1,20 @@
-"""The application's kernels: where voxels lie, how their values slope, and what light they send."""
+"""Where voxels lie, and how their values slope."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.kernels.jit import kernel, parallel_kernel
-from resample.kernels.vectors import Vector, combine, dot, matrix_of, multiply, scaled
+from resample.kernels.vectors import matrix_of, multiply
 from resample.types import Doubles, Floats
 
 CHUNK = 4096  # voxels that a thread takes at a time
 
 Indices = NDArray[np.int64]
 Step = tuple[int, int, int]  # z, y, x
-
-
-class Lamp(NamedTuple):
-    """A light and its viewer as kernels see them."""
-
-    toward: Doubles  # (3,) unit vector to the light; zero: the light is at the viewer
-    viewer: Doubles  # (4,) position and 1, or unit vector to the viewer and 0
-    ambient: float
-    diffuse: float
-    specular: float
-    shininess: float
-    flat: float  # data units per scene unit; up to this gradient there is no surface
 
 
 @kernel
@@ -138,51 +126,3 @@ def gradients(
     """
     for chunk in numba.prange((index.size + CHUNK - 1) // CHUNK):
         _gradient_chunk(values, index, reach, to_scene, gradient, chunk * CHUNK)
-
-
-@kernel
-def _unit(v: Vector) -> Vector:
-    """Vector of length 1; zero stays zero."""
-    square = dot(v, v)
-    return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
-
-
-@kernel
-def _reflect(normal: Vector, place: Vector, lamp: Lamp) -> tuple[float, float]:
-    """Factor of the voxel's own color and white highlight, after Blinn and Phong.
-
-    Both sides of a surface are lit alike, since a gradient may point in or out.
-    """
-    viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
-    eye = _unit(combine(viewer, -lamp.viewer[3], place))
-    light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
-    if dot(light, light) == 0.0:
-        light = eye
-    halfway = _unit(combine(eye, 1.0, light))
-    own = lamp.ambient + lamp.diffuse * abs(dot(normal, light))
-    return own, lamp.specular * abs(dot(normal, halfway)) ** lamp.shininess
-
-
-@kernel
-def _shade_chunk(
-    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats, first: int
-) -> None:
-    """Colors of one chunk's voxels."""
-    for n in range(first, min(first + CHUNK, len(position))):
-        place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
-        slope = (float(gradient[n, 0]), float(gradient[n, 1]), float(gradient[n, 2]))
-        length = math.sqrt(dot(slope, slope))
-        own, highlight = lamp.ambient + lamp.diffuse, 0.0
-        if length > lamp.flat:
-            own, highlight = _reflect(scaled(1.0 / length, slope), place, lamp)
-        for c in range(3):
-            shaded[n, c] = max(own * color[n, c] + highlight, 0.0)
-
-
-@parallel_kernel
-def shade_voxels(
-    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
-) -> None:
-    """Lit colors (N, 3) of voxels."""
-    for chunk in numba.prange((len(position) + CHUNK - 1) // CHUNK):
-        _shade_chunk(position, color, gradient, lamp, shaded, chunk * CHUNK)

@@ -1,0 +1,1 @@
+"""The numba code of volumes: bare arrays and numbers."""

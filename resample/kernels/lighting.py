@@ -1,0 +1,59 @@
+"""Light on surfaces, after Blinn and Phong."""
+
+import math
+
+from numba import prange
+
+from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.vectors import Vector, combine, dot, scaled
+from resample.types import Floats, Lamp
+
+CHUNK = 4096  # samples that a thread takes at a time
+
+
+@kernel
+def _unit(v: Vector) -> Vector:
+    """Vector of length 1; zero stays zero."""
+    square = dot(v, v)
+    return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
+
+
+@kernel
+def _reflect(normal: Vector, place: Vector, lamp: Lamp) -> tuple[float, float]:
+    """Factor of the sample's own color and white highlight, after Blinn and Phong.
+
+    Both sides of a surface are lit alike, since a gradient may point in or out.
+    """
+    viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
+    eye = _unit(combine(viewer, -lamp.viewer[3], place))
+    light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
+    if dot(light, light) == 0.0:
+        light = eye
+    halfway = _unit(combine(eye, 1.0, light))
+    own = lamp.ambient + lamp.diffuse * abs(dot(normal, light))
+    return own, lamp.specular * abs(dot(normal, halfway)) ** lamp.shininess
+
+
+@kernel
+def _shade_chunk(
+    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats, first: int
+) -> None:
+    """Colors of one chunk's samples."""
+    for n in range(first, min(first + CHUNK, len(position))):
+        place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
+        slope = (float(gradient[n, 0]), float(gradient[n, 1]), float(gradient[n, 2]))
+        length = math.sqrt(dot(slope, slope))
+        own, highlight = lamp.ambient + lamp.diffuse, 0.0
+        if length > lamp.flat:
+            own, highlight = _reflect(scaled(1.0 / length, slope), place, lamp)
+        for c in range(3):
+            shaded[n, c] = max(own * color[n, c] + highlight, 0.0)
+
+
+@parallel_kernel
+def shade_samples(
+    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
+) -> None:
+    """Lit colors (N, 3) of samples."""
+    for chunk in prange((len(position) + CHUNK - 1) // CHUNK):
+        _shade_chunk(position, color, gradient, lamp, shaded, chunk * CHUNK)
