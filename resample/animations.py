@@ -13,6 +13,7 @@ quality. PyAV is under the BSD licence, the x264 in its wheels under the GPL. GI
 pillow's.
 """
 
+import glob
 import hashlib
 import json
 import os
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
-FRAMES, TEMPORARY = "frame-[0-9]*.png", ".frame-*.tmp*.png"
+FRAMES = "frame-[0-9]*.png"
+TEMPORARY = ".tmp" + 8 * "[0-9a-f]"  # see `resample.images.replacing`
 FACTS = "animation.json"  # in the folder of the frames: what they belong to
 MOST_FRAMES = 10_000
 QUALITY = {"libx264": {"crf": "18", "preset": "medium"}, "libwebp_anim": {"quality": "90"}}
@@ -103,7 +105,7 @@ def write_film(
     resume
         Make only those frames that are not there yet.
     progress
-        Told the share that is done.
+        Told the share that is done, after each frame that was made.
 
     Raises
     ------
@@ -117,6 +119,9 @@ def write_film(
     write = None if target.is_dir() else _WRITERS.get(path.suffix.lower())
     kept = target if write is None else target.with_name(f".{target.name}.frames")
     kept.mkdir(exist_ok=True)
+    _tidy(target.parent, glob.escape(target.stem), glob.escape(target.suffix))
+    _tidy(kept, "frame-*", ".png")
+    _tidy(kept, "animation", ".json")
     _claim(kept, {"frames": shots.total, **shots.job}, resume)
     with _kept_if_any(kept):
         _make(kept, shots, progress)
@@ -137,8 +142,8 @@ def _make(folder: Path, shots: Shots, progress: Progress | None) -> None:
             levels = shots.frame(n)
             with replacing(path) as temporary:
                 Image.fromarray(levels).save(temporary)
-        if progress is not None:
-            progress((n + 1) / shots.total)
+            if progress is not None:  # not for frames of an earlier run, which took no time now
+                progress((n + 1) / shots.total)
 
 
 @contextmanager
@@ -157,11 +162,15 @@ def _kept_if_any(folder: Path) -> Iterator[None]:
         raise
 
 
+def _tidy(folder: Path, stem: str, suffix: str) -> None:
+    """Remove what a run was writing when it was killed."""
+    for left in folder.glob(f".{stem}{TEMPORARY}{suffix}"):
+        left.unlink(missing_ok=True)
+
+
 def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:
     """Write down whose frames a folder holds, having removed what is of no use to them."""
     facts = folder / FACTS
-    for left in folder.glob(TEMPORARY):  # by a run that was killed
-        left.unlink()
     if facts.is_file() and resume:
         _check_same(folder, _facts(facts), json.loads(json.dumps(job)))
     else:

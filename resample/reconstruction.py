@@ -11,9 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from resample.types import Doubles, RadialTable
+from resample.types import Doubles, Floats, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
+PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 
 
@@ -97,6 +98,26 @@ def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     density = reconstruction(np.sqrt(squared + along**2) * reconstruction.radius)
     integral = (density * weight).sum(axis=1) * half_chord[:, 0] / _mass(reconstruction)
     return RadialTable(integral.astype(np.float32), 1.0)
+
+
+def partial_table(reconstruction: Reconstruction) -> Floats:
+    """Line integrals up to a place, (K + 1, K + 1).
+
+    Rows are the squared distance of the line from the center, 0..1 radii²; columns the place on it,
+    -1..1 radii from where it is nearest to the center. Normalised as `footprint_table` is, whose
+    values are in the last column. For a Gaussian this is what error functions give; the table
+    serves any kernel.
+    """
+    node, weight = np.polynomial.legendre.leggauss(6)
+    squared = np.linspace(0, 1, PARTIAL_STEPS + 1)[:, None, None]
+    edge = np.linspace(-1, 1, PARTIAL_STEPS + 1)
+    half = 1 / PARTIAL_STEPS
+    place = (edge[:-1, None] + half) + half * node
+    distance = np.sqrt(squared + place**2) * reconstruction.radius
+    piece = (reconstruction(distance) * weight).sum(axis=-1) * half / _mass(reconstruction)
+    table = np.zeros((PARTIAL_STEPS + 1, PARTIAL_STEPS + 1))
+    np.cumsum(piece, axis=1, out=table[:, 1:])
+    return table.astype(np.float32)
 
 
 def variance(reconstruction: Reconstruction) -> float:

@@ -9,17 +9,18 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from resample.cameras import Camera
 from resample.correction import correction_table
 from resample.filters import Box, Gaussian, PixelFilter
 from resample.filters import table as filter_table
-from resample.orders import CompositingOrder, EverySample
+from resample.orders import CompositingOrder, EverySample, Summing
 from resample.reconstruction import (
     GaussianKernel,
     Reconstruction,
-    density_table,
     footprint_table,
+    partial_table,
     variance,
 )
 from resample.scene import (
@@ -28,12 +29,18 @@ from resample.scene import (
     check_samples,
     dealt_to_tiles,
     ellipsoid_of,
+    finest_grid,
+    planes_of,
+    samples_of,
     screen_of,
     tile_size,
 )
 from resample.types import (
     FOOTPRINT,
+    Classifier,
     Doubles,
+    Field,
+    Floats,
     Frame,
     RadialTable,
     Records,
@@ -49,6 +56,7 @@ from resample.types import (
 SPLAT_GRID, POINT_GRID = 4, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
 LARGEST_PICTURE = 2**28  # px
+EWA_VARIANCE = 0.25  # px², of the Gaussian that stands for a pixel's filter
 LITERAL_FILTER = Gaussian(0.5, 1.5, lowered=True)  # that points of the paper's form are seen under
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
 
@@ -60,6 +68,8 @@ class Primitive(StrEnum):
     POINTS = "points"  # all of them points
     SPLATS = "splats"  # all of them splats, one ray per pixel
     PAPER = "paper"  # the paper's form: threshold 1 px, points summed at the size of pixels
+    INFLATE = "inflate"  # splats made so large that neighbours are a pixel apart (Swan 1997)
+    EWA = "ewa"  # splats under the pixel's filter (Zwicker 2001)
 
 
 class Footprint(StrEnum):
@@ -69,6 +79,14 @@ class Footprint(StrEnum):
     CORRECTED = "corrected"
     SMALL_ANGLE = "small-angle"
     EXACT = "exact"
+    DISC = "disc"
+
+
+WIDENED = (Primitive.INFLATE, Primitive.EWA)  # their ellipses are affine
+FOOTPRINTS = {
+    primitive: [Footprint.AFFINE] if primitive in WIDENED else list(Footprint)
+    for primitive in Primitive
+}
 
 
 class Opacity(StrEnum):
@@ -76,6 +94,16 @@ class Opacity(StrEnum):
 
     EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to the field's own
     LINEAR = "linear"  # classic splatting's α F
+
+
+class Projection(StrEnum):
+    """What a pixel shows of the field along its ray; all but the first need a `Field`."""
+
+    COMPOSITE = "composite"  # light that comes through what lies in front
+    MAXIMUM = "maximum"  # the largest value
+    AVERAGE = "average"  # the mean value
+    ADDITIVE = "additive"  # the sum of values times length, an X-ray
+    FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
 
 
 @dataclass(frozen=True)
@@ -105,6 +133,15 @@ class Resampler:
         Exact, or classic.
     splat_color
         Linear RGB that splats are drawn in, to tell them from points (Figure 8a); None: their own.
+    projection
+        What pixels show.
+    iso
+        Value that `Projection.FIRST_HIT` looks for, data units.
+
+    Raises
+    ------
+    ValueError
+        A number is out of range, or choices do not go together.
     """
 
     primitive: Primitive = Primitive.HYBRID
@@ -116,8 +153,11 @@ class Resampler:
     subpixels: int | None = None
     opacity: Opacity = Opacity.EXACT
     splat_color: tuple[float, float, float] | None = None
+    projection: Projection = Projection.COMPOSITE
+    iso: float | None = None
 
     def __post_init__(self) -> None:
+        _check_together(self)
         if self.threshold is not None and not self.threshold >= 0:
             raise ValueError(f"the threshold is {self.threshold} sub-pixels; it must be 0 or more")
         if self.subpixels is not None and not 1 <= self.subpixels <= 32:
@@ -127,20 +167,22 @@ class Resampler:
 
     def __call__(
         self,
-        samples: Samples,
+        samples: Samples | Field,
         camera: Camera,
         *,
         height: int,
         width: int,
         threads: int | None = None,
         progress: Progress | None = None,
+        clip: ArrayLike | None = None,
     ) -> Frame:
         """Picture of the samples.
 
         Parameters
         ----------
         samples
-            What is seen; the result does not depend on their order.
+            What is seen; the result does not depend on their order. A `Field` is classified after
+            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does.
         camera
             Where from.
         height, width
@@ -149,64 +191,110 @@ class Resampler:
             At most this many; the result does not depend on it.
         progress
             Called with the share of the work that is done, 0 to 1, and may raise to stop.
+        clip
+            (M, 4) planes: normal and offset, scene units. Of the reconstructed field only that is
+            seen where n · p + d is 0 or more for all of them.
 
         Raises
         ------
         ValueError
-            Arrays do not fit together or hold values that are not finite, or the size is no size.
+            Arrays do not fit together or hold values that are not finite, the size is no size, or
+            a field or its projection does not go with the order.
         """
         _check_size(height, width)
-        checked = check_samples(samples)
+        self._check_field(isinstance(samples, Field))
+        checked, look = _checked(samples)
         if checked.extinction.size == 0:
             return _empty_frame(height, width)
         with _kernels(threads):
-            return self._render(checked, camera.view(), height, width, progress)
+            scene = self._project(checked, camera.view(), (height, width), look, clip)
+            return self._render(scene, checked, progress)
 
-    def footprints(self, samples: Samples, camera: Camera, *, height: int, width: int) -> Records:
+    def footprints(
+        self, samples: Samples | Field, camera: Camera, *, height: int, width: int
+    ) -> Records:
         """Records (N,) of `resample.types.FOOTPRINT`: what the painters get to know of each sample.
 
         Same parameters and errors as a call; left > right marks samples that cannot be seen.
         """
         _check_size(height, width)
+        checked, look = _checked(samples)
         with _kernels(None):
-            return self._project(check_samples(samples), camera.view(), height, width).footprints
+            return self._project(checked, camera.view(), (height, width), look, None).footprints
 
-    def _render(
-        self, samples: Samples, view: View, height: int, width: int, progress: Progress | None
-    ) -> Frame:
+    def _check_field(self, is_field: bool) -> None:
+        """Refuse a field that the order cannot classify, and samples that hold no field."""
+        if is_field and self.order.summing is not Summing.SLABS:
+            raise ValueError(
+                f"{self.order} composites colors, so a field cannot be classified after its "
+                "reconstruction; image-sheets can"
+            )
+        if not is_field and self.projection is not Projection.COMPOSITE:
+            raise ValueError(
+                f"the projection {self.projection} needs a field; samples that have their colors "
+                "can be shown by composite"
+            )
+
+    def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
         clock = _Clock()
-        scene = self._project(samples, view, height, width)
-        clock.lap("project")
-        key, sheet = self.order(
-            Seen(scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer)
+        seen = Seen(
+            scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer
         )
+        key, sheet = self.order(seen)
+        if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):  # one sum of all
+            sheet = np.zeros_like(sheet)
         sheets = Sheets(
             np.ascontiguousarray(key, np.float32), np.ascontiguousarray(sheet, np.int32)
         )
         size = tile_size(scene.footprints, scene.style)
         tiles = dealt_to_tiles(scene.footprints, scene.screen, size)
         clock.lap("bin")
-        picture, tally = scene.paint(sheets, tiles, progress)
+        painted = scene.paint(sheets, tiles, progress)
         clock.lap("paint")
-        points, splats, hidden = (int(count) for count in tally[:, :3].sum(axis=0))
+        points, splats, hidden = (int(count) for count in painted.tally[:, :3].sum(axis=0))
         statistics = Statistics(
-            samples.extinction.size, points, splats, hidden, int(tally[:, 3].max()), clock.seconds
+            samples.extinction.size,
+            points,
+            splats,
+            hidden,
+            int(painted.tally[:, 3].max()),
+            {"project": scene.seconds, **clock.seconds},
         )
-        depth, first_depth, coverage = np.ascontiguousarray(picture[..., 4:].transpose(2, 0, 1))
-        rgba = np.ascontiguousarray(picture[..., :4])
-        return Frame(rgba, depth, first_depth, coverage, statistics)
+        depth, first_depth, coverage = np.ascontiguousarray(
+            painted.frame[..., 4:].transpose(2, 0, 1)
+        )
+        rgba = np.ascontiguousarray(painted.frame[..., :4])
+        value = painted.value if self.projection in MEASURING else None
+        if self.projection is Projection.ADDITIVE:
+            rgba = _as_gray(painted.value)
+        return Frame(rgba, depth, first_depth, coverage, statistics, value)
 
-    def _project(self, samples: Samples, view: View, height: int, width: int) -> Scene:
+    def _project(
+        self,
+        samples: Samples,
+        view: View,
+        size: tuple[int, int],
+        look: Classifier | None,
+        clip: ArrayLike | None,
+    ) -> Scene:
         from resample.kernels.footprints import project
 
-        tables, style = self._tables, self._style(samples.lattice)
+        start = time.perf_counter()
+        tables, style = self._tables, self._style(samples.lattice, look)
         ellipsoid = ellipsoid_of(samples.lattice, view, self.reconstruction.radius)
         # Where points have the pixel's filter, that is the farther reach.
         reach = max(tables.pixel_margin, 0.0 if style.variance else style.point_extent)
-        screen = screen_of(width, height, reach, view, ellipsoid)
+        screen = screen_of(size[1], size[0], reach, view, ellipsoid)
+        screen = screen._replace(planes=planes_of(clip, view, ellipsoid))
         footprints = np.zeros(samples.extinction.size, FOOTPRINT)
         project(footprints, samples, view, ellipsoid, screen, style)
-        return Scene(footprints, view, ellipsoid, screen, style, tables)
+        if self.projection is Projection.ADDITIVE and not style.subpixels:
+            style = style._replace(subpixels=finest_grid(footprints, style))  # sums must fit
+        summing = self.order.summing
+        if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):
+            summing = Summing.SHEETS
+        seconds = time.perf_counter() - start
+        return Scene(footprints, view, ellipsoid, screen, style, tables, summing, look, seconds)
 
     @cached_property
     def _points(self) -> RadialTable:
@@ -223,14 +311,14 @@ class Resampler:
         pixel = filter_table(Box() if literal else self.pixel_filter or Box())
         return Tables(
             footprint_table(self.reconstruction).values,
-            density_table(self.reconstruction).values,
+            partial_table(self.reconstruction),
             correction_table(),
             self._points.values,
             *pixel,
             math.ceil(pixel.extent - 0.501),  # the table of a box ends a sliver beyond 0.5
         )
 
-    def _style(self, lattice: Doubles) -> Style:
+    def _style(self, lattice: Doubles, look: Classifier | None) -> Style:
         """Choices as numbers."""
         primitive = self.primitive
         own = {
@@ -238,12 +326,14 @@ class Resampler:
             Primitive.POINTS: np.inf,
             Primitive.SPLATS: 0.0,
             Primitive.PAPER: 1.0,  # "magnified" and "minified" taken literally
+            Primitive.INFLATE: 0.0,
+            Primitive.EWA: 0.0,
         }
         threshold = own[primitive] if self.threshold is None else self.threshold
-        fixed = 1 if primitive in (Primitive.SPLATS, Primitive.PAPER) else 0
+        fixed = 0 if primitive in (Primitive.HYBRID, Primitive.POINTS) else 1
         tint = (-1.0, -1.0, -1.0) if self.splat_color is None else self.splat_color
-        paper_or_ours = Footprint.CORRECTED if primitive is Primitive.PAPER else Footprint.EXACT
-        footprint = self.footprint or paper_or_ours
+        footprint = self.footprint or OWN_FOOTPRINT.get(primitive, Footprint.EXACT)
+        per_variance = self.reconstruction.radius**2 / variance(self.reconstruction)
         voxel = abs(np.linalg.det(lattice)) ** (1 / 3)
         return Style(
             model=list(Footprint).index(footprint),
@@ -253,11 +343,65 @@ class Resampler:
             most_for_points=POINT_GRID,
             point_extent=self._points.extent,
             variance=0.0 if primitive is Primitive.PAPER else variance(self.reconstruction),
+            inflated=1.0 if primitive is Primitive.INFLATE else 0.0,
+            blurred=EWA_VARIANCE * per_variance if primitive is Primitive.EWA else 0.0,
+            faintest=0.0 if look is None else -np.inf,
+            projection=list(Projection).index(self.projection),
+            iso=0.0 if look is None or self.iso is None else _position(self.iso, look),
             linear_opacity=self.opacity is Opacity.LINEAR,
             layer=float(voxel * self.order.thickness),
             opaque=OPAQUE,
             **dict(zip(("tint_red", "tint_green", "tint_blue"), tint, strict=True)),
         )
+
+
+MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE)
+OWN_FOOTPRINT = {
+    Primitive.PAPER: Footprint.CORRECTED,
+    Primitive.INFLATE: Footprint.AFFINE,
+    Primitive.EWA: Footprint.AFFINE,
+}
+
+
+def _check_together(choice: Resampler) -> None:
+    """Refuse choices that do not go together, and say which do."""
+    known = FOOTPRINTS[choice.primitive]
+    if choice.footprint is not None and choice.footprint not in known:
+        raise ValueError(
+            f"the primitive {choice.primitive} goes with the footprint {', '.join(known)}, not "
+            f"{choice.footprint}"
+        )
+    if choice.projection is not Projection.COMPOSITE and choice.order.summing is not Summing.SLABS:
+        raise ValueError(
+            f"the projection {choice.projection} needs the order image-sheets, not {choice.order}"
+        )
+    if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):
+        raise ValueError(
+            "first-hit needs an iso value, and no other projection has one "
+            f"(got {choice.projection} and {choice.iso})"
+        )
+    if choice.iso is not None and not math.isfinite(choice.iso):
+        raise ValueError(f"the iso value is {choice.iso}; it must be finite")
+
+
+def _position(iso: float, look: Classifier) -> float:
+    """Where a value lies between a classifier's low and high, 0..1 if between them."""
+    return (iso - look.low) / (look.high - look.low)
+
+
+def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
+    """Samples for the painters, and what a field looks like."""
+    if isinstance(samples, Field):
+        return samples_of(samples), samples.classifier
+    return check_samples(samples), None
+
+
+def _as_gray(value: Floats) -> Floats:
+    """Sums (H, W) as opaque gray (H, W, 4), the largest of them white."""
+    known = np.nan_to_num(value, nan=0.0)
+    peak = float(known.max(initial=0.0))
+    gray = np.maximum(known / peak if peak > 0 else known, 0.0)
+    return np.stack([gray, gray, gray, np.isfinite(value)], axis=-1).astype(np.float32)
 
 
 class _Clock:

@@ -2,14 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from resample.orders import Summing
 from resample.types import (
+    Classifier,
     Doubles,
     Ellipsoid,
+    Field,
     Floats,
+    Lamp,
+    Palette,
     Records,
     Samples,
     Screen,
@@ -23,6 +29,17 @@ from resample.types import (
 MEMBERS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
 
 Progress = Callable[[float], None]
+
+NO_CLASSIFIER = Classifier(
+    np.zeros((1, 1, 4), np.float32),
+    0.0,
+    1.0,
+    1.0,
+    Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0),
+    0.0,
+    1.0,
+    0.0,
+)
 
 
 def check_samples(samples: Samples) -> Samples:
@@ -54,6 +71,36 @@ def check_samples(samples: Samples) -> Samples:
     return Samples(position, color, extinction, lattice)
 
 
+def samples_of(field: Field) -> Samples:
+    """Field as samples for the painters.
+
+    Gradients stand in for colors, and for extinctions the values' positions between the
+    classifier's low and high.
+
+    Raises
+    ------
+    ValueError
+        As `check_samples`, or the classifier is none.
+    """
+    look = field.classifier
+    table = np.asarray(look.table)
+    if table.ndim != 3 or table.shape[2] != 4 or 0 in table.shape or table.dtype != np.float32:
+        raise ValueError(f"a classifier's table is float32 (G, K, 4), not {table.shape}")
+    if not (look.low < look.high and look.steep > 0 and look.near < look.far):
+        raise ValueError(
+            f"a classifier needs low {look.low} below high {look.high}, steep {look.steep} above 0 "
+            f"and near {look.near} before far {look.far}"
+        )
+    gradient = np.zeros((len(field.value), 3), np.float32)
+    if len(field.gradient):
+        gradient = field.gradient
+    position = (np.asarray(field.value, np.float64) - look.low) / (look.high - look.low)
+    samples = Samples(field.position, gradient, np.zeros(len(position), np.float32), field.lattice)
+    if not np.isfinite(position).all():
+        raise ValueError("a sample's value is not finite; leave such samples out")
+    return check_samples(samples)._replace(extinction=position.astype(np.float32))
+
+
 def _is_regular(matrix: Doubles) -> bool:
     """Whether a matrix can be inverted in float64 without losing all digits."""
     return bool(np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12)
@@ -74,6 +121,25 @@ def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
     )
 
 
+def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubles:
+    """Clipping planes (M, 4) of the scene as `Screen` holds them, (M, 5).
+
+    Raises
+    ------
+    ValueError
+        They are not four finite numbers each, or a normal has no length.
+    """
+    given = np.zeros((0, 4)) if clip is None else np.asarray(clip, np.float64).reshape(-1, 4)
+    length = np.linalg.norm(given[:, :3], axis=1)
+    if not (np.isfinite(given).all() and (length > 0).all()):
+        raise ValueError("clipping planes are finite numbers (M, 4), normals of some length first")
+    given = given / length[:, None]
+    normal = given[:, :3] @ view.rotation.T
+    offset = given[:, 3] - normal @ view.translation
+    reach = np.sqrt(np.einsum("ni,ij,nj->n", normal, ellipsoid.covariance, normal))
+    return np.ascontiguousarray(np.column_stack([normal, offset, reach]))
+
+
 def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ellipsoid) -> Screen:
     """Picture of that size, with the planes beyond which an ellipsoid's center cannot be seen."""
     sides = np.zeros((4, 4))
@@ -86,15 +152,20 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
         sides[side, 2 if view.perspective else 3] = -offset
         outward = sides[side, :3]
         sides[side, 3] -= np.sqrt(outward @ ellipsoid.covariance @ outward)
-    return Screen(width, height, float(margin), sides)
+    return Screen(width, height, float(margin), sides, np.zeros((0, 5)))
+
+
+def finest_grid(footprints: Records, style: Style) -> int:
+    """Sub-pixels per side of a pixel where samples lie closest."""
+    from resample.kernels.grid import grid
+    from resample.kernels.tiles import smallest_spacing
+
+    return int(grid(smallest_spacing(footprints), style))
 
 
 def tile_size(footprints: Records, style: Style) -> int:
     """Side of a tile in px, smaller where pixels are divided finer."""
-    from resample.kernels.grid import grid
-    from resample.kernels.tiles import smallest_spacing
-
-    return max(8, 32 // grid(smallest_spacing(footprints), style))
+    return max(8, 32 // finest_grid(footprints, style))
 
 
 def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
@@ -112,6 +183,14 @@ def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
     return tiles._replace(spacing=smallest.min(axis=0))
 
 
+class Painted(NamedTuple):
+    """What the painters write to."""
+
+    frame: Floats  # (H, W, 7) RGBA, depth, first depth, coverage
+    value: Floats  # (H, W) what projections of fields measure; NaN where nothing is
+    tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
+
+
 @dataclass(frozen=True)
 class Scene:
     """Samples seen by a camera, and everything else that the painters read."""
@@ -122,17 +201,17 @@ class Scene:
     screen: Screen
     style: Style
     tables: Tables
+    summing: Summing
+    classifier: Classifier | None  # of a field; None: samples have their colors already
+    seconds: float  # that it took to project the samples
 
-    def paint(
-        self, sheets: Sheets, tiles: Tiles, progress: Progress | None
-    ) -> tuple[Floats, NDArray[np.int64]]:
-        """Frame (H, W, 7) and the tally of every tile, painted in steps that can be watched."""
-        from resample.kernels.paint import paint_tiles
-
-        frame = np.zeros((self.screen.height, self.screen.width, 7), np.float32)
+    def paint(self, sheets: Sheets, tiles: Tiles, progress: Progress | None) -> Painted:
+        """Tiles painted in steps that can be watched."""
+        shape = (self.screen.height, self.screen.width)
+        frame = np.zeros((*shape, 7), np.float32)
         frame[..., 4:6] = np.inf
         load = np.diff(tiles.start)
-        tally = np.zeros((load.size, 4), np.int64)
+        painted = Painted(frame, np.full(shape, np.nan, np.float32), np.zeros((load.size, 4), int))
         turn = np.argsort(-load, kind="stable")
         turn = turn[load[turn] > 0]
         done = np.cumsum(load[turn])
@@ -141,21 +220,38 @@ class Scene:
         while first < turn.size:
             before = done[first - 1] if first else 0
             last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
-            paint_tiles(
-                turn[first:last],
-                tiles,
-                self.footprints,
-                sheets,
-                sheets.key.view(np.uint32),
-                self.view,
-                self.ellipsoid,
-                self.screen,
-                self.style,
-                self.tables,
-                frame,
-                tally,
-            )
+            self._paint_tiles(turn[first:last], sheets, tiles, painted)
             first = last
             if progress is not None:
                 progress(done[last - 1] / total)
-        return frame, tally
+        return painted
+
+    def _paint_tiles(
+        self, turn: NDArray[np.int64], sheets: Sheets, tiles: Tiles, painted: Painted
+    ) -> None:
+        common = (
+            turn,
+            tiles,
+            self.footprints,
+            sheets,
+            sheets.key.view(np.uint32),
+            self.view,
+            self.ellipsoid,
+            self.screen,
+            self.style,
+            self.tables,
+        )
+        if self.summing is Summing.POINTS:
+            from resample.kernels.paint import paint_tiles
+
+            paint_tiles(*common, painted.frame, painted.tally)
+            return
+        from resample.kernels.sheets import paint_sheet_tiles
+
+        is_field = self.classifier is not None
+        is_cutting = self.summing is Summing.SLABS
+        look = self.classifier or NO_CLASSIFIER
+        palette = Palette(
+            look.table, look.low, look.high, look.steep, look.near, look.far, look.dimmed
+        )
+        paint_sheet_tiles(*common, palette, look.lamp, is_field, is_cutting, *painted)

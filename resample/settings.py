@@ -30,15 +30,19 @@ class Resampling(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     primitive: Annotated[
-        Literal["hybrid", "points", "splats", "paper"],
+        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
         Field(
-            description="Points where samples shrink and splats where they grow, or one of them; "
-            "paper: as published, threshold 1 px."
+            description="Points where samples shrink and splats where they grow, or one of them "
+            "(splats alone are not antialiased); paper: as published, threshold 1 px; inflate, "
+            "ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
         ),
     ] = "hybrid"
     footprint: Annotated[
-        Literal["exact", "corrected", "small-angle", "affine"] | None,
-        Field(description="Model of splats in perspective. Exact, but corrected for paper."),
+        Literal["exact", "corrected", "small-angle", "affine", "disc"] | None,
+        Field(
+            description="Model of splats in perspective. Exact, but corrected for paper, and "
+            "affine for inflate and ewa."
+        ),
     ] = None
     threshold: Annotated[
         float | None,
@@ -52,7 +56,23 @@ class Resampling(BaseModel):
         str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Box.")
     ] = None
     kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
-    order: Annotated[str, Field(description="Compositing order.")] = "every-sample"
+    order: Annotated[
+        str | None,
+        Field(
+            description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1,"
+            " which is what projections other than composite have."
+        ),
+    ] = None
+    projection: Annotated[
+        Literal["composite", "maximum", "average", "additive", "first-hit"],
+        Field(
+            description="What a pixel shows: light through what lies in front, the largest, mean "
+            "or sum of the values, or the surface of the iso value."
+        ),
+    ] = "composite"
+    iso: Annotated[
+        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+    ] = None
     opacity: Annotated[
         Literal["exact", "linear"],
         Field(description="Exact transmittance of the field, or classic splatting's product."),
@@ -70,17 +90,20 @@ class Resampling(BaseModel):
             A plugin is unknown or refuses its parameters.
         """
         from resample import registry
-        from resample.resampler import Footprint, Opacity, Primitive, Resampler
+        from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
+        own = "every-sample" if self.projection == "composite" else "image-sheets"
         return Resampler(
             primitive=Primitive(self.primitive),
             footprint=None if self.footprint is None else Footprint(self.footprint),
             pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
             reconstruction=registry.build("reconstructions", self.kernel),
-            order=registry.build("orders", self.order),
+            order=registry.build("orders", self.order or own),
             threshold=self.threshold,
             subpixels=self.subpixels,
             opacity=Opacity(self.opacity),
+            projection=Projection(self.projection),
+            iso=self.iso,
             splat_color=SPLAT_COLOR if self.color_by == "primitive" else None,
         )
 

@@ -66,6 +66,18 @@ class Classifier(NamedTuple):
     dimmed: float  # share of the light that it takes away there, 0..1
 
 
+class Palette(NamedTuple):
+    """A `Classifier` without its lamp: parallel kernels take no nested bundles."""
+
+    table: Floats
+    low: float
+    high: float
+    steep: float
+    near: float
+    far: float
+    dimmed: float
+
+
 class Field(NamedTuple):
     """N samples of a scalar field; what they look like is decided after they were reconstructed.
 
@@ -82,7 +94,7 @@ class Field(NamedTuple):
 # What a painter needs of one sample seen by a camera; records are read one by one, so no columns.
 # With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
 # index of the affine and corrected models; the exact model multiplies q by the pixel's own
-# `Canvas.ray`. A sphere that crosses the near plane has cone = -1 and its center in (a, b, c).
+# `Canvas.ray`. A sphere that a plane cuts has cone = -1 and its center in (a, b, c).
 FOOTPRINT = np.dtype(
     [
         ("x", np.float32),  # px, where the sample's center projects
@@ -140,6 +152,7 @@ class Screen(NamedTuple):
     height: int  # px
     margin: float  # px, reach of the filters
     sides: Doubles  # (4, 4) c is outside one if its product with (c, 1) is above 0; camera axes
+    planes: Doubles  # (M, 5) unit normal and offset, camera axes: 0 and more is kept; half extent
 
 
 class Seen(NamedTuple):
@@ -170,7 +183,7 @@ class Tables(NamedTuple):
     """All tabulated functions of one rendering."""
 
     footprint: Floats  # (K + 1,) over the squared distance of a ray from the center, 0..1 radii²
-    density: Floats  # (K + 1,) over the squared distance from the center, 0..1 radii²
+    partial: Floats  # (K + 1, J + 1) like footprint, of the ray up to a place, -1..1 radii
     correction: Floats  # (A, I) true distance over cone, 0..LARGEST_CONE, and flat index, 0..1
     point: Floats  # (K + 1,) 1-D profile of the filter that points are added under
     pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
@@ -188,6 +201,11 @@ class Style(NamedTuple):
     most_for_points: int
     point_extent: float  # widths at which the point profile ends
     variance: float  # voxels², of the reconstruction along an axis; 0: points have width 1
+    inflated: float  # px; samples that lie closer get kernels as if they lay that far apart
+    blurred: float  # px², added to the squared half extents of a splat's ellipse
+    faintest: float  # samples of this extinction or less are left out
+    projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE or FIRST_HIT
+    iso: float  # position of the first hit's value between the classifier's low and high, 0..1
     linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
     layer: float  # scene units, thickness of the layer that a sheet of points stands for
     opaque: float  # transmittance below which nothing behind is painted

@@ -15,6 +15,9 @@ CORRECTED, SMALL_ANGLE
     cone's rim, its center is the midpoint of these ends; SMALL_ANGLE keeps the projected center.
 AFFINE
     The projection's linear part at the center (EWA, Zwicker et al. 2001).
+DISC
+    The sphere becomes a disc perpendicular to the ray through its center, which other rays meet
+    (Mueller and Yagel 1996): with the exact index d and 1 / |c| = sin α, d / √(1 - d² sin² α).
 """
 
 import math
@@ -38,6 +41,7 @@ from resample.kernels.vectors import (
 )
 from resample.types import (
     AFFINE,
+    DISC,
     EXACT,
     SMALL_ANGLE,
     Doubles,
@@ -160,10 +164,64 @@ def project_sample(
             _grow_bounds(record, style)
             if _is_outside(record, area):  # only now: its filter may reach where it does not
                 _hide(record)
+        elif style.inflated > 0.0 or style.blurred > 0.0:
+            _splat(record, center, eye, shape, style.model)
+            _widen(record, style)
+            if _is_outside(record, area):
+                _hide(record)
         elif _is_beside(center, area.sides):
             _hide(record)
         else:
             _splat(record, center, eye, shape, style.model)
+
+
+@kernel
+def _widen(record: Record, style: Style) -> None:
+    """Make an affine footprint wider and fainter where it is narrow, by the one rule or the other.
+
+    Swan et al. 1997 enlarge the whole kernel until its neighbours are a pixel apart; Zwicker et al.
+    2001 add the pixel filter's covariance to the footprint's own.
+    """
+    a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
+    before = a * c - b * b
+    grown = min(1.0, record["spacing"] / style.inflated) if style.inflated > 0.0 else 1.0
+    a, b, c = grown * grown * a, grown * grown * b, grown * grown * c
+    if style.blurred > 0.0:
+        determinant = a * c - b * b
+        xx, yy, xy = (
+            c / determinant + style.blurred,
+            a / determinant + style.blurred,
+            b / determinant,
+        )
+        wider = xx * yy - xy * xy
+        a, b, c = yy / wider, xy / wider, xx / wider
+    record["a"], record["b"], record["c"] = a, b, c
+    record["amplitude"] *= math.sqrt((a * c - b * b) / before)
+    _bounds_of_form(record)
+
+
+@kernel
+def _clip(record: Record, center: Vector, planes: Doubles, to_unit: Matrix, style: Style) -> None:
+    """Hide what lies beyond a clipping plane (M, 5), and mark the splats that one cuts.
+
+    Points are as small as sub-pixels: their centers decide.
+    """
+    nearest = np.inf
+    for n in range(planes.shape[0]):
+        inside = (
+            planes[n, 0] * center[0]
+            + planes[n, 1] * center[1]
+            + planes[n, 2] * center[2]
+            + planes[n, 3]
+        )
+        reach = 0.0 if is_surely_point(record["spacing"], style) else planes[n, 4]
+        if inside <= -reach:
+            _hide(record)
+            return
+        nearest = min(nearest, inside - reach)
+    if nearest < 0.0:
+        record["cone"] = -1.0
+        record["a"], record["b"], record["c"] = multiply(to_unit, center)
 
 
 @kernel
@@ -281,15 +339,16 @@ def _bounds_of_form(record: Record) -> None:
 def _better_form(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
     """Replace the linear form by the exact or the paper's one, and the bounds with it."""
     if not eye.perspective:
-        if model == EXACT:
+        if model in (EXACT, DISC):
             _exact_form(record, column(shape.to_unit, 2), shape)
         return
     unit = multiply(shape.to_unit, center)
-    if model == EXACT:
+    if model != EXACT:
+        record["cone"] = math.asin(min(1.0, 1.0 / math.sqrt(dot(unit, unit))))
+    if model in (EXACT, DISC):
         _exact_form(record, unit, shape)
         _bounds_in_perspective(record, center, eye, shape)
     else:
-        record["cone"] = math.asin(min(1.0, 1.0 / math.sqrt(dot(unit, unit))))
         _rim_form(record, unit, eye, shape, model == SMALL_ANGLE)
         _bounds_of_form(record)
 
@@ -393,12 +452,15 @@ def _project_chunk(
 ) -> None:
     eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
     position, color, extinction = samples.position, samples.color, samples.extinction
+    planes = screen.planes
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, footprints.size)):
         world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
         center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
         record = footprints[n]
-        if extinction[n] > 0.0:
+        if extinction[n] > style.faintest:
             project_sample(record, center, eye, shape, area, style)
+            if planes.shape[0] > 0 and record["left"] <= record["right"]:
+                _clip(record, center, planes, shape.to_unit, style)
         else:
             _hide(record)
         record["red"] = color[n, 0]

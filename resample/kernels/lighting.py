@@ -35,6 +35,23 @@ def _reflect(normal: Vector, place: Vector, lamp: Lamp) -> tuple[float, float]:
 
 
 @kernel
+def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
+    """Light that a surface sends to the viewer; a place without a slope shows its color.
+
+    `slope` is the gradient whose direction is the surface's normal, `place` in scene axes.
+    """
+    length = math.sqrt(dot(slope, slope))
+    own, highlight = lamp.ambient + lamp.diffuse, 0.0
+    if length > lamp.flat:
+        own, highlight = _reflect(scaled(1.0 / length, slope), place, lamp)
+    return (
+        max(own * color[0] + highlight, 0.0),
+        max(own * color[1] + highlight, 0.0),
+        max(own * color[2] + highlight, 0.0),
+    )
+
+
+@kernel
 def _shade_chunk(
     position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats, first: int
 ) -> None:
@@ -42,12 +59,10 @@ def _shade_chunk(
     for n in range(first, min(first + CHUNK, len(position))):
         place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
         slope = (float(gradient[n, 0]), float(gradient[n, 1]), float(gradient[n, 2]))
-        length = math.sqrt(dot(slope, slope))
-        own, highlight = lamp.ambient + lamp.diffuse, 0.0
-        if length > lamp.flat:
-            own, highlight = _reflect(scaled(1.0 / length, slope), place, lamp)
+        own = (float(color[n, 0]), float(color[n, 1]), float(color[n, 2]))
+        light = lit(own, slope, place, lamp)
         for c in range(3):
-            shaded[n, c] = max(own * color[n, c] + highlight, 0.0)
+            shaded[n, c] = light[c]
 
 
 @parallel_kernel

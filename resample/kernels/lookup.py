@@ -49,6 +49,40 @@ def unit_lookup(values: Floats, argument: Single) -> Single:
 
 
 @kernel
+def partial_integral(values: Floats, squared: Single, start: Single, end: Single) -> Single:
+    """Integral of the unit kernel along a line, between two places of it.
+
+    Parameters
+    ----------
+    values
+        (K + 1, J + 1) integrals up to a place, over `squared` 0..1 and the place -1..1.
+    squared
+        Of the line's distance from the center, radii².
+    start, end
+        Places along the line, radii from where it is nearest to the center; may be infinite.
+    """
+    if not (squared < np.float32(1.0) and start < end):
+        return np.float32(0.0)
+    line = squared * np.float32(values.shape[0] - 1)
+    row = int(line)
+    down = line - np.float32(row)
+    return _up_to(values, row, down, end) - _up_to(values, row, down, start)
+
+
+@kernel
+def _up_to(values: Floats, row: int, down: Single, along: Single) -> Single:
+    """Integral up to a place of a line that lies by `down` between two rows of the table."""
+    one = np.float32(1.0)
+    inside = max(-one, min(one, along))
+    position = (inside + one) * np.float32(0.5 * (values.shape[1] - 1))
+    column = min(np.uint32(position), np.uint32(values.shape[1] - 2))
+    right, next_row, after = position - np.float32(column), row + 1, column + np.uint32(1)
+    upper = values[row, column] + right * (values[row, after] - values[row, column])
+    lower = values[next_row, column] + right * (values[next_row, after] - values[next_row, column])
+    return upper + down * (lower - upper)
+
+
+@kernel
 def true_distance(index: float, cone: float) -> float:
     """Distance of a ray from the sphere's center, in radii.
 

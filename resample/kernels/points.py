@@ -5,6 +5,7 @@ counts touched at every call.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,46 @@ def _weigh(
     return first, count
 
 
+class Box(NamedTuple):
+    """Sub-pixels that a point is spread over, and where its weights begin."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+    first_row: int
+    first_column: int
+
+
+@kernel
+def box_of_point(
+    sheet: Floats,
+    place: Place,
+    record: Record,
+    style: Style,
+    profile: Floats,
+    across: Floats,
+    down: Floats,
+) -> Box:
+    """Weights of a point's filter, in `across` and `down`, and the part of `sheet` they meet."""
+    n = place.subpixels
+    width = float(n)
+    if style.variance > 0.0:
+        width = point_width(record["spacing"] * n, style.variance)
+    reach = min(width * style.point_extent, 0.5 * (MOST_TAPS - 2))
+    per_reach = np.float32(1.0 / reach)
+    left, columns = _weigh((record["x"] - place.x) * n, reach, per_reach, profile, across)
+    top, rows = _weigh((record["y"] - place.y) * n, reach, per_reach, profile, down)
+    return Box(
+        max(0, top),
+        min(sheet.shape[0], top + rows),
+        max(0, left),
+        min(sheet.shape[1], left + columns),
+        top,
+        left,
+    )
+
+
 @kernel
 def add_point(
     sheet: Floats,
@@ -62,15 +103,8 @@ def add_point(
     path = style.layer * record["obliquity"]
     area = np.float32(record["mass"] / path * (n * n))
     alpha = area * absorbed(record["extinction"] * path)
-    width = float(n)
-    if style.variance > 0.0:
-        width = point_width(record["spacing"] * n, style.variance)
-    reach = min(width * style.point_extent, 0.5 * (MOST_TAPS - 2))
-    per_reach = np.float32(1.0 / reach)
-    left, columns = _weigh((record["x"] - place.x) * n, reach, per_reach, profile, across)
-    top, rows = _weigh((record["y"] - place.y) * n, reach, per_reach, profile, down)
-    first_row, last_row = max(0, top), min(sheet.shape[0], top + rows)
-    first_column, last_column = max(0, left), min(sheet.shape[1], left + columns)
+    box = box_of_point(sheet, place, record, style, profile, across, down)
+    first_row, last_row, first_column, last_column, top, left = box
     if first_row >= last_row or first_column >= last_column:
         return
     dirty[0], dirty[1] = min(dirty[0], first_row), max(dirty[1], last_row)

@@ -5,11 +5,18 @@ import math
 import numpy as np
 
 from resample.kernels.jit import kernel
-from resample.kernels.lookup import absorbed, corrected_distance, radial, unit_lookup
+from resample.kernels.lookup import (
+    absorbed,
+    corrected_distance,
+    partial_integral,
+    unit_lookup,
+)
 from resample.kernels.over import Light, behind
 from resample.types import (
     AFFINE,
+    DISC,
     EXACT,
+    Doubles,
     Ellipsoid,
     Floats,
     Place,
@@ -19,18 +26,15 @@ from resample.types import (
     View,
 )
 
-# Gauss-Legendre nodes for the few spheres that the near plane cuts.
-NODE, WEIGHT = np.polynomial.legendre.leggauss(24)
-
 
 @kernel
-def _first(bound: float, origin: float, subpixels: int) -> int:
+def first_inside(bound: float, origin: float, subpixels: int) -> int:
     """First sub-pixel whose center is not before `bound` px."""
     return max(0, math.ceil((bound - origin) * subpixels - 0.5))
 
 
 @kernel
-def _last(bound: float, origin: float, subpixels: int, count: int) -> int:
+def last_inside(bound: float, origin: float, subpixels: int, count: int) -> int:
     """One past the last sub-pixel whose center is not after `bound` px."""
     return min(count, math.floor((bound - origin) * subpixels - 0.5) + 1)
 
@@ -45,7 +49,7 @@ def opacity(integral: Single, extinction: Single, style: Style) -> Single:
 
 
 @kernel
-def _light(record: Record, style: Style) -> Light:
+def light_of(record: Record, style: Style) -> Light:
     """Color and depth of a splat; its color is the marker's where splats are to be told apart."""
     red, green, blue = record["red"], record["green"], record["blue"]
     if style.tint_red >= 0.0:
@@ -68,14 +72,15 @@ def paint_splat(
 ) -> int:
     """Composite one splat onto the sub-pixels of its footprint; gives how many it made opaque."""
     n, model = place.subpixels, style.model
-    light, extinction = _light(record, style), record["extinction"]
+    light, extinction = light_of(record, style), record["extinction"]
     a, b, c = record["a"], record["b"], record["c"]
     amplitude, cone = record["amplitude"], record["cone"]
+    sine = np.float32(math.sin(cone))
     opaque, per_layer = np.float32(style.opaque), np.float32(1.0 / style.layer)
-    left = _first(record["left"], place.x, n)
-    right = _last(record["right"], place.x, n, pixel.shape[1])
-    top = _first(record["top"], place.y, n)
-    bottom = _last(record["bottom"], place.y, n, pixel.shape[0])
+    left = first_inside(record["left"], place.x, n)
+    right = last_inside(record["right"], place.x, n, pixel.shape[1])
+    top = first_inside(record["top"], place.y, n)
+    bottom = last_inside(record["bottom"], place.y, n, pixel.shape[0])
     step = np.float32(1.0 / n)
     start = np.float32(place.x + 0.5 / n - record["form_x"])
     closed = 0
@@ -90,6 +95,9 @@ def paint_splat(
             if model == EXACT:
                 squared *= ray[row, column, 0]
                 amplitude = ray[row, column, 1]
+            elif model == DISC:
+                squared *= ray[row, column, 0]
+                squared /= np.float32(1.0) - squared * sine * sine
             elif model != AFFINE:
                 distance = corrected_distance(correction, math.sqrt(squared), cone)
                 squared = np.float32(distance * distance)
@@ -104,64 +112,95 @@ def paint_splat(
 
 
 @kernel
-def integral_beyond(density: Floats, squared: float, start: float) -> float:
-    """Integral of the unit kernel along a line from `start` radii past its nearest point on."""
-    if squared >= 1.0:
-        return 0.0
-    half = math.sqrt(1.0 - squared)
-    low = max(-half, start)
-    if low >= half:
-        return 0.0
-    total = 0.0
-    for node in range(NODE.size):
-        along = 0.5 * (half - low) * NODE[node] + 0.5 * (half + low)
-        total += WEIGHT[node] * radial(density, 1.0, squared + along * along)
-    return 0.5 * (half - low) * total
+def seen_span(x: float, y: float, view: View, planes: Doubles) -> tuple[float, float]:
+    """Depths between which a ray is seen: from the near plane on, between clipping planes (M, 5).
+
+    x and y are the ray's place at depth 1, or at any depth where rays are parallel.
+    """
+    start, end = view.near, np.inf
+    for n in range(planes.shape[0]):
+        across = planes[n, 0] * x + planes[n, 1] * y
+        rise, offset = planes[n, 2], planes[n, 3]
+        if view.perspective:
+            rise += across
+        else:
+            offset += across
+        if rise > 0.0:
+            start = max(start, -offset / rise)
+        elif rise < 0.0:
+            end = min(end, -offset / rise)
+        elif offset < 0.0:
+            end = -np.inf
+    return start, end
 
 
 @kernel
-def paint_splat_across_near(
+def cut_integral(
+    record: Record,
+    x: float,
+    y: float,
+    span: tuple[float, float],
+    view: View,
+    ellipsoid: Ellipsoid,
+    partial: Floats,
+) -> float:
+    """Line integral of a cut sphere along a ray, between two depths; x and y as in `seen_span`.
+
+    All models agree here: the ray's distance and the part of its chord that is seen are direct.
+    """
+    unit = ellipsoid.to_unit
+    shift = x if view.perspective else 0.0
+    drop = y if view.perspective else 0.0
+    # The ray's direction, of depth 1, and the way from its origin to the center.
+    wx = unit[0, 0] * shift + unit[0, 1] * drop + unit[0, 2]
+    wy = unit[1, 0] * shift + unit[1, 1] * drop + unit[1, 2]
+    wz = unit[2, 0] * shift + unit[2, 1] * drop + unit[2, 2]
+    px = record["a"] - unit[0, 0] * (x - shift) - unit[0, 1] * (y - drop)
+    py = record["b"] - unit[1, 0] * (x - shift) - unit[1, 1] * (y - drop)
+    pz = record["c"] - unit[2, 0] * (x - shift) - unit[2, 1] * (y - drop)
+    squared_length = wx * wx + wy * wy + wz * wz
+    foot = (px * wx + py * wy + pz * wz) / squared_length  # depth of the nearest point
+    px, py, pz = px - foot * wx, py - foot * wy, pz - foot * wz
+    length = math.sqrt(squared_length)
+    share = partial_integral(
+        partial,
+        np.float32(px * px + py * py + pz * pz),
+        np.float32((span[0] - foot) * length),
+        np.float32((span[1] - foot) * length),
+    )
+    along = math.sqrt(1.0 + shift * shift + drop * drop) / length
+    return float(ellipsoid.scale * along * share)
+
+
+@kernel
+def paint_cut_splat(
     pixel: Floats,
     place: Place,
     record: Record,
     view: View,
     ellipsoid: Ellipsoid,
+    planes: Doubles,
     style: Style,
-    density: Floats,
+    partial: Floats,
 ) -> int:
-    """Composite what lies beyond the near plane of a sphere that the plane cuts.
-
-    All models agree here: the ray's distance and the part of its chord that is seen are direct.
-    """
-    n, unit, closed = place.subpixels, ellipsoid.to_unit, 0
-    light, extinction = _light(record, style), record["extinction"]
-    a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
-    for row in range(pixel.shape[0]):
+    """Composite what is seen of a sphere that the near plane or a clipping plane cuts."""
+    n, closed = place.subpixels, 0
+    light, extinction = light_of(record, style), record["extinction"]
+    left = first_inside(record["left"], place.x, n)
+    right = last_inside(record["right"], place.x, n, pixel.shape[1])
+    top = first_inside(record["top"], place.y, n)
+    bottom = last_inside(record["bottom"], place.y, n, pixel.shape[0])
+    for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
-        for column in range(pixel.shape[1]):
+        for column in range(left, right):
             if pixel[row, column, 3] <= style.opaque:
                 continue
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
-            shift = x if view.perspective else 0.0
-            drop = y if view.perspective else 0.0
-            # The ray's direction, of depth 1, and the way from its origin to the center.
-            wx = unit[0, 0] * shift + unit[0, 1] * drop + unit[0, 2]
-            wy = unit[1, 0] * shift + unit[1, 1] * drop + unit[1, 2]
-            wz = unit[2, 0] * shift + unit[2, 1] * drop + unit[2, 2]
-            px = a - unit[0, 0] * (x - shift) - unit[0, 1] * (y - drop)
-            py = b - unit[1, 0] * (x - shift) - unit[1, 1] * (y - drop)
-            pz = c - unit[2, 0] * (x - shift) - unit[2, 1] * (y - drop)
-            squared_length = wx * wx + wy * wy + wz * wz
-            foot = (px * wx + py * wy + pz * wz) / squared_length  # depth of the nearest point
-            px, py, pz = px - foot * wx, py - foot * wy, pz - foot * wz
-            squared = px * px + py * py + pz * pz
-            length = math.sqrt(squared_length)
-            integral = integral_beyond(density, squared, (view.near - foot) * length)
-            if integral <= 0.0:
+            span = seen_span(x, y, view, planes)
+            integral = np.float32(cut_integral(record, x, y, span, view, ellipsoid, partial))
+            if integral <= np.float32(0.0):
                 continue
-            integral *= ellipsoid.scale * math.sqrt(1.0 + shift * shift + drop * drop) / length
-            alpha = opacity(np.float32(integral), extinction, style)
-            after = behind(pixel, row, column, alpha, light)
+            after = behind(pixel, row, column, opacity(integral, extinction, style), light)
             pixel[row, column, 5] += np.float32(integral / style.layer)
             if after <= style.opaque:
                 closed += 1

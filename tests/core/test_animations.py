@@ -1,4 +1,7 @@
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import av
@@ -94,6 +97,14 @@ def test_progress_is_told_for_every_frame(tmp_path):
     assert shares == [0.25, 0.5, 0.75, 1]
 
 
+def test_progress_is_not_told_for_frames_that_are_there_so_that_the_time_left_is_right(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        write_film(tmp_path / "frames", stopping(2), 24)
+    shares: list[float] = []
+    write_film(tmp_path / "frames", shots(), 24, resume=True, progress=shares.append)
+    assert shares == [0.75, 1]
+
+
 @pytest.mark.parametrize("name", ["a.gif", "a.mp4", "frames"])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
 def test_an_ended_run_is_gone_on_with(name, error, tmp_path, capsys):
@@ -130,8 +141,80 @@ def test_a_frame_cut_short_is_made_again(tmp_path):
 def test_what_a_killed_run_was_writing_is_removed(tmp_path):
     write_film(tmp_path, shots(2), 24)
     (tmp_path / ".frame-0001.tmp01234567.png").write_bytes(b"half")
+    (tmp_path / ".animation.tmp01234567.json").write_bytes(b"half")
     write_film(tmp_path, shots(2), 24, resume=True)
     assert files(tmp_path) == ["animation.json", "frame-0000.png", "frame-0001.png"]
+
+
+def test_half_a_film_of_a_killed_run_is_removed_and_nothing_else(tmp_path):
+    half, others = ".a[b].tmp01234567.gif", [".a[b].tmpfile.gif", ".b.tmp01234567.gif"]
+    for name in (half, *others):
+        (tmp_path / name).write_bytes(b"half")
+    write_film(tmp_path / "a[b].gif", shots(2), 24)
+    assert files(tmp_path) == sorted([*others, "a[b].gif"])
+
+
+KILLED_AT_EVERY_STEP = """
+import itertools, os, signal, sys
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from resample.animations import Shots, write_film
+
+STEPS = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir"}
+shots = Shots(3, lambda n: np.full((8, 8, 3), 40 * n, np.uint8), {})
+
+
+def ends_well(target, at=None):
+    child = os.fork()
+    if child:
+        return os.waitpid(child, 0)[1] == 0
+    steps = itertools.count()
+
+    def kill(step, _):
+        if step in STEPS and next(steps) == at:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.addaudithook(kill)
+    write_film(target, shots, 24, resume=at is None)
+    os._exit(0)
+
+
+def content(folder):
+    return {path.relative_to(folder): path.is_file() and path.read_bytes()
+            for path in folder.rglob("*")}
+
+
+Image.init()  # of its modules, which are not to be counted
+for name in ("a.gif", "frames"):
+    whole = Path(f"{name}-whole")
+    whole.mkdir()
+    assert ends_well(whole / name)
+    for at in itertools.count():
+        folder = Path(f"{name}-{at}")
+        folder.mkdir()
+        if ends_well(folder / name, at):
+            break
+        assert ends_well(folder / name)
+        assert content(folder) == content(whole), (name, at, content(folder))
+    print(at)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that can be forked")
+def test_a_run_killed_at_any_file_operation_is_gone_on_with(tmp_path):
+    ended = subprocess.run(
+        [sys.executable, "-W", "error", "-c", KILLED_AT_EVERY_STEP],
+        check=False,
+        cwd=tmp_path,
+        capture_output=True,
+        timeout=60,
+    )
+    assert ended.returncode == 0, ended.stderr.decode()
+    assert all(int(steps) > 15 for steps in ended.stdout.split())
 
 
 def test_frames_of_another_job_are_refused(tmp_path):

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from resample.filters import Gaussian
 from resample.images import from_srgb
-from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 from resample.settings import SPLAT_COLOR, Picture, Resampling, linear_color
 
 
@@ -38,9 +38,16 @@ def test_every_choice_arrives():
 
 
 def test_the_names_are_those_of_the_resampler():
-    for field, family in (("primitive", Primitive), ("footprint", Footprint), ("opacity", Opacity)):
+    families = {
+        "primitive": Primitive,
+        "footprint": Footprint,
+        "opacity": Opacity,
+        "projection": Projection,
+    }
+    for field, family in families.items():
         for member in family:
-            built = Resampling.model_validate({field: member.value}).resampler()
+            iso = 1.0 if member is Projection.FIRST_HIT else None
+            built = Resampling.model_validate({field: member.value, "iso": iso}).resampler()
             assert getattr(built, field) is member
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resample.cameras import Pinhole, look_at
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 
 ARRAYS = ("rgba", "depth", "first_depth", "coverage")
@@ -36,8 +36,9 @@ def draw(**choices):
     return Resampler(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
 
 
-@pytest.mark.parametrize("primitive", list(Primitive))
-@pytest.mark.parametrize("model", list(Footprint))
+@pytest.mark.parametrize(
+    ("primitive", "model"), [(form, model) for form in Primitive for model in FOOTPRINTS[form]]
+)
 def test_one_thread_and_two_give_the_same_bits(primitive, model):
     alone = draw(primitive=primitive, footprint=model, threads=1)
     together = draw(primitive=primitive, footprint=model, threads=2)
@@ -60,7 +61,7 @@ PLAIN = """
 import sys
 import numpy as np
 from resample.cameras import Pinhole, look_at
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 
 rng = np.random.default_rng(7)
@@ -73,7 +74,7 @@ samples = Samples(
 camera = Pinhole(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
 arrays = {}
 for primitive in Primitive:
-    for model in Footprint:
+    for model in FOOTPRINTS[primitive]:
         resample = Resampler(primitive=primitive, footprint=model, subpixels=2)
         frame = resample(samples, camera, height=9, width=10)
         for name in ("rgba", "depth", "first_depth", "coverage"):
