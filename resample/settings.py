@@ -59,8 +59,8 @@ class Resampling(BaseModel):
     order: Annotated[
         str | None,
         Field(
-            description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1,"
-            " which is what projections other than composite have."
+            description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
+            " Fields and their projections take image-sheets:thickness=0.5."
         ),
     ] = None
     projection: Annotated[
@@ -81,8 +81,8 @@ class Resampling(BaseModel):
         Literal["sample", "primitive"], Field(description="Primitive: draw splats in red.")
     ] = "sample"
 
-    def resampler(self) -> "Resampler":
-        """Renderer with these choices.
+    def resampler(self, *, of_field: bool = False) -> "Resampler":
+        """Renderer with these choices; one of fields cuts splats unless an order was chosen.
 
         Raises
         ------
@@ -92,7 +92,8 @@ class Resampling(BaseModel):
         from resample import registry
         from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
-        own = "every-sample" if self.projection == "composite" else "image-sheets"
+        is_of_field = of_field or self.projection != "composite"
+        own = "image-sheets:thickness=0.5" if is_of_field else "every-sample"
         return Resampler(
             primitive=Primitive(self.primitive),
             footprint=None if self.footprint is None else Footprint(self.footprint),
@@ -239,7 +240,7 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
     return numbers
 
 
-def method_names(text: str) -> list[str]:
+def method_names(text: str, least: int = 1) -> list[str]:
     """Methods of a list separated by commas.
 
     A part with = but without a name: before it is a further parameter of the method before it, as
@@ -248,7 +249,7 @@ def method_names(text: str) -> list[str]:
     Raises
     ------
     ValueError
-        There is none.
+        There are fewer than `least`.
     """
     names: list[str] = []
     for part in filter(None, (word.strip() for word in text.split(","))):
@@ -256,6 +257,6 @@ def method_names(text: str) -> list[str]:
             names[-1] += f",{part}"
         else:
             names.append(part)
-    if not names:
+    if len(names) < least:
         raise ValueError("give methods to compare, such as bilinear,hybrid")
     return list(dict.fromkeys(names))

@@ -236,15 +236,18 @@ def _look_for_hit(
 
 
 @kernel
-def develop(state: Floats, pixel: Floats, style: Style, look: Palette) -> None:
-    """Give colors to what the projection has measured; its value is left in data units."""
+def develop(state: Floats, pixel: Floats, voxel: float, style: Style, look: Palette) -> None:
+    """Give colors to what the projection has measured; its value is left in data units.
+
+    It is opaque where the field is longer than a `voxel`, scene units.
+    """
     span = look.high - look.low
     for row in range(state.shape[0]):
         for column in range(state.shape[1]):
             presence = float(state[row, column, PRESENCE])
             if presence <= 0.0:
                 continue
-            alpha = min(1.0, presence / style.layer)
+            alpha = min(1.0, presence / voxel)
             value, depth = float(state[row, column, VALUE]), float(state[row, column, DEPTH])
             if style.projection == ADDITIVE:
                 state[row, column, VALUE] = look.low * presence + span * value

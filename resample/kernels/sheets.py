@@ -325,7 +325,8 @@ def _paint_tile(
     )
     weight = pixel_weights(tables, subpixels)
     if measured:
-        develop(state, canvas.pixel, style, look)
+        voxel = ellipsoid.volume ** (1.0 / 3.0)
+        develop(state, canvas.pixel, voxel, style, look)
         resolve_value(state, subpixels, weight, home, style.projection == ADDITIVE, value)
     resolve(canvas.pixel, subpixels, weight, home, frame)
 

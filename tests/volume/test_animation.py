@@ -13,8 +13,8 @@ from resample_volume.animation import (
     PATHS,
     Flight,
     Paint,
-    Subject,
     Tour,
+    cameras_of,
     flight_of,
     frame,
     shots,
@@ -22,7 +22,7 @@ from resample_volume.animation import (
 from resample_volume.framing import Orbit, Spot
 from resample_volume.generated import vessel_tree
 from resample_volume.keyframes import Keyframes
-from resample_volume.rendering import Appearance, as_volume, render
+from resample_volume.rendering import Appearance, Subject, as_volume, render
 from resample_volume.shading import Light
 
 SIZE = (24, 32)
@@ -65,12 +65,12 @@ def test_an_orbit_goes_once_around_and_does_not_double_its_first_frame():
 
 
 def test_an_orbit_keeps_its_distance_to_one_middle(subject):
-    cameras = subject.cameras(Flight("orbit", 7), SIZE)
+    cameras = cameras_of(subject, Flight("orbit", 7), SIZE)
     assert distances(subject, cameras) == pytest.approx(distances(subject, cameras[:1])[0])
 
 
 def test_a_zoom_starts_at_the_cameras_own_and_ends_sixteen_times_as_far(subject):
-    cameras = subject.cameras(Flight("zoom", 5, Orbit(zoom=2.0)), SIZE)
+    cameras = cameras_of(subject, Flight("zoom", 5, Orbit(zoom=2.0)), SIZE)
     away = distances(subject, cameras)
     assert away[-1] == pytest.approx(16 * away[0])
     assert away[0] == pytest.approx(
@@ -84,7 +84,7 @@ def test_a_zoom_starts_at_the_cameras_own_and_ends_sixteen_times_as_far(subject)
 def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing):
     volume = vessel_tree(16)._replace(spacing=np.full(3, spacing))
     subject = Subject.of(volume, Appearance())
-    first, *_, last = subject.cameras(Flight("threshold", 3, Orbit(fov=fov)), SIZE)
+    first, *_, last = cameras_of(subject, Flight("threshold", 3, Orbit(fov=fov)), SIZE)
     assert isinstance(first, Pinhole if fov else Orthographic)
     ends = [spacing * px_between_voxels(subject, camera) for camera in (first, last)]
     assert ends == pytest.approx([2, 0.1])
@@ -93,8 +93,8 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.PAPER])
 def test_across_the_threshold_splats_become_points(primitive, subject):
     share = []
-    for camera in subject.cameras(Flight("threshold", 5), SIZE):
-        painted = Resampler(primitive)(subject.samples(camera), camera, height=24, width=32)
+    for camera in cameras_of(subject, Flight("threshold", 5), SIZE):
+        painted = Resampler(primitive)(subject.seen_by(camera), camera, height=24, width=32)
         share.append(painted.statistics.splat_fraction)
     assert (share[0], share[-1]) == (1, 0)
     assert share == sorted(share, reverse=True)
@@ -102,7 +102,7 @@ def test_across_the_threshold_splats_become_points(primitive, subject):
 
 @pytest.mark.parametrize("path", PATHS)
 def test_one_frame_is_a_path(path, subject):
-    assert len(subject.cameras(Flight(path, 1), SIZE)) == 1
+    assert len(cameras_of(subject, Flight(path, 1), SIZE)) == 1
 
 
 # Which path
@@ -122,7 +122,7 @@ def test_a_file_is_a_path_whose_times_are_seconds(tour):
 
 
 def test_keyframes_lead_the_way(tour, subject):
-    first, middle, last = subject.cameras(flight_of(tour, 3, 24.0, Orbit()), SIZE)
+    first, middle, last = cameras_of(subject, flight_of(tour, 3, 24.0, Orbit()), SIZE)
     for camera, azimuth in ((first, 30), (middle, 60), (last, 90)):
         wanted = Orbit(azimuth, zoom=2.0).around(subject.sphere, *SIZE)
         assert np.allclose(camera.world_to_camera, wanted.world_to_camera, atol=1e-9)
@@ -131,7 +131,7 @@ def test_keyframes_lead_the_way(tour, subject):
 def test_keyframes_of_places_are_in_the_volumes_own_space(subject):
     spots = [Spot([0.0, y, 0.0], [8.0, 8.0, 8.0], [0.0, 0.0, 1.0], 30.0, 0.0) for y in (-30, -40)]
     tour = Tour(Keyframes(np.array([0.0, 1.0]), spots), 2)
-    camera = subject.cameras(tour, SIZE)[0]
+    camera = cameras_of(subject, tour, SIZE)[0]
     view = camera.view()
     moved = np.array([0.0, -30.0, 0.0]) - subject.middle
     assert view.rotation @ moved + view.translation == pytest.approx([0, 0, 0], abs=1e-9)
@@ -177,7 +177,7 @@ def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
     volume = vessel_tree(16)._replace(origin=np.array([5.0, 6.0, 7.0]))
     look = Appearance(light=light)
     subject = Subject.of(volume, look)
-    seen = frame(subject, subject.cameras(Flight("orbit", 4, Orbit(30)), SIZE)[1], SKY)
+    seen = frame(subject, cameras_of(subject, Flight("orbit", 4, Orbit(30)), SIZE)[1], SKY)
     write_png(
         tmp_path / "a.png",
         render(volume, look, Orbit(120), height=24, width=32).rgba,
@@ -188,13 +188,13 @@ def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
 
 def test_nothing_to_see_is_the_background():
     subject = Subject.of(as_volume(np.full((4, 4, 4), np.nan, np.float32)), Appearance("gray"))
-    levels = frame(subject, subject.cameras(Flight("threshold", 3), SIZE)[2], SKY)
+    levels = frame(subject, cameras_of(subject, Flight("threshold", 3), SIZE)[2], SKY)
     assert levels.shape == (*SIZE, 3)
     assert (levels == levels[0, 0]).all()
 
 
 def test_the_shots_are_the_frames_of_the_cameras(subject):
-    cameras = subject.cameras(Flight("orbit", 3), SIZE)
+    cameras = cameras_of(subject, Flight("orbit", 3), SIZE)
     made = shots(subject, cameras, SKY)
     assert made.total == 3
     assert np.array_equal(made.frame(2), frame(subject, cameras[2], SKY))
@@ -204,7 +204,7 @@ def test_equal_choices_are_the_same_job():
     jobs = []
     for _ in range(2):
         subject = Subject.of(vessel_tree(16), Appearance())
-        cameras = subject.cameras(Flight("zoom", 3), SIZE)
+        cameras = cameras_of(subject, Flight("zoom", 3), SIZE)
         jobs.append(shots(subject, cameras, Paint(size=SIZE), {"volume": "vessel-tree"}).job)
     assert jobs[0] == jobs[1]
 
@@ -227,12 +227,12 @@ def test_whatever_changes_the_frames_changes_the_job():
     jobs = []
     for volume_, look_, path_, paint_ in [(volume, look, path, paint), *others]:
         subject = Subject.of(volume_, look_)
-        jobs.append(shots(subject, subject.cameras(path_, paint_.size), paint_).job)
+        jobs.append(shots(subject, cameras_of(subject, path_, paint_.size), paint_).job)
     assert all(one != other for n, one in enumerate(jobs) for other in jobs[:n])
 
 
 def test_how_many_threads_paint_changes_neither_frames_nor_job(subject):
-    cameras = subject.cameras(Flight("orbit", 3), SIZE)
+    cameras = cameras_of(subject, Flight("orbit", 3), SIZE)
     one, all_ = (shots(subject, cameras, replace(SKY, threads=threads)) for threads in (1, None))
     assert one.job == all_.job
     assert np.array_equal(one.frame(1), all_.frame(1))
@@ -243,7 +243,7 @@ def test_how_many_threads_paint_changes_neither_frames_nor_job(subject):
 
 def test_frames_of_another_path_are_refused_by_its_name(subject, tmp_path):
     for path in ("orbit", "zoom"):
-        cameras = subject.cameras(Flight(path, 2), SIZE)
+        cameras = cameras_of(subject, Flight(path, 2), SIZE)
         made = shots(subject, cameras, SKY, {"path": path})
         if path == "orbit":
             write_film(tmp_path / "film", made, 24)
@@ -258,7 +258,7 @@ def test_a_target_that_cannot_be_written_is_refused_before_any_frame_is_made(
     (tmp_path / "file").write_text("keep me")
     before = sorted(tmp_path.rglob("*"))
     asked: list[int] = []
-    made = shots(subject, subject.cameras(Flight(frames=2), SIZE), SKY)
+    made = shots(subject, cameras_of(subject, Flight(frames=2), SIZE), SKY)
     with pytest.raises(OSError, match=r"cannot be written|is not a folder"):
         write_film(tmp_path / name, made._replace(frame=asked.append), 24)
     assert asked == []

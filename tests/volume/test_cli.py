@@ -12,6 +12,7 @@ import pytest
 from resample.console import say
 from resample.images import read_channels, read_image
 from resample.options import run
+from resample.resampler import Resampler
 from resample_volume import cli
 from resample_volume.session import announce_compilation
 from resample_volume.source import open_volume
@@ -42,7 +43,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.session.announce_compilation", lambda: None)
+    monkeypatch.setattr("resample_volume.session.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -300,8 +301,8 @@ def test_a_volume_of_one_value_is_seen():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--primitive", "dots"], "'hybrid', 'points', 'splats' or 'paper'"),
-        (["--footprint", "round"], "'exact', 'corrected', 'small-angle' or 'affine'"),
+        (["--primitive", "dots"], "'hybrid', 'points', 'splats', 'paper', 'inflate' or 'ewa'"),
+        (["--footprint", "round"], "'exact', 'corrected', 'small-angle', 'affine' or 'disc'"),
         (["--filter", "sinc"], "known filters: area, box, catmull-rom, gaussian,"),
         (["--kernel", "cone"], "known reconstructions: bspline, gaussian"),
         (["--order", "random"], "known orders: axis-sheets, every-sample, image-sheets"),
@@ -649,7 +650,7 @@ def test_a_mistyped_command_or_option_is_put_right(capsys):
 def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
     say("hello")
     monkeypatch.setattr("resample.kernels.jit.is_stored", lambda _: False)
-    announce_compilation()
+    announce_compilation(Resampler())
     out, error = capsys.readouterr()
     assert out == ""
     assert error.splitlines()[0] == "resample: hello"

@@ -1,20 +1,32 @@
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from resample.cameras import Pinhole, look_at
 from resample.filters import Gaussian
+from resample.images import to_srgb
+from resample.orders import ImageSheets
 from resample.resampler import Footprint, Primitive, Resampler
 from resample_volume.choices import Look
-from resample_volume.compare import compare, variants
+from resample_volume.compare import Contest, variants
+from resample_volume.framing import centered
 from resample_volume.generated import checker_box
-from resample_volume.session import Session
+from resample_volume.rendering import Subject
+
+SPLATS = Resampler(primitive=Primitive.SPLATS)
 
 
-@pytest.fixture(scope="module")
-def scene():
-    """Samples and a camera for pictures of 24 × 32 px."""
-    return Session().samples(checker_box(16, 4), Look(camera="30/20/0.5"), (24, 32))
+BOX, LOOK, SIZE = checker_box(16, 4), Look(camera="30/20/0.5"), (24, 32)
+
+
+def contest(rays: int, resampler: Resampler = SPLATS) -> Contest:
+    """View of a box whose reference is there."""
+    subject = Subject.of(BOX, LOOK.appearance(BOX), resampler)
+    made = Contest(subject, subject.camera(LOOK.viewpoint(), *SIZE), SIZE)
+    made.splatted(resampler, rays)
+    return made
 
 
 def test_there_is_a_variant_for_each_pair():
@@ -35,8 +47,12 @@ def test_names_show_only_what_differs_and_the_rest_is_kept():
 @pytest.mark.parametrize(
     ("primitives", "footprints", "complaint"),
     [
-        (["dots"], [], "primitive 'dots'; known: hybrid, points, splats, paper"),
-        (["points"], ["round"], "footprint 'round'; known: affine, corrected, small-angle, exact"),
+        (["dots"], [], "primitive 'dots'; known: hybrid, points, splats, paper, inflate, ewa"),
+        (
+            ["points"],
+            ["round"],
+            "footprint 'round'; known: affine, corrected, small-angle, exact",
+        ),
         ([], [], "give a primitive to compare; known: hybrid, points"),
     ],
 )
@@ -45,32 +61,72 @@ def test_unknown_names_list_the_known(primitives, footprints, complaint):
         variants(Resampler(), primitives, footprints)
 
 
-def test_the_reference_comes_first_and_every_picture_has_a_row(scene):
-    rows, pictures = compare(variants(Resampler(), ["points", "splats"], []), *scene, (24, 32), 4)
-    assert list(pictures) == ["reference, 4 x 4 rays", "points", "splats"]
-    assert [row["picture"] for row in rows] == ["points", "splats"]
-    assert all(picture.shape == (24, 32, 4) for picture in pictures.values())
-    assert all(20 < row["psnr"] < 90 and row["ms"] > 0 for row in rows)
-    assert [row["splats"] for row in rows] == ["0.0 %", "100.0 %"]
+def test_orders_are_variants_too():
+    choice = variants(Resampler(), ["hybrid"], orders=["axis-sheets", "image-sheets:thickness=0.5"])
+    assert list(choice) == ["hybrid axis-sheets", "hybrid image-sheets:thickness=0.5"]
+    assert choice["hybrid image-sheets:thickness=0.5"].order == ImageSheets(0.5)
 
 
-def test_what_the_reference_is_made_of_equals_it(scene):
-    rows, _ = compare(variants(Resampler(), ["splats"], []), *scene, (24, 32), 1)
-    assert rows[0]["psnr"] == math.inf
-    assert rows[0]["ssim"] == pytest.approx(1)
+def test_what_does_not_go_together_is_refused():
+    with pytest.raises(ValueError, match="the primitive ewa goes with the footprint affine, not"):
+        variants(Resampler(), ["ewa"], ["exact"])
 
 
-def test_more_rays_do_not_change_what_is_measured_much(scene):
-    few, many = (
-        compare(variants(Resampler(), ["splats"], []), *scene, (24, 32), rays)[0][0]["psnr"]
-        for rays in (8, 16)
-    )
-    assert abs(few - many) < 2  # dB
+def test_the_reference_comes_first_and_every_picture_has_a_row():
+    made = contest(4)
+    for name, resampler in variants(Resampler(), ["points", "splats"]).items():
+        made.draw(name, resampler)
+    assert list(made.pictures) == ["reference, 4 x 4 splats", "points", "splats"]
+    assert [row["picture"] for row in made.rows] == ["points", "splats"]
+    assert all(picture.shape == (24, 32, 4) for picture in made.pictures.values())
+    assert all(20 < row["psnr"] < 90 and row["ms"] > 0 for row in made.rows)
+    assert [row["splats"] for row in made.rows] == ["0.0 %", "100.0 %"]
 
 
-def test_a_view_of_nothing_is_compared(scene):
+def test_what_the_reference_is_made_of_equals_it():
+    made = contest(1)
+    made.draw("splats", SPLATS)
+    assert made.rows[0]["psnr"] == math.inf
+    assert made.rows[0]["ssim"] == pytest.approx(1)
+
+
+def test_more_rays_do_not_change_what_is_measured_much():
+    made = [contest(rays) for rays in (8, 16)]
+    for one in made:
+        one.draw("splats", SPLATS)
+    assert abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]) < 2  # dB
+
+
+def test_slabs_come_to_what_rays_through_the_field_see():
+    thin = replace(SPLATS, subpixels=2, order=ImageSheets(0.25))
+    made = contest(2, thin)
+    made.pictures.clear()
+    made.cast(thin, 2)
+    made.draw("slabs", thin)
+    assert made.rows[0]["psnr"] > 50
+
+
+def test_vtk_is_measured_where_it_is_installed():
+    pytest.importorskip("vtkmodules", exc_type=ImportError)
+    made = contest(2)
+    made.draw_vtk(centered(BOX)[0], 2)
+    assert made.rows[0]["picture"] == "VTK, 2 x 2 rays"
+    assert made.rows[0]["psnr"] > 15  # it reconstructs by other kernels
+
+
+def test_differences_are_gray_where_there_are_none():
+    made = contest(1)
+    made.draw("splats", SPLATS)
+    (error,) = made.differences().values()
+    assert np.allclose(to_srgb(error), 0.5, atol=1e-6)
+
+
+def test_a_view_of_nothing_is_compared():
+    made = contest(2)
     away = Pinhole.from_fov(
         30, height=24, width=32, world_to_camera=look_at((0, -90, 0), (0, -99, 0))
     )
-    rows, _ = compare(variants(Resampler(), ["hybrid"], []), scene[0], away, (24, 32), 2)
-    assert rows[0]["psnr"] == math.inf
+    empty = Contest(made.subject, away, SIZE)
+    empty.splatted(SPLATS, 2)
+    empty.draw("hybrid", Resampler())
+    assert empty.rows[0]["psnr"] == math.inf

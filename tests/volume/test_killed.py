@@ -12,12 +12,12 @@ FILM = """
 from pathlib import Path
 
 from resample.animations import write_film
-from resample_volume.animation import Flight, Paint, Subject, shots
+from resample_volume.animation import Flight, Paint, cameras_of, shots
 from resample_volume.generated import vessel_tree
-from resample_volume.rendering import Appearance
+from resample_volume.rendering import Appearance, Subject
 
 subject = Subject.of(vessel_tree(24), Appearance())
-cameras = subject.cameras(Flight(frames=12), (32, 32))
+cameras = cameras_of(subject, Flight(frames=12), (32, 32))
 frames = shots(subject, cameras, Paint(size=(32, 32)))
 print("ready", flush=True)
 for name in ("frames", "film.webp"):

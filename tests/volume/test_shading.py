@@ -6,8 +6,10 @@ import sys
 import numpy as np
 import pytest
 
+from resample.cameras import Camera, Orthographic, Pinhole, look_at
 from resample.types import Doubles, Floats
-from resample_volume.shading import Light, shade
+from resample_volume.framing import Shifted, Sphere
+from resample_volume.shading import DepthCue, Light, cue_range, cued, shade
 from resample_volume.voxels import Voxels
 
 EYE = (0.0, 0.0, -10.0)
@@ -193,6 +195,54 @@ def test_an_impossible_viewer_is_refused(eye: object, view: object, match: str) 
 def test_an_impossible_light_is_refused(choice: dict, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         Light(**choice)
+
+
+POSE = look_at((1.0, 2.0, -10.0), (0.0, 0.5, 1.0), (0.0, -1.0, 0.0))
+CAMERAS = {
+    "perspective": Pinhole(100, 100, 50, 50, POSE),
+    "parallel": Orthographic(10, 10, 50, 50, POSE),
+    "shifted": Shifted(Pinhole(100, 100, 50, 50, POSE), np.array([3.0, -1.0, 2.0])),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_light_fades_with_depth_as_the_obvious_loop_has_it(
+    name: str, rng: np.random.Generator
+) -> None:
+    camera = CAMERAS[name]
+    samples = shade(scattered(rng), None)
+    found = cued(samples, camera, DepthCue(0.7), 9.0, 12.0)
+    view = camera.view()
+    for n, place in enumerate(samples.position):
+        depth = (view.rotation @ place + view.translation)[2]
+        light = 1 - 0.7 * min(max((depth - 9.0) / 3.0, 0), 1)
+        np.testing.assert_allclose(found.color[n], samples.color[n] * light, atol=1e-6)
+    assert found.color.dtype == np.float32
+    assert found.extinction is samples.extinction
+
+
+@pytest.mark.parametrize(("share", "darkest"), [(0.0, 1.0), (1.0, 0.0)])
+def test_a_depth_cue_takes_nothing_or_all(share: float, darkest: float) -> None:
+    samples = shade(with_gradients([[0, 0, 1]]), None)
+    found = cued(samples, Pinhole(9, 9, 5, 5), DepthCue(share), -2.0, -1.0)
+    np.testing.assert_allclose(found.color, darkest * samples.color)
+
+
+def test_cueing_reaches_over_what_is_visible() -> None:
+    camera: Camera = Pinhole(9, 9, 5, 5, look_at((0, 0, -10), (0, 0, 0), (0, -1, 0)))
+    assert cue_range(camera, Sphere(np.array([4.0, 0, 1]), 3.0)) == pytest.approx((8, 14))
+
+
+def test_cueing_begins_where_one_can_see() -> None:
+    camera = Pinhole(9, 9, 5, 5, near=0.5)
+    assert cue_range(camera, Sphere(np.array([0, 0, 1.0]), 3.0)) == pytest.approx((0.5, 4))
+    assert cue_range(camera, Sphere(np.array([0, 0, -9.0]), 3.0)) == pytest.approx((0.5, 3.5))
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, np.nan])
+def test_an_impossible_depth_cue_is_refused(share: float) -> None:
+    with pytest.raises(ValueError, match="takes a share from 0 to 1"):
+        DepthCue(share)
 
 
 def test_the_modules_load_without_numba_and_matplotlib() -> None:

@@ -9,11 +9,19 @@ from scipy.ndimage import sobel
 from scipy.spatial.transform import Rotation
 
 from resample import console
+from resample.reconstruction import GaussianKernel
 from resample.types import Doubles
 from resample_volume.presets import load_transfer
-from resample_volume.transfer import from_points
+from resample_volume.transfer import Looks, from_points, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels import GRADIENTS, Voxels, classify, finite_range, lattice_of
+from resample_volume.voxels import (
+    GRADIENTS,
+    Voxels,
+    classify,
+    finite_range,
+    lattice_of,
+    reachable,
+)
 
 WHITE = (1.0, 1.0, 1.0)
 ALL = from_points([(0, (1.0, 0.0, 0.0), 0.5), (100, WHITE, 0.5)])
@@ -301,3 +309,89 @@ def test_what_does_not_fit_in_memory_is_refused(monkeypatch: pytest.MonkeyPatch)
     assert len(classify(unit_volume(np.ones((1, 1, 5))), ALL).position) == 5
     with pytest.raises(ValueError, match="test with 6 visible voxels needs"):
         classify(unit_volume(np.ones((1, 1, 6))), ALL)
+
+
+SHOWN = {  # control points: values that are seen
+    "above": [(60, WHITE, 0.0), (90, WHITE, 0.9)],
+    "step": [(85, WHITE, 0.0), (85, WHITE, 0.9)],
+    "band": [(30, WHITE, 0.0), (40, WHITE, 0.9), (50, WHITE, 0.0)],
+    "all": [(0, WHITE, 0.3)],
+    "nothing": [(0, WHITE, 0.0)],
+}
+
+
+def smooth(kind: str, rng: np.random.Generator) -> np.ndarray:
+    """Blobs of 0 to 99 in mostly low values."""
+    values = np.clip(rng.normal(0, 40, (9, 10, 11)), 0, 99)
+    if kind[0] == "f":
+        values[rng.random(values.shape) < 0.1] = np.nan
+    return values.astype(kind)
+
+
+def looks_of(points: list, columns: int = 100) -> Looks:
+    return tabulated(from_points(points), (0.0, 99.0), 0.0, 1.0, (1, columns))
+
+
+def reconstructed(
+    values: np.ndarray, index: np.ndarray, looks: Looks, place: np.ndarray
+) -> np.ndarray:
+    """Optical depth per length at places (P, 3) of a field made of some of the voxels.
+
+    Values fall to the lowest where kernels end.
+    """
+    kernel = GaussianKernel()
+    voxel = np.stack(np.unravel_index(index, values.shape), axis=1)
+    distance = np.linalg.norm(place[:, np.newaxis] - voxel, axis=2)
+    weight = kernel(distance) / kernel(np.linalg.norm(np.indices((9, 9, 9)) - 4, axis=0)).sum()
+    known = values.ravel()[index].astype(float)
+    density = weight.sum(axis=1)
+    value = looks.low + weight @ (known - looks.low) / np.maximum(density, 0.5)
+    column = np.linspace(looks.low, looks.high, looks.table.shape[1])
+    return density * np.interp(value, column, looks.table[0, :, 3])
+
+
+@pytest.mark.parametrize("kind", ["u1", "f4"])
+@pytest.mark.parametrize("name", SHOWN)
+def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:
+    values, looks = smooth(kind, rng), looks_of(SHOWN[name])
+    place = rng.uniform(-2, 12, (4000, 3))
+    kept = reachable(unit_volume(values), looks)
+    whole = reconstructed(values, np.flatnonzero(np.isfinite(values)), looks, place)
+    # float64 sums in another order
+    np.testing.assert_allclose(reconstructed(values, kept, looks, place), whole, atol=1e-12)
+
+
+@pytest.mark.parametrize("radius", [1.0, 1.6, 2.0])
+def test_voxels_in_reach_are_nearer_than_two_radii_to_one_that_counts(
+    radius: float, rng: np.random.Generator
+) -> None:
+    values = smooth("u1", rng)
+    every = np.argwhere(np.ones_like(values))
+    counts = np.argwhere(values >= 85)
+    distance = np.linalg.norm(every[:, np.newaxis] - counts, axis=2).min(axis=1)
+    found = reachable(unit_volume(values), looks_of(SHOWN["step"]), radius)
+    np.testing.assert_array_equal(found, np.flatnonzero(distance < 2 * radius))
+
+
+def test_what_is_between_the_columns_of_a_table_counts() -> None:
+    values = np.array([79.0, 81.0, 99.0]).reshape(3, 1, 1)
+    looks = looks_of(SHOWN["step"], columns=12)  # of 9 units: 81 is dark, 90 is not
+    assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
+    looks = looks_of(SHOWN["step"], columns=34)  # of 3: up to 84
+    assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
+    looks = looks_of(SHOWN["step"], columns=5)  # of 24.75: from 74.25 on
+    assert reachable(unit_volume(values), looks, 0.5).tolist() == [0, 1, 2]
+
+
+def test_reach_does_not_depend_on_chunks(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    volume, looks = unit_volume(smooth("f4", rng)), looks_of(SHOWN["above"])
+    whole = reachable(volume, looks)
+    monkeypatch.setattr("resample_volume.slabs.CHUNK", 250)
+    np.testing.assert_array_equal(reachable(volume, looks), whole)
+
+
+def test_missing_and_infinite_values_are_not_reached() -> None:
+    values = np.array([np.nan, 90, np.inf, -np.inf, 1]).reshape(1, 1, 5)
+    assert reachable(unit_volume(values), looks_of(SHOWN["above"])).tolist() == [1, 4]

@@ -22,21 +22,10 @@ from resample.animations import MOST_FRAMES, Levels, Shots, check_count, fingerp
 from resample.cameras import Camera
 from resample.compare import shown
 from resample.resampler import Resampler
-from resample.types import Doubles, Samples
-from resample_volume.framing import (
-    Orbit,
-    Shifted,
-    Sphere,
-    Spot,
-    Viewpoint,
-    centered,
-    sphere_around,
-)
+from resample.types import Doubles
+from resample_volume.framing import Orbit, Viewpoint
 from resample_volume.keyframes import Keyframes, read_keyframes
-from resample_volume.rendering import Appearance, lit_samples, visible_voxels
-from resample_volume.shading import Light
-from resample_volume.types import Volume
-from resample_volume.voxels import Voxels
+from resample_volume.rendering import Subject
 
 PATHS = ("orbit", "zoom", "threshold")
 FRAMES = 96
@@ -159,53 +148,10 @@ def _tour(path: Path, frames: int | None, fps: float) -> Tour:
     return Tour(keyframes, frames)
 
 
-class Subject(NamedTuple):
-    """A volume that was classified once and is lit for every frame anew."""
-
-    voxels: Voxels  # around the scene's origin
-    light: Light | None
-    sphere: Sphere  # around all that is seen, for all frames
-    middle: Doubles  # (3,) where the volume's middle was, scene units
-
-    @classmethod
-    def of(cls, volume: Volume, appearance: Appearance) -> "Subject":
-        """Volume as it appears.
-
-        Raises
-        ------
-        ValueError
-            See `resample_volume.voxels.classify` and `resample_volume.framing.sphere_around`.
-        """
-        scene, middle = centered(volume)
-        voxels = visible_voxels(scene, appearance)
-        return cls(voxels, appearance.light, sphere_around(voxels, scene), middle)
-
-    def cameras(self, flight: Flight | Tour, size: tuple[int, int]) -> list[Camera]:
-        """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
-        viewpoints = flight.viewpoints(self._spacing(flight, size))
-        return [self._camera(viewpoint, size) for viewpoint in viewpoints]
-
-    def samples(self, camera: Camera) -> Samples:
-        """Samples that carry the light which a camera sees."""
-        return lit_samples(self.voxels, self.light, camera)
-
-    def facts(self) -> dict[str, Any]:
-        """What frames depend on, as JSON holds it."""
-        return {"voxels": fingerprint(*self.voxels), "light": repr(self.light)}
-
-    def _camera(self, viewpoint: Viewpoint, size: tuple[int, int]) -> Camera:
-        if isinstance(viewpoint, Orbit):
-            return viewpoint.around(self.sphere, *size)
-        camera = viewpoint.sized(*size) if isinstance(viewpoint, Spot) else viewpoint
-        return Shifted(camera, self.middle)
-
-    def _spacing(self, flight: Flight | Tour, size: tuple[int, int]) -> float:
-        """Between neighbouring voxels in the middle at zoom 1, px."""
-        start = flight.start if isinstance(flight, Flight) else Orbit()
-        view = replace(start, zoom=1.0).around(self.sphere, *size).view()
-        depth = (view.rotation @ self.sphere.center + view.translation)[2]
-        voxel = np.cbrt(abs(np.linalg.det(self.voxels.lattice)))
-        return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
+def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[Camera]:
+    """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
+    viewpoints = flight.viewpoints(_spacing(subject, flight, size))
+    return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
 
 
 @dataclass(frozen=True)
@@ -231,7 +177,7 @@ def shots(
     subject
         What is seen.
     cameras
-        One for each frame; see `Subject.cameras`.
+        One for each frame; see `cameras_of`.
     paint
         How.
     about
@@ -254,10 +200,24 @@ def frame(subject: Subject, camera: Camera, paint: Paint) -> Levels:
     """Frame (H, W, 3) as a screen takes it."""
     height, width = paint.size
     image = paint.resampler(
-        subject.samples(camera), camera, height=height, width=width, threads=paint.threads
+        subject.seen_by(camera),
+        camera,
+        height=height,
+        width=width,
+        threads=paint.threads,
+        clip=subject.clip,
     ).rgba
     levels: Levels = np.floor(shown(image, paint.background) * 255.0 + 0.5).astype(np.uint8)
     return levels
+
+
+def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:
+    """Between neighbouring voxels in the middle at zoom 1, px."""
+    start = flight.start if isinstance(flight, Flight) else Orbit()
+    view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
+    depth = (view.rotation @ subject.sphere.center + view.translation)[2]
+    voxel = np.cbrt(abs(np.linalg.det(subject.voxels.lattice)))
+    return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
 
 
 def _numbers(camera: Camera) -> Doubles:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
+from resample.settings import Resampling
+
 if TYPE_CHECKING:
     from resample_volume.framing import Viewpoint
     from resample_volume.rendering import Appearance
@@ -67,8 +69,9 @@ class Look(BaseModel):
     transfer: Annotated[
         str,
         Field(
-            description="Transfer function: a preset, a matplotlib colormap, a .json or .toml "
-            "file, or auto. After a name :opacity=0.2,low=0.3 thins it."
+            description="Transfer function: a preset, a matplotlib colormap, auto, or a .json or "
+            ".toml file of points over values, or of regions over values and gradients. After a "
+            "name :opacity=0.2,low=0.3 thins it."
         ),
     ] = "auto"
     opacity_unit: Annotated[
@@ -109,6 +112,37 @@ class Look(BaseModel):
         ),
     ] = None
 
+    classify: Annotated[
+        Literal["pre", "post"],
+        Field(
+            description="Pre: voxels get colors, which are reconstructed. Post: the values are "
+            "reconstructed and get colors then, which is sharper; takes image-sheets."
+        ),
+    ] = "pre"
+    labels: Annotated[
+        str | None, Field(description="Volume of whole numbers, a label for each voxel.")
+    ] = None
+    label: Annotated[
+        tuple[str, ...],
+        Hyphen,
+        Field(description="What a label looks like: 1:color=tomato,opacity=0.5 or 2:hidden."),
+    ] = ()
+    crop: Annotated[
+        str | None, Hyphen, Field(description="Ranges of voxels along x, y, z: 64:192,:,10:")
+    ] = None
+    clip: Annotated[
+        tuple[str, ...],
+        Hyphen,
+        Field(
+            description="Cut through the middle, keep what the normal points to: 1/0/-1, or "
+            "1/0/-1/20 moved by 20 scene units."
+        ),
+    ] = ()
+    depth_cue: Annotated[
+        float | None,
+        Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
+    ] = None
+
     def appearance(self, volume: "Volume") -> "Appearance":
         """Look of the voxels.
 
@@ -117,9 +151,10 @@ class Look(BaseModel):
         ValueError
             A choice is unknown or not allowed.
         """
+        from resample_volume.labels import read_labels
         from resample_volume.presets import transfer_for
-        from resample_volume.rendering import Appearance
-        from resample_volume.shading import Light
+        from resample_volume.rendering import Appearance, Classification
+        from resample_volume.shading import DepthCue, Light
 
         transfer = transfer_for(self.transfer, volume)
         if self.opacity_unit is not None:
@@ -132,7 +167,19 @@ class Look(BaseModel):
         if self.gradient_opacity is not None:
             low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
             ramp = (low, high)
-        return Appearance(transfer, light if self.shading else None, self.gradient, ramp)
+        if self.label and self.labels is None:
+            raise ValueError("label says what a label looks like; give the labels' volume too")
+        return Appearance(
+            transfer,
+            light if self.shading else None,
+            self.gradient,
+            ramp,
+            classification=Classification(self.classify),
+            labels=None if self.labels is None else read_labels(self.labels, self.label, volume),
+            cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
+            crop=self.crop,
+            clip=self.clip,
+        )
 
     def viewpoint(self) -> "Viewpoint":
         """Where the volume is seen from.
@@ -145,6 +192,24 @@ class Look(BaseModel):
         from resample_volume.framing import parse_camera
 
         return parse_camera(self.camera, self.fov, self.up)
+
+
+class Projecting(BaseModel):
+    """What a pixel shows."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    projection: Annotated[
+        Literal["composite", "maximum", "average", "additive", "first-hit"],
+        Field(description="As in render."),
+    ] = "composite"
+    iso: Annotated[
+        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+    ] = None
+
+    def resampling(self) -> Resampling:
+        """Renderer's choices, else the default ones."""
+        return Resampling(projection=self.projection, iso=self.iso)
 
 
 def _numbers(name: str, text: str, count: int) -> list[float]:

@@ -4,13 +4,13 @@ import json
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
 from resample.options import run
-from resample.settings import Picture, Resampling, linear_color
-from resample_volume.choices import Look, Source
+from resample.settings import Picture, Resampling, linear_color, method_names
+from resample_volume.choices import Look, Projecting, Source
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
 Output = Annotated[Path, Parameter(alias="-o")]
@@ -23,9 +23,10 @@ app = App(
 )
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
+PROJECTING = Projecting()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
-DEMO_FOLDER = Path("demo")
+DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {  # camera and side of the picture, px
     "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
     "vessel-tree": ("30/15/1", 400),
@@ -43,6 +44,7 @@ def render(
     resampling: Annotated[Resampling, Flat] = RESAMPLING,
     picture: Annotated[Picture, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
+    color_bar: Annotated[bool, Parameter(negative="")] = False,
     stats: Path | None = None,
 ) -> None:
     """Render a volume to a picture.
@@ -55,27 +57,35 @@ def render(
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     output
         Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+    color_bar
+        Add a bar of colors, opacities and values to the right (.png).
     stats
         Also write counts and times (.json).
     """
     from resample.console import check_targets, write_json
     from resample.images import check_suffix, write_frame
     from resample_volume.session import Session
-    from resample_volume.writing import check_memory
+    from resample_volume.writing import check_color_bar, check_memory, with_bar
 
     check_suffix(output)
     size = picture.height_and_width()
+    if color_bar:
+        check_color_bar(output, size[0])
     background = _background(picture.background, output)
-    resampler = resampling.resampler()
+    resampler = resampling.resampler(of_field=look.classify == "post")
+    viewpoint = look.viewpoint()
     check_targets(output, stats)
     check_memory(*size)
     session = Session()
     with session.stage("read"):
         scene = source.open(volume)
-    samples, camera = session.samples(scene, look, size)
-    frame = session.paint(resampler, samples, camera, size, picture.threads)
+    subject = session.subject(scene, look.appearance(scene), resampler)
+    camera = subject.camera(viewpoint, *size)
+    seen = session.lit(subject, camera)
+    frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)
     with session.stage("write"):
-        write_frame(output, frame, bits=picture.bits, background=background)
+        drawn = with_bar(frame, scene, subject.appearance, background) if color_bar else frame
+        write_frame(output, drawn, bits=picture.bits, background=background)
     if stats is not None:
         write_json(stats, session.report(frame))
 
@@ -87,16 +97,19 @@ def compare(
     *,
     primitive: str = "points,splats,hybrid",
     footprint: str = "",
+    order: str = "",
+    peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
+    reference: Literal["splats", "rays"] = "splats",
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    difference: Annotated[bool, Parameter(negative="")] = False,
     rays: int = 8,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
     look: Annotated[Look, Flat] = FAR_LOOK,
+    projection: Annotated[Projecting, Flat] = PROJECTING,
     size: str = "96",
     source: Annotated[Source, Flat] = SOURCE,
 ) -> None:
-    """Render a volume by several primitives or footprints and measure them.
-
-    The reference is made of exact splats at many rays per pixel.
+    """Render a volume by several primitives, footprints, orders and peers, and measure them.
 
     Example: resample-volume compare checker-box --primitive points,splats,hybrid -o compare.png
 
@@ -105,38 +118,122 @@ def compare(
     volume
         As in render.
     primitive
-        Some of hybrid, points, splats, paper.
+        Some of hybrid, points, splats, paper, inflate, ewa.
     footprint
-        Some of exact, corrected, small-angle, affine.
+        Some of exact, corrected, small-angle, affine, disc.
+    order
+        Some of every-sample, axis-sheets, image-sheets:thickness=0.5.
+    peer
+        Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
+    reference
+        Made of exact splats in the first order, or of rays through the field (slow).
     output
         All pictures side by side (.png).
+    difference
+        Show the errors, too, enlarged.
     rays
-        Rays of the reference per side of a pixel, 1 to 32.
+        Of the reference per side of a pixel, 1 to 32.
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample.compare import check_sheet, contact_sheet, plain
     from resample.console import check_targets, rows_as_json
-    from resample_volume.compare import compare as measured
-    from resample_volume.compare import variants
+    from resample_volume.compare import Contest, variants
+    from resample_volume.framing import centered
     from resample_volume.session import Session
     from resample_volume.writing import check_memory
 
     pixels = Picture(size=size).height_and_width()
-    choice = variants(Resampling().resampler(), _words(primitive), _words(footprint))
+    first = projection.resampling().resampler(of_field=look.classify == "post")
+    choice = variants(first, _words(primitive), _words(footprint), method_names(order, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
     if output is not None:
         check_sheet(output)
+    viewpoint = look.viewpoint()
     check_targets(output)
     check_memory(*pixels)
     scene = source.open(volume)
-    samples, camera = Session().samples(scene, look, pixels)
-    rows, pictures = measured(choice, samples, camera, pixels, rays)
+    appearance = look.appearance(scene)
+    first = next(iter(choice.values()))
+    subject = Session().subject(scene, appearance, first)
+    contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
+    (contest.cast if reference == "rays" else contest.splatted)(first, rays)
+    for name, resampler in choice.items():
+        contest.draw(name, resampler)
+    for count in () if peer is None else (1, 4):
+        contest.draw_vtk(centered(scene)[0], count)
     if output is not None:
-        notes = {str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in rows}
-        contact_sheet(pictures, output, captions=notes)
-    sys.stdout.write(rows_as_json(rows) if as_json else plain(rows))
+        notes = {
+            str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in contest.rows
+        }
+        errors = contest.differences() if difference else {}
+        contact_sheet(contest.pictures | errors, output, captions=notes)
+    sys.stdout.write(rows_as_json(contest.rows) if as_json else plain(contest.rows))
+
+
+@app.command
+def animate(
+    volume: str,
+    /,
+    *,
+    output: Output,
+    path: str = "orbit",
+    frames: int | None = None,
+    fps: float = 24.0,
+    look: Annotated[Look, Flat] = LOOK,
+    resampling: Annotated[Resampling, Flat] = RESAMPLING,
+    size: str = "400",
+    background: str = "black",
+    threads: int | None = None,
+    source: Annotated[Source, Flat] = SOURCE,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Move a camera around a volume, or away from it.
+
+    Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    output
+        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+    path
+        orbit: once around; zoom: from the camera to 16 times as far; threshold: from voxels that
+        are splats to voxels that are points; or a .toml file of keyframes with cameras of its own.
+    frames
+        How many. 96, or as many as the keyframes' times ask for.
+    fps
+        Frames per second.
+    size
+        Of a frame in px: 400 or 640x480.
+    background
+        black, white or #rrggbb.
+    threads
+        At most this many; frames do not depend on it.
+    resume
+        Keep the frames that a run which ended early has made.
+    """
+    from resample.animations import check_film, write_film
+    from resample.console import progress_bar
+    from resample_volume.animation import Paint, cameras_of, flight_of, shots
+    from resample_volume.session import Session
+    from resample_volume.writing import check_memory
+
+    check_film(output, fps)
+    flight = flight_of(path, frames, fps, look.viewpoint())
+    shape = Picture(size=size, threads=threads).height_and_width()
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    resampler = resampling.resampler(of_field=look.classify == "post")
+    paint = Paint(resampler, shape, behind, threads)
+    check_memory(*shape)
+    scene = source.open(volume)
+    subject = Session().subject(scene, look.appearance(scene), resampler)
+    about = {"volume": volume, "path": path, "transfer": look.transfer}
+    made = shots(subject, cameras_of(subject, flight, shape), paint, about)
+    with progress_bar("filming") as progress:
+        write_film(output, made, fps, resume=resume, progress=progress)
 
 
 @app.command
@@ -214,6 +311,31 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 
 
 @app.command
+def figures(
+    *,
+    output: Output = FIGURES,
+    figure: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    data: Path | None = None,
+) -> None:
+    """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.
+
+    Example: resample-volume figures -o figures --figure 7
+
+    Parameters
+    ----------
+    output
+        Folder for .png, .csv and .json files; created if missing.
+    figure
+        1-2, 3-4, 7, 8 or 9. All of them.
+    data
+        Folder of the paper's volumes (engine.nhdr, ...). What fetch has stored.
+    """
+    from resample_volume.figures import make
+
+    sys.stdout.write(make(output, figure or None, data))
+
+
+@app.command
 def demo(*, output: Output = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three primitives.
 
@@ -231,10 +353,12 @@ def demo(*, output: Output = DEMO_FOLDER) -> None:
     output.mkdir(parents=True, exist_ok=True)
     for name, (camera_angles, side) in DEMO.items():
         session, size, pictures = Session(), (side, side), {}
-        samples, camera = session.samples(generated(name), Look(camera=camera_angles), size)
+        volume, look = generated(name), Look(camera=camera_angles)
+        subject = session.subject(volume, look.appearance(volume), Resampling().resampler())
+        camera = subject.camera(look.viewpoint(), *size)
         for primitive in ("hybrid", "points", "splats"):
             resampler = Resampling(primitive=primitive).resampler()
-            frame = session.paint(resampler, samples, camera, size, None)
+            frame = session.paint(resampler, subject.seen_by(camera), camera, size)
             path = output / f"{name}-{primitive}.png"
             write_frame(path, frame, background=(0.0, 0.0, 0.0))
             say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")

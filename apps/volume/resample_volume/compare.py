@@ -1,40 +1,53 @@
-"""One view of one volume by several primitives and footprints, measured side by side."""
+"""One view of one volume by several renderers, measured side by side."""
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
+import numpy as np
+
+from resample import registry
 from resample.cameras import Camera
 from resample.compare import shown
+from resample.images import from_srgb
 from resample.quality import measure
 from resample.resampler import Footprint, Primitive, Resampler
-from resample.types import Floats, Samples
+from resample.types import Floats
+from resample_volume.raycasting import Casting, cast_rays
+from resample_volume.rendering import Subject, transfer_of
 from resample_volume.session import Session
+from resample_volume.types import Volume
+
+AMPLIFIED = 4  # times that differences are shown enlarged
 
 Row = dict[str, object]
 
 
 def variants(
-    resampler: Resampler, primitives: Sequence[str], footprints: Sequence[str]
+    resampler: Resampler,
+    primitives: Sequence[str],
+    footprints: Sequence[str] = (),
+    orders: Sequence[str] = (),
 ) -> dict[str, Resampler]:
-    """Renderers by name, one for each pair; names show only what differs.
+    """Renderers by name, one for each combination; names show only what differs.
 
     Raises
     ------
-    ValueError
-        A name is no primitive's or footprint's, or there is none.
+    ValueError, LookupError
+        A name is no primitive's, footprint's or order's, there is none, or two do not go together.
     """
     if not primitives:
         raise ValueError(f"give a primitive to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
-    for primitive, footprint in product(primitives, footprints or [""]):
-        name = " ".join(filter(None, [primitive, footprint]))
+    for primitive, footprint, order in product(primitives, footprints or [""], orders or [""]):
+        name = " ".join(filter(None, [primitive, footprint, order]))
         choice[name] = replace(
             resampler,
             primitive=_member(Primitive, primitive),
             footprint=_member(Footprint, footprint) if footprint else resampler.footprint,
+            order=registry.build("orders", order) if order else resampler.order,
         )
     return choice
 
@@ -45,39 +58,88 @@ def _member(family: Any, name: str) -> Any:
     return family(name)
 
 
-def compare(
-    choice: dict[str, Resampler],
-    samples: Samples,
-    camera: Camera,
-    size: tuple[int, int],
-    rays: int,
-) -> tuple[list[Row], dict[str, Floats]]:
-    """Measure renderings against the same kernels at `rays` × `rays` rays per pixel.
+@dataclass
+class Contest:
+    """A view that renderers draw, and what they should come to."""
 
-    Returns
-    -------
-    A row for each renderer (milliseconds are of a second, warm run), and the pictures, reference
-    first.
-    """
-    session = Session()
-    first = next(iter(choice.values()))
-    truth = replace(
-        first,
-        primitive=Primitive.SPLATS,
-        footprint=Footprint.EXACT,
-        subpixels=rays,
-        pixel_filter=None,
-    )
-    title = f"reference, {rays} x {rays} rays"
-    pictures = {title: session.paint(truth, samples, camera, size, None).rgba}
-    rows: list[Row] = []
-    for name, resampler in choice.items():
-        session.paint(resampler, samples, camera, size, None)
+    subject: Subject
+    camera: Camera
+    size: tuple[int, int]  # height and width, px
+    rows: list[Row] = field(default_factory=list)
+    pictures: dict[str, Floats] = field(default_factory=dict)  # the reference first
+
+    @property
+    def reference(self) -> Floats:
+        """Picture (H, W, 4) that all are measured against."""
+        return next(iter(self.pictures.values()))
+
+    def splatted(self, resampler: Resampler, rays: int) -> None:
+        """Take exact splats at `rays` × `rays` per pixel for the reference."""
+        fine = replace(
+            resampler,
+            primitive=Primitive.SPLATS,
+            footprint=Footprint.EXACT,
+            subpixels=rays,
+            pixel_filter=None,
+        )
+        self.pictures[f"reference, {rays} x {rays} splats"] = self._painted(fine)[0]
+
+    def cast(self, resampler: Resampler, rays: int) -> None:
+        """Take the field, integrated along `rays` × `rays` rays per pixel, for the reference."""
+        casting = Casting(
+            rays=rays,
+            reconstruction=resampler.reconstruction,
+            projection=resampler.projection,
+            iso=resampler.iso,
+            clip=self.subject.clip,
+        )
+        seen = self.subject.seen_by(self.camera)
+        cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
+        self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
+
+    def draw(self, name: str, resampler: Resampler) -> None:
+        """Measure a renderer; milliseconds are of a second, warm run."""
+        self._painted(resampler)
         start = time.perf_counter()
-        frame = session.paint(resampler, samples, camera, size, None)
-        duration = time.perf_counter() - start
-        pictures[name] = frame.rgba
-        quality = measure(shown(frame.rgba), shown(pictures[title]))
-        share = f"{100 * frame.statistics.splat_fraction:.1f} %"
-        rows.append({"picture": name, **quality, "splats": share, "ms": 1000 * duration})
-    return rows, pictures
+        picture, share = self._painted(resampler)
+        self._book(name, picture, 1000 * (time.perf_counter() - start), f"{100 * share:.1f} %")
+
+    def draw_vtk(self, volume: Volume, rays: int) -> None:
+        """Measure VTK's ray caster at `rays` × `rays` rays per pixel.
+
+        Raises
+        ------
+        ValueError
+            VTK is not installed, or cannot draw this volume or transfer function.
+        """
+        from resample_volume.peers import Peer, VtkRenderer
+
+        look = Peer(rays=rays, light=self.subject.appearance.light)
+        height, width = self.size
+        transfer = transfer_of(volume, self.subject.appearance)
+        renderer = VtkRenderer(volume, transfer, height=height, width=width, look=look)
+        renderer.render(self.camera)
+        start = time.perf_counter()
+        picture = renderer.render(self.camera)
+        self._book(f"VTK, {rays} x {rays} rays", picture, 1000 * (time.perf_counter() - start), "")
+
+    def differences(self) -> dict[str, Floats]:
+        """Pictures of the errors, enlarged, mid-gray where there is none."""
+        target = shown(self.reference)
+        return {
+            f"{name}, error x {AMPLIFIED}": from_srgb(
+                np.clip(0.5 + AMPLIFIED * (shown(picture) - target), 0.0, 1.0).astype(np.float32)
+            )
+            for name, picture in list(self.pictures.items())[1:]
+        }
+
+    def _book(self, name: str, picture: Floats, duration: float, share: str) -> None:
+        self.pictures[name] = picture
+        quality = measure(shown(picture), shown(self.reference))
+        self.rows.append({"picture": name, **quality, "splats": share, "ms": duration})
+
+    def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
+        """Picture, and the share of splats in it."""
+        seen = self.subject.seen_by(self.camera)
+        frame = Session().paint(resampler, seen, self.camera, self.size, clip=self.subject.clip)
+        return frame.rgba, frame.statistics.splat_fraction

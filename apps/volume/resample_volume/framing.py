@@ -13,6 +13,7 @@ from resample_volume.types import Volume
 if TYPE_CHECKING:
     from resample.cameras import Camera
     from resample.types import Doubles, View
+    from resample_volume.fields import FieldVoxels
     from resample_volume.voxels import Voxels
 
 
@@ -84,7 +85,7 @@ class Sphere(NamedTuple):
     radius: float  # scene units, > 0
 
 
-def sphere_around(voxels: "Voxels", volume: Volume) -> Sphere:
+def sphere_around(voxels: "Voxels | FieldVoxels", volume: Volume) -> Sphere:
     """Ball around all visible voxels, or around the volume where none is visible.
 
     Raises
@@ -157,17 +158,6 @@ def centered(volume: Volume) -> "tuple[Volume, Doubles]":
     last = np.array(volume.values.shape[::-1]) - 1.0
     half = volume.direction @ (volume.spacing * last) / 2
     return volume._replace(origin=-half), volume.origin + half
-
-
-def placed(
-    viewpoint: Viewpoint, voxels: "Voxels", volume: Volume, height: int, width: int
-) -> "Camera":
-    """Camera that takes a picture of that size in px, from a viewpoint that may not know it yet."""
-    if isinstance(viewpoint, Orbit):
-        return viewpoint.around(sphere_around(voxels, volume), height, width)
-    if isinstance(viewpoint, Spot):
-        return viewpoint.sized(height, width)
-    return viewpoint
 
 
 def parse_camera(text: str, fov: float, up: str) -> Viewpoint:
@@ -272,8 +262,12 @@ def read_camera(path: Path) -> Viewpoint:
     from resample.options import one_line
 
     try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        form = _Look if "eye" in content else _Intrinsics if "fx" in content else _Angles
-        return form.model_validate(content).camera()
+        return camera_of(tomllib.loads(path.read_text(encoding="utf-8")))
     except ValueError as error:
         raise ValueError(f"{path}: {one_line(error)}") from None
+
+
+def camera_of(content: dict[str, Any]) -> Viewpoint:
+    """Camera from what a TOML file or a table of one holds; see `read_camera`."""
+    form = _Look if "eye" in content else _Intrinsics if "fx" in content else _Angles
+    return form.model_validate(content).camera()

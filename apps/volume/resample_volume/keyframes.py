@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.animations import check_count
 from resample.cameras import Pinhole
 from resample.types import Doubles
-from resample_volume.framing import Orbit, Spot, Viewpoint, _Angles, _Intrinsics, _Look
+from resample_volume.framing import Orbit, Spot, Viewpoint, camera_of
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -113,9 +113,8 @@ def _camera(n: int, keyframe: _Timed) -> Viewpoint:
     from resample.options import one_line
 
     content = keyframe.model_extra or {}
-    form = _Look if "eye" in content else _Intrinsics if "fx" in content else _Angles
     try:
-        return form.model_validate(content).camera()
+        return camera_of(content)
     except ValueError as error:
         raise ValueError(f"camera.{n}: {one_line(error)}") from None
 

@@ -1,13 +1,13 @@
 """Transfer functions by name: presets, matplotlib's colormaps, and one made from the data."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from resample_volume.transfer import TransferFunction, from_points
+from resample_volume.regions import Region, RegionTransfer
+from resample_volume.transfer import Transfer, TransferFunction, from_points
 from resample_volume.transfer_files import SUFFIXES, read_transfer
 from resample_volume.types import Volume
 from resample_volume.voxels import finite_range
@@ -23,7 +23,7 @@ GENERATED_VOLUMES = {
     "marschner-lobb": "viridis:opacity=0.9,low=0.5",
 }
 
-PRESETS: dict[str, Callable[[], TransferFunction]] = {
+PRESETS: dict[str, Callable[[], Transfer]] = {
     # CT of a head: soft tissue lies near a quarter of the range, bone from two fifths on.
     "bone": partial(
         from_points,
@@ -58,6 +58,16 @@ PRESETS: dict[str, Callable[[], TransferFunction]] = {
     ),
     "checker": partial(from_points, [(64, BLUE, 1.0), (128, BLUE, 1.0), (128, SAND, 1.0)]),
     "gray": partial(from_points, [(0.0, BLACK, 0.0), (1.0, WHITE, 1.0)], normalized=True),
+    # Boundaries of what is thin, middling and dense, in data of any kind.
+    "surfaces": partial(
+        RegionTransfer,
+        (
+            Region((0.05, 0.4), BLUE, 0.06, (0.2, 1.0), (0.03, 0.2)),
+            Region((0.3, 0.7), SAND, 0.5, (0.25, 1.0), (0.05, 0.25)),
+            Region((0.6, 1.0), AMBER, 0.7, (0.1, 1.0), (0.05, 0.2)),
+        ),
+        normalized=True,
+    ),
     # The paper's Figure 9: 1,160,038, 114,695 and 190,815 voxels are not transparent.
     "paper-engine": partial(from_points, [(71, WHITE, 0.0), (71, WHITE, 0.3)]),
     "paper-aneurism": partial(from_points, [(25, WHITE, 0.0), (25, WHITE, 0.3)]),
@@ -97,7 +107,7 @@ def automatic(volume: Volume) -> TransferFunction:
     )
 
 
-def transfer_for(name: str, volume: Volume) -> TransferFunction:
+def transfer_for(name: str, volume: Volume) -> Transfer:
     """Transfer function by name or from a file, or `auto`, which looks at the volume."""
     if name != "auto":
         return load_transfer(name)
@@ -105,7 +115,7 @@ def transfer_for(name: str, volume: Volume) -> TransferFunction:
     return load_transfer(own) if own else automatic(volume)
 
 
-def load_transfer(name: str | Path) -> TransferFunction:
+def load_transfer(name: str | Path) -> Transfer:
     """Transfer function by name or from a file.
 
     Parameters
@@ -162,26 +172,16 @@ def _parameters(text: str) -> dict[str, float]:
     return number
 
 
-def _thinned(transfer: TransferFunction, opacity: float) -> TransferFunction:
-    """All opacities multiplied."""
+def _thinned(transfer: Transfer, opacity: float) -> Transfer:
     if not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be between 0 and 1 (got {opacity})")
-    return replace(transfer, opacity=opacity * transfer.opacity)
+    return transfer.thinned(opacity)
 
 
-def _cut(transfer: TransferFunction, low: float) -> TransferFunction:
-    """Transparent below a value."""
+def _cut(transfer: Transfer, low: float) -> Transfer:
     if not np.isfinite(low) or (transfer.normalized and not 0 <= low <= 1):
         raise ValueError(f"low must be {'between 0 and 1' if transfer.normalized else 'finite'}")
-    above = transfer.value > low
-    edge = np.array([np.interp(low, transfer.value, transfer.color[:, c]) for c in range(3)])
-    opacity = np.interp(low, transfer.value, transfer.opacity)
-    return replace(
-        transfer,
-        value=np.concatenate([[low, low], transfer.value[above]]),
-        color=np.concatenate([[edge, edge], transfer.color[above]]),
-        opacity=np.concatenate([[0.0, opacity], transfer.opacity[above]]),
-    )
+    return transfer.cut(low)
 
 
 ADJUSTMENTS = {"opacity": _thinned, "low": _cut}

@@ -2,29 +2,62 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.animations import fingerprint
 from resample.cameras import Camera
-from resample.resampler import Resampler
-from resample.types import Frame, Samples
-from resample_volume.framing import Orbit, Shifted, centered, placed
+from resample.orders import Summing
+from resample.resampler import Projection, Resampler
+from resample.types import Doubles, Field, Frame, Samples, View
+from resample_volume.cropping import keep, planes
+from resample_volume.fields import FieldVoxels, field_voxels, lit_field
+from resample_volume.framing import (
+    Orbit,
+    Shifted,
+    Sphere,
+    Spot,
+    Viewpoint,
+    centered,
+    sphere_around,
+)
+from resample_volume.labels import Labels
 from resample_volume.presets import transfer_for
-from resample_volume.shading import Light, shade
-from resample_volume.transfer import TransferFunction
+from resample_volume.regions import Faded
+from resample_volume.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
+from resample_volume.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels import Voxels, classify
 
 
+class Classification(StrEnum):
+    """When values get their color and opacity."""
+
+    PRE = "pre"  # voxels get them, and colors are reconstructed
+    POST = "post"  # the field is reconstructed, and gets them after that
+
+
 @dataclass(frozen=True)
 class Appearance:
-    """What voxels look like."""
+    """What of a volume is seen, and what it looks like."""
 
-    transfer: TransferFunction | str = "auto"  # function, or what `load_transfer` takes
+    transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
     light: Light | None = field(default_factory=Light)  # None: colors as they are
     gradient: str = "central"  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
+    classification: Classification = Classification.PRE
+    labels: Labels | None = None
+    cue: DepthCue | None = None
+    crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
+    clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
+
+    @property
+    def needed_gradient(self) -> str | None:
+        """How gradients are found; None where light does not need them."""
+        return None if self.light is None else self.gradient
 
 
 def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
@@ -34,25 +67,124 @@ def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
     return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
 
 
+def transfer_of(volume: Volume, appearance: Appearance) -> Transfer:
+    """Transfer function, also where it was given by name."""
+    given = appearance.transfer
+    return transfer_for(given, volume) if isinstance(given, str) else given
+
+
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Voxels that the transfer function lets be seen, with gradients where they are needed."""
-    given = appearance.transfer
-    transfer = transfer_for(given, volume) if isinstance(given, str) else given
-    needed = appearance.light is not None or appearance.gradient_opacity is not None
+    transfer = transfer_of(volume, appearance)
+    needed = transfer.needs_gradient or appearance.gradient_opacity is not None
     return classify(
         volume,
         transfer,
-        gradient=appearance.gradient if needed else None,
+        gradient=appearance.gradient if needed else appearance.needed_gradient,
         gradient_opacity=appearance.gradient_opacity,
+        labels=appearance.labels,
     )
+
+
+def field_of(volume: Volume, appearance: Appearance, resampler: Resampler) -> FieldVoxels:
+    """Voxels that a projection of the field needs, with gradients where they are needed.
+
+    Raises
+    ------
+    ValueError
+        The order composites colors; or labels are asked for, which are of voxels: between these
+        a field has none.
+    """
+    if resampler.order.summing is not Summing.SLABS:
+        raise ValueError(
+            f"the classification post needs the order image-sheets, not {resampler.order}"
+        )
+    if appearance.labels is not None:
+        raise ValueError(
+            "labels color voxels, so they need the classification pre and the projection composite"
+        )
+    transfer = transfer_of(volume, appearance)
+    if appearance.gradient_opacity is not None:
+        transfer = Faded(transfer, appearance.gradient_opacity)
+    gradient = appearance.gradient if transfer.needs_gradient else appearance.needed_gradient
+    return field_voxels(volume, transfer, resampler, gradient)
 
 
 def lit_samples(voxels: Voxels, light: Light | None, camera: Camera) -> Samples:
     """Samples that carry the light which voxels send to a camera."""
     view = camera.view()
     if view.perspective:
-        return shade(voxels, light, eye=-view.rotation.T @ view.translation)
+        return shade(voxels, light, eye=_eye(view))
     return shade(voxels, light, view=view.rotation[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A volume that was classified once, to be seen by any camera."""
+
+    voxels: Voxels | FieldVoxels  # around the scene's origin
+    appearance: Appearance
+    sphere: Sphere  # around all that is seen
+    middle: Doubles  # (3,) where the volume's middle was, scene units
+    clip: Doubles  # (M, 4) planes, for the resampler
+
+    @classmethod
+    def of(
+        cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None
+    ) -> "Subject":
+        """Volume as it appears, as far as a renderer needs it; None is the default one.
+
+        Raises
+        ------
+        ValueError
+            A choice is not allowed, or the voxels do not fit in memory.
+        """
+        resampler = resampler or Resampler()
+        scene, middle = centered(volume)
+        clip = planes(scene, appearance.crop, appearance.clip)
+        voxels: Voxels | FieldVoxels
+        if appearance.classification is Classification.POST or (
+            resampler.projection is not Projection.COMPOSITE
+        ):
+            voxels = field_of(scene, appearance, resampler)
+        else:
+            voxels = visible_voxels(scene, appearance)
+        voxels = keep(voxels, clip, resampler.reconstruction.radius)
+        return cls(voxels, appearance, sphere_around(voxels, scene), middle, clip)
+
+    def camera(self, viewpoint: Viewpoint, height: int, width: int) -> Camera:
+        """Camera for a picture of that size in px, which sees the volume around the origin."""
+        if isinstance(viewpoint, Orbit):
+            return viewpoint.around(self.sphere, height, width)
+        if isinstance(viewpoint, Spot):
+            viewpoint = viewpoint.sized(height, width)
+        return Shifted(viewpoint, self.middle)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to see."""
+        return not len(self.voxels.position)
+
+    def facts(self) -> dict[str, Any]:
+        """What pictures depend on besides camera and renderer, as JSON holds it."""
+        looks = self.voxels.looks if isinstance(self.voxels, FieldVoxels) else ()
+        parts = [part for part in self.voxels if part is not looks]
+        return {
+            "voxels": fingerprint(*map(np.asarray, [*parts, *looks, self.clip])),
+            "light": repr(self.appearance.light),
+            "depth cue": repr(self.appearance.cue),
+        }
+
+    def seen_by(self, camera: Camera) -> Samples | Field:
+        """Samples or field with the light that a camera sees."""
+        cue, light = self.appearance.cue, self.appearance.light
+        near, far = cue_range(camera, self.sphere)
+        if isinstance(self.voxels, Voxels):
+            samples = lit_samples(self.voxels, light, camera)
+            return samples if cue is None else cued(samples, camera, cue, near, far)
+        view = camera.view()
+        viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
+        return lit_field(self.voxels, light, viewer, (near, far, cue.share if cue else 0.0))
 
 
 def render(
@@ -91,13 +223,16 @@ def render(
     ValueError
         The array is no volume, or a choice is not allowed.
     """
-    scene, middle = centered(volume if isinstance(volume, Volume) else as_volume(volume))
+    scene = volume if isinstance(volume, Volume) else as_volume(volume)
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
-    place = Orbit() if camera is None else camera
-    if not isinstance(place, Orbit):
-        place = Shifted(place, middle)
-    voxels = visible_voxels(scene, look)
-    eye = placed(place, voxels, scene, height, width)
-    samples = lit_samples(voxels, look.light, eye)
     paint = resampler or Resampler()
-    return paint(samples, eye, height=height, width=width, progress=progress)
+    subject = Subject.of(scene, look, paint)
+    eye = subject.camera(Orbit() if camera is None else camera, height, width)
+    return paint(
+        subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip
+    )
+
+
+def _eye(view: View) -> Doubles:
+    """Place (3,) of a perspective camera, scene units."""
+    return -view.rotation.T @ view.translation

@@ -8,11 +8,10 @@ from typing import Any
 
 from resample.cameras import Camera
 from resample.console import progress_bar, say
+from resample.orders import Summing
 from resample.resampler import Resampler
-from resample.types import Frame, Samples
-from resample_volume.choices import Look
-from resample_volume.framing import Orbit, Shifted, centered, placed
-from resample_volume.rendering import lit_samples, visible_voxels
+from resample.types import Doubles, Field, Frame, Samples
+from resample_volume.rendering import Appearance, Subject
 from resample_volume.types import Volume
 
 
@@ -29,33 +28,39 @@ class Session:
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
-    def samples(self, volume: Volume, look: Look, size: tuple[int, int]) -> tuple[Samples, Camera]:
-        """Lit samples of a volume, and the camera that sees them in a picture (height, width)."""
-        appearance, viewpoint = look.appearance(volume), look.viewpoint()
-        announce_compilation()
-        scene, middle = centered(volume)
+    def subject(self, volume: Volume, appearance: Appearance, resampler: Resampler) -> Subject:
+        """Volume made ready for a renderer."""
+        announce_compilation(resampler)
         with self.stage("classify"):
-            voxels = visible_voxels(scene, appearance)
-        if not voxels.extinction.size:
+            subject = Subject.of(volume, appearance, resampler)
+        if subject.is_empty:
             say("nothing to see: the transfer function makes every voxel transparent")
-        camera = placed(viewpoint, voxels, scene, *size)
-        if not isinstance(viewpoint, Orbit):
-            camera = Shifted(camera, middle)
+        return subject
+
+    def lit(self, subject: Subject, camera: Camera) -> Samples | Field:
+        """What a camera sees of a subject."""
         with self.stage("shade"):
-            return lit_samples(voxels, appearance.light, camera), camera
+            return subject.seen_by(camera)
 
     def paint(
         self,
         resampler: Resampler,
-        samples: Samples,
+        samples: Samples | Field,
         camera: Camera,
         size: tuple[int, int],
-        threads: int | None,
+        threads: int | None = None,
+        clip: Doubles | None = None,
     ) -> Frame:
         """Picture (height, width) of samples, with a bar while it takes long."""
         with progress_bar("painting") as progress:
             frame = resampler(
-                samples, camera, height=size[0], width=size[1], threads=threads, progress=progress
+                samples,
+                camera,
+                height=size[0],
+                width=size[1],
+                threads=threads,
+                progress=progress,
+                clip=clip,
             )
         for name, seconds in frame.statistics.seconds.items():
             self.seconds[name] = seconds
@@ -75,10 +80,12 @@ class Session:
         }
 
 
-def announce_compilation() -> None:
+def announce_compilation(resampler: Resampler) -> None:
     """Say on stderr that the first run takes longer, if this is one."""
     from resample.kernels.jit import is_stored
     from resample.kernels.paint import paint_tiles
+    from resample.kernels.sheets import paint_sheet_tiles
 
-    if not is_stored(paint_tiles):
+    singly = resampler.order.summing is Summing.POINTS
+    if not (is_stored(paint_tiles) if singly else is_stored(paint_sheet_tiles)):
         say("compiling kernels, once per installation: about half a minute")

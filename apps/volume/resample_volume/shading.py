@@ -3,11 +3,16 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from resample.types import Doubles, Floats, Lamp, Samples
 from resample_volume.voxels import Voxels
+
+if TYPE_CHECKING:
+    from resample.cameras import Camera
+    from resample_volume.framing import Sphere
 
 FLAT = 1e-6  # of the steepest gradient: what is less steep is rounding and has no normal
 
@@ -38,6 +43,55 @@ class Light:
             raise ValueError(f"shininess must be greater than 0 (got {self.shininess})")
 
 
+@dataclass(frozen=True)
+class DepthCue:
+    """Light that fades with depth, so that what is near stands out.
+
+    Raises
+    ------
+    ValueError
+        The share is not between 0 and 1.
+    """
+
+    share: float = 0.5  # of the light that is taken away where what is visible ends, 0..1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise ValueError(f"a depth cue takes a share from 0 to 1 (got {self.share})")
+
+
+def cue_range(camera: "Camera", sphere: "Sphere") -> tuple[float, float]:
+    """Depths at which cueing sets in and ends, scene units: where a sphere begins and ends.
+
+    What is behind the near plane is not seen: cueing begins there at the earliest.
+    """
+    view = camera.view()
+    depth = float(view.rotation[2] @ sphere.center + view.translation[2])
+    near = max(depth - sphere.radius, view.near)
+    return near, max(depth, near) + sphere.radius
+
+
+def cued(samples: Samples, camera: "Camera", cue: DepthCue, near: float, far: float) -> Samples:
+    """Samples whose light fades evenly with their depth.
+
+    Parameters
+    ----------
+    samples
+        Lit; colors are multiplied by 1 at `near` and before and by 1 - share at `far` and beyond.
+    camera
+        Depth is distance along its axis.
+    cue
+        How much is taken away.
+    near, far
+        Scene units, the first less than the second; see `cue_range`.
+    """
+    view = camera.view()
+    forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
+    depth = (samples.position @ forward + ahead) / np.float32(far - near)
+    light = 1 - np.float32(cue.share) * np.clip(depth, 0, 1)
+    return samples._replace(color=samples.color * light[:, np.newaxis])
+
+
 def shade(
     voxels: Voxels,
     light: Light | None,
@@ -64,14 +118,17 @@ def shade(
     ValueError
         There are no gradients, or not exactly one of `eye` and `view`.
     """
-    color = voxels.color if light is None else _lit(voxels, light, _viewer(eye, view))
+    color = voxels.color if light is None else _lit(voxels, light, viewer_of(eye, view))
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
 
 
-def _viewer(
-    eye: Sequence[float] | Doubles | None, view: Sequence[float] | Doubles | None
+def viewer_of(
+    eye: Sequence[float] | Doubles | None = None, view: Sequence[float] | Doubles | None = None
 ) -> Doubles:
-    """Position and 1, or direction to the viewer and 0."""
+    """Viewer as a `Lamp` knows him, (4,): position and 1, or direction toward him and 0.
+
+    Parameters and errors as of `shade`.
+    """
     if eye is not None and view is None:
         return np.append(_finite("eye", eye), 1.0)
     if view is not None and eye is None:
@@ -85,12 +142,24 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
     shaded = np.empty_like(voxels.color)
-    lamp = _lamp(light, viewer, FLAT * _steepest(voxels.gradient))
+    lamp = lamp_of(light, viewer, voxels.gradient)
     shade_samples(voxels.position, voxels.color, voxels.gradient, lamp, shaded)
     return shaded
 
 
-def _lamp(light: Light, viewer: Doubles, flat: float) -> Lamp:
+def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
+    """Light as kernels take it.
+
+    Parameters
+    ----------
+    light
+        What shines.
+    viewer
+        (4,) from `viewer_of`.
+    gradient
+        (N, 3) of all that is lit: what is far less steep than the steepest has no normal.
+    """
+    flat = FLAT * _steepest(gradient)
     toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
     numbers = (light.ambient, light.diffuse, light.specular, light.shininess, flat)
     return Lamp(toward, viewer, *map(float, numbers))

@@ -1,8 +1,8 @@
-"""Which color and opacity a data value gets: transfer functions of one variable."""
+"""Which color and opacity a data value gets: what transfer functions do, and those of values."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,53 @@ MOST_OPAQUE = 1 - 1e-6  # opacity 1 would be infinite extinction
 DataRange = tuple[float, float]  # least and greatest finite value of a volume
 Color = tuple[float, float, float]  # sRGB as displayed, 0..1
 Point = tuple[float, Color, float]  # value, color, opacity
+
+
+class Transfer(Protocol):
+    """Role of a transfer function. It is a dataclass, so `dataclasses.replace` changes it."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def opacity_unit(self) -> float | None:
+        """Scene units of thickness that opacities hold for; None: cube root of a voxel's volume."""
+
+    @property
+    def normalized(self) -> bool:
+        """Whether values are positions between the data's least and greatest."""
+
+    @property
+    def needs_gradient(self) -> bool:
+        """Whether the slopes of the data make a difference."""
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Opacity (N,) that values have at most, whatever their slope; 0 for NaN."""
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        """Color (N, 3) in linear light and opacity (N,) of values and lengths of gradients.
+
+        Parameters
+        ----------
+        values
+            (N,) data units. NaN is transparent.
+        slopes
+            (N,) data units per scene unit; None if the function does not need them.
+        data_range
+            Least and greatest finite value of the data.
+        steep
+            Data units per scene unit, slope of a full surface: what fractions are fractions of.
+        """
+
+    def steepest(self, steep: float) -> float:
+        """Slope from which on looks do not change, if `steep` is that of a full surface."""
+
+    def thinned(self, share: float) -> Self:
+        """All opacities multiplied."""
+
+    def cut(self, low: float) -> Self:
+        """Transparent below a value, in the units of the function's own values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +127,35 @@ class TransferFunction:
         opacity = np.interp(np.asarray(values), self._places(data_range), self.opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
 
+    @property
+    def needs_gradient(self) -> bool:
+        return False
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        del slopes, steep
+        opacity = evaluated(self.opacities, values, data_range)
+        return evaluated(self.colors, values, data_range), opacity
+
+    def steepest(self, steep: float) -> float:
+        del steep
+        return 0.0
+
+    def thinned(self, share: float) -> "TransferFunction":
+        return replace(self, opacity=share * self.opacity)
+
+    def cut(self, low: float) -> "TransferFunction":
+        above = self.value > low
+        edge = np.array([np.interp(low, self.value, self.color[:, c]) for c in range(3)])
+        opacity = np.interp(low, self.value, self.opacity)
+        return replace(
+            self,
+            value=np.concatenate([[low, low], self.value[above]]),
+            color=np.concatenate([[edge, edge], self.color[above]]),
+            opacity=np.concatenate([[0.0, opacity], self.opacity[above]]),
+        )
+
     def _places(self, data_range: DataRange) -> Doubles:
         """Control points in data units, ascending in spite of rounding."""
         if not self.normalized:
@@ -91,6 +167,69 @@ class TransferFunction:
     def _identity(self) -> tuple[object, ...]:
         arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
         return (*arrays, self.opacity_unit, self.normalized)
+
+
+class Looks(NamedTuple):
+    """A transfer function as a table; the first fields of `resample.types.Classifier`."""
+
+    table: Floats  # (G, K, 4) straight linear RGB, and optical depth per scene unit
+    low: float  # data units, the value of the first column
+    high: float  # data units, the value of the last column, above `low`
+    steep: float  # data units per scene unit, the slope of the last row, > 0; the first row's is 0
+
+
+def tabulated(
+    transfer: Transfer,
+    data_range: DataRange,
+    steep: float,
+    unit: float,
+    shape: tuple[int, int] = (64, 4096),
+) -> Looks:
+    """Tabulate what values and slopes look like.
+
+    Parameters
+    ----------
+    transfer
+        Any; one that needs no gradient gets a single row.
+    data_range
+        Least and greatest finite value of the data; columns are spread evenly from one to the
+        other. What is narrower than a column is lost.
+    steep
+        Data units per scene unit, slope of a full surface. Rows are spread evenly from 0 to where
+        looks do not change any more.
+    unit
+        Scene units of thickness that opacities hold for.
+    shape
+        Rows and columns (G, K).
+    """
+    low, high = data_range
+    end = transfer.steepest(steep)
+    rows = shape[0] if transfer.needs_gradient else 1
+    value, slope = np.linspace(low, high, shape[1]), np.linspace(0, end, rows, dtype=np.float32)
+    values, slopes = np.tile(value, rows), np.repeat(slope, shape[1])
+    color, opacity = transfer.looks(values, slopes, data_range, steep)
+    columns = np.column_stack([color, extinction(opacity, unit)])
+    return Looks(
+        np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),
+        low,
+        high if high > low else low + 1.0,
+        end if end > 0 else 1.0,
+    )
+
+
+def evaluated(
+    function: Callable[[NDArray[Any], DataRange], Floats],
+    values: NDArray[Any],
+    data_range: DataRange,
+) -> Floats:
+    """Evaluate a function of values (N,), by a table of all values where these are few."""
+    dtype = values.dtype
+    if dtype.kind not in "iu" or dtype.itemsize > 2:
+        return function(values, data_range)
+    bits = np.dtype(f"u{dtype.itemsize}")
+    every = np.arange(1 << (8 * dtype.itemsize)).astype(bits)
+    table = function(every.view(dtype), data_range)
+    return np.asarray(table[values.view(bits)])
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:

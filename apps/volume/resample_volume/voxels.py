@@ -1,23 +1,27 @@
 """Which voxels are seen: the transfer function applied, the transparent ones left out."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.memory import require_memory
+from resample_volume.regions import Faded
 from resample_volume.slabs import slabs
-from resample_volume.transfer import DataRange, TransferFunction, extinction
+from resample_volume.transfer import DataRange, Looks, Transfer, evaluated, extinction
 from resample_volume.types import Volume
+
+if TYPE_CHECKING:
+    from resample_volume.labels import Labels
 
 GRADIENTS = {"central": 0, "sobel": 1}  # voxels to either side over which slopes are smoothed
 STEEP = 99  # percentile of the gradients' lengths that counts as a full surface
 
+BYTES_PER_CANDIDATE = 60  # of a voxel that may turn out to be transparent
 BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
 
-Evaluate = Callable[[NDArray[Any], DataRange], Floats]
+Indices = NDArray[np.int64]
 
 
 class Voxels(NamedTuple):
@@ -31,19 +35,19 @@ class Voxels(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """Voxels picked by their opacity."""
+    """Voxels that may be seen by their value."""
 
-    place: NDArray[np.int64]  # (N,) index into the flat volume, z slowest
+    place: Indices  # (N,) index into the flat volume, z slowest
     value: NDArray[Any]  # (N,) data units
-    opacity: Floats  # (N,) > 0
 
 
 def classify(
     volume: Volume,
-    transfer: TransferFunction,
+    transfer: Transfer,
     *,
     gradient: str | None = "central",
     gradient_opacity: tuple[float, float] | None = None,
+    labels: "Labels | None" = None,
 ) -> Voxels:
     """Voxels that the transfer function lets be seen.
 
@@ -60,25 +64,52 @@ def classify(
     gradient_opacity
         Opacity is multiplied by a ramp that rises from 0 to 1 between these two lengths of the
         gradient, as fractions of their 99th percentile; so surfaces stay and even regions vanish.
+    labels
+        What is changed for voxels of some labels, after all of the above.
 
     Raises
     ------
     ValueError
-        The gradient is unknown or missing, the ramp descends, or the voxels do not fit in memory.
+        The gradient is unknown or missing, the ramp descends, the labels are of another shape, or
+        the voxels do not fit in memory.
     """
-    _check(gradient, gradient_opacity)
+    whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
+    _check(whole, gradient)
+    if labels is not None:
+        labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = _seen(volume, transfer, data_range)
+    seen = _seen(volume, whole, data_range)
     slope = np.empty((0, 3), np.float32)
     if gradient is not None:
-        slope = _gradients(volume, seen.place, GRADIENTS[gradient])
-    if gradient_opacity is not None:
-        seen, slope = _modulated(seen, slope, gradient_opacity)
+        slope = gradients_at(volume, seen.place, gradient)
+    length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
+    color, opacity = whole.looks(seen.value, length, data_range, steepness(length))
+    if labels is not None:
+        color, opacity = labels.applied(seen.place, color, opacity)
+    kept = np.flatnonzero(opacity > 0)
+    require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
+    slope = slope if gradient is None else slope[kept]
     lattice = lattice_of(volume)
-    unit = transfer.opacity_unit or float(np.cbrt(abs(np.linalg.det(lattice))))
-    color = _evaluated(transfer.colors, seen.value, data_range)
-    thickness = extinction(seen.opacity, unit)
-    return Voxels(_positions(volume, seen.place), color, thickness, slope, lattice)
+    thickness = extinction(opacity[kept], unit_of(transfer, lattice))
+    position = positions_at(volume, seen.place[kept])
+    return Voxels(position, color[kept], thickness, slope, lattice)
+
+
+def steepness(length: Floats | None) -> float:
+    """Length of the gradient of a full surface.
+
+    Parameters
+    ----------
+    length
+        (N,) data units per scene unit, of the voxels whose value the transfer function can show.
+        Without any it is 0.
+    """
+    return float(np.percentile(length, STEEP)) if length is not None and length.size else 0.0
+
+
+def unit_of(transfer: Transfer, lattice: Doubles) -> float:
+    """Thickness that opacities hold for, scene units."""
+    return transfer.opacity_unit or float(np.cbrt(abs(np.linalg.det(lattice))))
 
 
 def finite_range(values: NDArray[Any]) -> DataRange:
@@ -96,67 +127,114 @@ def lattice_of(volume: Volume) -> Doubles:
     return np.asarray(volume.direction * volume.spacing, np.float64)
 
 
-def _check(gradient: str | None, ramp: tuple[float, float] | None) -> None:
-    if gradient is not None and gradient not in GRADIENTS:
-        raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
-    if ramp is None:
-        return
-    if gradient is None:
-        raise ValueError("gradient_opacity needs a gradient; choose " + " or ".join(GRADIENTS))
-    if not 0 <= ramp[0] <= ramp[1] < np.inf:
-        raise ValueError(f"gradient_opacity must be two fractions that ascend from 0 (got {ramp})")
+def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
+    """Gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
 
-
-def _seen(volume: Volume, transfer: TransferFunction, data_range: DataRange) -> _Seen:
-    parts = []
-    start = count = 0
-    for chunk in slabs(volume.values):
-        value = chunk.reshape(-1)
-        opacity = _evaluated(transfer.opacities, value, data_range)
-        index = np.flatnonzero(opacity > 0)
-        parts.append(_Seen(index + start, value[index], opacity[index]))
-        start, count = start + value.size, count + index.size
-        require_memory(BYTES_PER_VOXEL * count, f"{volume.name} with {count} visible voxels")
-    return _Seen(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def _evaluated(function: Evaluate, value: NDArray[Any], data_range: DataRange) -> Floats:
-    """Evaluate a function of values (N,), by a table of all values where these are few."""
-    dtype = value.dtype
-    if dtype.kind not in "iu" or dtype.itemsize > 2:
-        return function(value, data_range)
-    bits = np.dtype(f"u{dtype.itemsize}")
-    every = np.arange(1 << (8 * dtype.itemsize)).astype(bits)
-    table = function(every.view(dtype), data_range)
-    return np.asarray(table[value.view(bits)])
-
-
-def _gradients(volume: Volume, voxel: NDArray[np.int64], reach: int) -> Floats:
+    Parameters
+    ----------
+    volume
+        Whose values.
+    voxel
+        (N,) indices into the flat volume, z slowest.
+    gradient
+        One of `GRADIENTS`; see `classify`.
+    """
     from resample_volume.kernels.voxels import gradients
 
     values = np.asarray(volume.values).view()
     values.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
-    gradient = np.empty((voxel.size, 3), np.float32)
-    gradients(values, voxel, reach, to_scene, gradient)
-    return gradient
+    slope = np.empty((voxel.size, 3), np.float32)
+    gradients(values, voxel, GRADIENTS[gradient], to_scene, slope)
+    return slope
 
 
-def _modulated(seen: _Seen, slope: Floats, ramp: tuple[float, float]) -> tuple[_Seen, Floats]:
-    """Less opacity where values hardly change; a volume of even values stays as it is."""
-    if not seen.place.size:
-        return seen, slope
-    length = np.linalg.norm(slope, axis=1)
-    share = np.interp(length, np.percentile(length, STEEP) * np.array(ramp), [0, 1])
-    opacity = (seen.opacity * share).astype(np.float32)
-    kept = np.flatnonzero(opacity > 0)
-    return _Seen(seen.place[kept], seen.value[kept], opacity[kept]), slope[kept]
-
-
-def _positions(volume: Volume, voxel: NDArray[np.int64]) -> Floats:
+def positions_at(volume: Volume, voxel: Indices) -> Floats:
+    """Scene positions (N, 3) of voxels that are given by their flat index (N,), z slowest."""
     from resample_volume.kernels.voxels import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
     place(voxel, volume.values.shape, lattice_of(volume), origin, position)
     return position
+
+
+def reachable(volume: Volume, looks: Looks, radius: float = 2.0) -> Indices:
+    """Voxels without which a reconstructed field would look different, flat indices (N,).
+
+    The value at a point is a mean of those around it or, where the volume ends, lies between that
+    and `looks.low`; so it can be seen only if one of them is beyond all that is transparent from
+    `looks.low` on. Who shares a point with such a voxel is less than two radii away from it. All
+    others can be left out: points that they have part in are transparent with and without them.
+
+    Parameters
+    ----------
+    volume
+        Any of its types. Voxels that are missing or infinite are left out.
+    looks
+        What is between its columns is interpolated; what is seen under some slope is seen.
+    radius
+        Distance from which on kernels are zero, voxels; and, where values are means over a length
+        such as a ray's way through a slab, half that length more.
+    """
+    is_known = np.empty(volume.values.shape, bool)
+    is_beyond = np.empty(volume.values.shape, np.uint8)
+    limit = _transparent_up_to(looks)
+    start = 0
+    for chunk in slabs(volume.values):
+        part = slice(start, start + len(chunk))
+        is_known[part] = np.isfinite(chunk)
+        is_beyond[part] = is_known[part] & (chunk > limit)
+        start += len(chunk)
+    return np.flatnonzero(is_known & (_nearer(is_beyond, 2 * radius) > 0))
+
+
+def _transparent_up_to(looks: Looks) -> np.float64:
+    """Greatest value up to which all is transparent, from the lowest on."""
+    seen = np.flatnonzero(looks.table[..., 3].max(axis=0) > 0)
+    if not seen.size:
+        return np.float64(np.inf)
+    if not seen[0]:
+        return np.float64(-np.inf)
+    step = (looks.high - looks.low) / (looks.table.shape[1] - 1)
+    return np.float64(looks.low + step * (seen[0] - 1))
+
+
+def _nearer(marked: NDArray[np.uint8], distance: float) -> NDArray[np.uint8]:
+    """1 for all voxels (Z, Y, X) that are nearer than a distance, voxels, to one that is marked."""
+    import cv2
+
+    reach = int(np.ceil(distance)) - 1
+    place = np.arange(-reach, reach + 1.0)
+    ball = place**2 + place[:, np.newaxis] ** 2 + place[:, np.newaxis, np.newaxis] ** 2
+    ball = (ball < distance**2).astype(np.uint8)
+    near = np.zeros_like(marked)
+    for z in np.flatnonzero(marked.any(axis=(1, 2))):
+        for away in range(reach + 1):
+            spread = cv2.dilate(marked[z], ball[reach + away])
+            for target in {z - away, z + away}:
+                if 0 <= target < len(near):
+                    np.maximum(near[target], spread, out=near[target])
+    return near
+
+
+def _check(transfer: Transfer, gradient: str | None) -> None:
+    if gradient is not None and gradient not in GRADIENTS:
+        raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
+    if gradient is None and transfer.needs_gradient:
+        known = " or ".join(GRADIENTS)
+        raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
+
+
+def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> _Seen:
+    """Voxels whose value has some opacity, whatever the slope."""
+    size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
+    parts = []
+    start = count = 0
+    for chunk in slabs(volume.values):
+        value = chunk.reshape(-1)
+        index = np.flatnonzero(evaluated(transfer.opacities, value, data_range) > 0)
+        parts.append(_Seen(index + start, value[index]))
+        start, count = start + value.size, count + index.size
+        require_memory(size * count, f"{volume.name} with {count} visible voxels")
+    return _Seen(*map(np.concatenate, zip(*parts, strict=True)))

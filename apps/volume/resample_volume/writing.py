@@ -6,6 +6,9 @@ import numpy as np
 
 from resample.console import require_memory
 from resample.images import replacing
+from resample.settings import Color
+from resample.types import Frame
+from resample_volume.rendering import Appearance, transfer_of
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
@@ -49,6 +52,37 @@ def check_memory(height: int, width: int) -> None:
     """Refuse a picture that this machine cannot hold, before any work is done."""
     needed = BYTES_PER_PIXEL * height * width
     require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
+
+
+def check_color_bar(path: Path, height: int) -> None:
+    """Refuse a color bar that `with_bar` could not add, before any work is done."""
+    from resample_volume.color_bar import LEAST_HEIGHT
+
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"{path}: a color bar has no depth; write a .png, or leave it out")
+    if height < LEAST_HEIGHT:
+        raise ValueError(
+            f"a color bar is at least {LEAST_HEIGHT} px high, not {height}; take a larger size"
+        )
+
+
+def with_bar(
+    frame: Frame, volume: Volume, appearance: Appearance, background: Color | None
+) -> Frame:
+    """Picture with a bar of colors, opacities and values to its right."""
+    from resample_volume.color_bar import color_bar, with_color_bar
+    from resample_volume.voxels import finite_range
+
+    transfer = transfer_of(volume, appearance)
+    behind = background or (0.0, 0.0, 0.0)
+    bar = color_bar(
+        transfer,
+        finite_range(volume.values),
+        len(frame.rgba),
+        title=volume.name,
+        background=behind,
+    )
+    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
 
 
 def _write_image(path: Path, volume: Volume) -> None:
