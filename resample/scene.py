@@ -152,7 +152,7 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
         sides[side, 2 if view.perspective else 3] = -offset
         outward = sides[side, :3]
         sides[side, 3] -= np.sqrt(outward @ ellipsoid.covariance @ outward)
-    return Screen(width, height, float(margin), sides, np.zeros((0, 5)))
+    return Screen(width, height, float(margin), sides)
 
 
 def finest_grid(footprints: Records, style: Style) -> int:

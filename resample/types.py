@@ -28,6 +28,8 @@ LARGEST_CONE = math.radians(15)
 # The footprint models; see `resample.kernels.footprints`.
 AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
+NO_PLANES = np.zeros((0, 5))
+
 # What sheets are projected to; see `resample.kernels.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
@@ -152,7 +154,9 @@ class Screen(NamedTuple):
     height: int  # px
     margin: float  # px, reach of the filters
     sides: Doubles  # (4, 4) c is outside one if its product with (c, 1) is above 0; camera axes
-    planes: Doubles  # (M, 5) unit normal and offset, camera axes: 0 and more is kept; half extent
+    planes: Doubles = (
+        NO_PLANES  # (M, 5) unit normal and offset, camera axes: 0 and more is kept; half extent
+    )
 
 
 class Seen(NamedTuple):

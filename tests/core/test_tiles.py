@@ -21,7 +21,7 @@ def boxes(rng, count, width, height):
 
 
 def screen_of(width, height, margin):
-    return Screen(width, height, margin, np.zeros((4, 4)), np.zeros((0, 5)))
+    return Screen(width, height, margin, np.zeros((4, 4)))
 
 
 def naive_members(record, screen, size, column, row):
