@@ -190,6 +190,7 @@ def add_splat(
     red, green, blue, depth = record["red"], record["green"], record["blue"], record["depth"]
     value, amplitude = record["extinction"], record["amplitude"]
     opaque, two, step = np.float32(style.opaque), np.float32(2.0), np.float32(1.0 / n)
+    zero, one = np.float32(0.0), np.float32(1.0)
     front, back = np.float32(bounds.front - depth), np.float32(bounds.back - depth)
     form_start = np.float32(place.x + 0.5 / n - record["form_x"])
     start = np.float32(place.x + 0.5 / n - record["x"])
@@ -203,17 +204,21 @@ def add_splat(
             if pixel[row, column, 3] <= opaque:
                 continue
             form_dx = form_start + np.float32(column) * step
-            squared = max(np.float32(0.0), (a * form_dx + cross) * form_dx + rest)
+            squared = max(zero, (a * form_dx + cross) * form_dx + rest)
             squared = _true_index(squared, ray[row, column, 0], model, cone, correction)
+            if squared >= one:
+                continue
+            dx, along = start + np.float32(column) * step, ray[row, column, 2]
+            lean = ((chord.aa * dx + lean_cross) * dx + lean_rest) * ray[row, column, 0]
+            low = (max(front, ray[row, column, 4] - depth) + lean) * along
+            high = (min(back, ray[row, column, 5] - depth) + lean) * along
+            nearest = max(zero, low, -high)
+            if nearest * nearest + squared >= one:  # the kernel lies beyond one of the planes
+                continue
             if model == EXACT:
                 amplitude = ray[row, column, 1]
-            dx = start + np.float32(column) * step
-            lean = ((chord.aa * dx + lean_cross) * dx + lean_rest) * ray[row, column, 0]
-            low = max(front, ray[row, column, 4] - depth) + lean
-            high = min(back, ray[row, column, 5] - depth) + lean
-            along = ray[row, column, 2]
-            integral = amplitude * partial_integral(partial, squared, low * along, high * along)
-            if integral <= np.float32(0.0):
+            integral = amplitude * partial_integral(partial, squared, low, high)
+            if integral <= zero:
                 continue
             weight = integral * density
             slab[row, column, 0] += weight
