@@ -6,11 +6,16 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo test bench lint wheel lock clean
+.PHONY: demo figures test bench lint wheel lock clean
 demo: $(VENV)/.run
 	$(BIN)/resample-volume demo --output demo
 	$(BIN)/resample-texture demo --output demo
 	$(BIN)/resample-warp3d demo --output demo/warp3d
+# The paper's figures; DATA is a folder with its volumes, else those that `resample-volume fetch` has stored.
+figures: $(VENV)/.run
+	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))
+	$(BIN)/resample-texture figures --output figures
+	$(BIN)/resample-warp3d figures --output figures
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
 bench: $(VENV)/.dev

@@ -239,7 +239,7 @@ def _look_for_hit(
 def develop(state: Floats, pixel: Floats, voxel: float, style: Style, look: Palette) -> None:
     """Give colors to what the projection has measured; its value is left in data units.
 
-    It is opaque where the field is longer than a `voxel`, scene units.
+    Colors are as opaque as a `voxel` (scene units) of that value, where the field is that long.
     """
     span = look.high - look.low
     for row in range(state.shape[0]):
@@ -247,17 +247,18 @@ def develop(state: Floats, pixel: Floats, voxel: float, style: Style, look: Pale
             presence = float(state[row, column, PRESENCE])
             if presence <= 0.0:
                 continue
-            alpha = min(1.0, presence / voxel)
+            alpha, seen = min(1.0, presence / voxel), 1.0
             value, depth = float(state[row, column, VALUE]), float(state[row, column, DEPTH])
             if style.projection == ADDITIVE:
                 state[row, column, VALUE] = look.low * presence + span * value
                 light = (0.0, 0.0, 0.0)
             else:
-                red, green, blue, _ = looked_up(look, value, 0.0)
+                red, green, blue, extinction = looked_up(look, value, 0.0)
+                seen = -math.expm1(-extinction * voxel)
                 light = (red, green, blue)
                 state[row, column, VALUE] = look.low + span * value
             state[row, column, PRESENCE] = alpha
-            _put_behind(pixel, row, column, alpha, light, depth)
+            _put_behind(pixel, row, column, alpha * seen, light, depth)
 
 
 @kernel

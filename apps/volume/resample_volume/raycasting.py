@@ -164,7 +164,7 @@ def cast_rays(
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
     matter = _matter(samples, look)
-    picture = np.zeros((height, width, 6))
+    picture = np.zeros((height, width, 7))
     if len(matter.position):
         with _threads(threads):
             _cast(matter, camera.view(), look, picture, progress)
@@ -174,7 +174,7 @@ def cast_rays(
 def _cast(
     matter: _Matter, view: View, look: Casting, picture: Doubles, progress: Progress | None
 ) -> None:
-    """Fill a picture (H, W, 6), some rows at a time."""
+    """Fill a picture (H, W, 7), some rows at a time."""
     from resample_volume.kernels.raycasting import cast_rows
 
     grid, plan = _grid(matter, view, look.reconstruction), _plan(matter, view, look)
@@ -196,7 +196,7 @@ def _developed(picture: Doubles, projection: Projection) -> Cast:
         value = picture[..., 5].astype(np.float32)
     elif projection in (Projection.MAXIMUM, Projection.AVERAGE):
         unknown = np.full(alpha.shape, np.nan)
-        mean = np.divide(picture[..., 5], alpha, out=unknown, where=alpha > 0)
+        mean = np.divide(picture[..., 5], picture[..., 6], out=unknown, where=picture[..., 6] > 0)
         value = mean.astype(np.float32)
     return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32), value)
 

@@ -23,8 +23,9 @@ Indices = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 Sums = tuple[float, float, float, float, float]  # of k, then of k times each of four properties
 Light = tuple[float, float, float, float]  # straight RGB and extinction per scene unit
-Result = tuple[float, float, float, float, float, float]  # RGBA, α × depth, α × value or integral
-NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# RGBA, α × depth, share × value (or the integral), and the share of the pixel that has one.
+Result = tuple[float, float, float, float, float, float, float]
+NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Grid(NamedTuple):
@@ -290,14 +291,15 @@ def _composite(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Resu
             deep += share * depth
             passed -= share
         step = _next_step(ray, step + 1, grid)
-    return (red, green, blue, 1.0 - passed, deep, 0.0)
+    return (red, green, blue, 1.0 - passed, deep, 0.0, 0.0)
 
 
 @kernel
 def _measure(ray: Ray, grid: Grid, look: Look, plan: Plan) -> Result:
     """Largest value, mean value or integral along a ray, and the color of the former two.
 
-    Opacity is the length within samples, in voxels and at most 1; values are weighed by it.
+    Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
+    as a voxel of theirs where that is 1.
     """
     largest, largest_at, within, weighed, deep = look.low, 0.0, 0.0, 0.0, 0.0
     step = _next_step(ray, 0, grid)
@@ -313,20 +315,22 @@ def _measure(ray: Ray, grid: Grid, look: Look, plan: Plan) -> Result:
         step = _next_step(ray, step + 1, grid)
     if within <= 0.0:
         return NOTHING
-    alpha, depth = min(1.0, within / plan.voxel), deep / within
+    share, depth = min(1.0, within / plan.voxel), deep / within
     if plan.projection == ADDITIVE:
-        return (0.0, 0.0, 0.0, alpha, alpha * depth, weighed)
+        return (0.0, 0.0, 0.0, share, share * depth, weighed, 1.0)
     value = weighed / within
     if plan.projection == MAXIMUM:
         value, depth = largest, largest_at
     light = _classified(value, 0.0, look)
+    alpha = -share * math.expm1(-light[3] * plan.voxel)
     return (
         alpha * light[0],
         alpha * light[1],
         alpha * light[2],
         alpha,
         alpha * depth,
-        alpha * value,
+        share * value,
+        share,
     )
 
 
@@ -351,7 +355,7 @@ def _first_hit(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Resu
                     before = middle
             sums = _sums(ray, behind, grid)
             light = _surface(sums, plan.iso, ray, behind, grid, look, lamp)
-            return (light[0], light[1], light[2], 1.0, behind, plan.iso)
+            return (light[0], light[1], light[2], 1.0, behind, plan.iso, 1.0)
         step = _next_step(ray, step + 1, grid)
     return NOTHING
 
@@ -372,14 +376,14 @@ def _cast_row(
     """Means over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
     for column in range(picture.shape[1]):
-        for channel in range(6):
+        for channel in range(7):
             picture[row, column, channel] = 0.0
         for down in range(plan.rays):
             for right in range(plan.rays):
                 x, y = column + (right + 0.5) / plan.rays, row + (down + 0.5) / plan.rays
                 ray = _new_ray(x, y, grid, view, plan)
                 seen = _cast(ray, grid, look, lamp, plan)
-                for channel in range(6):
+                for channel in range(7):
                     picture[row, column, channel] += share * seen[channel]
 
 
@@ -394,6 +398,6 @@ def cast_rows(
     plan: Plan,
     picture: Doubles,
 ) -> None:
-    """Fill `count` rows of a picture (H, W, 6): RGBA, α × depth, and α × value or integral."""
+    """Fill `count` rows of a picture (H, W, 7) with what rays give."""
     for row in prange(count):
         _cast_row(first + int(np.int64(row)), view, grid, look, lamp, plan, picture)
