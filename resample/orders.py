@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats, Seen, Sheets
 
+THINNEST = 1e-3  # voxels; thinner slabs change nothing and take as many times as long
 LAST_SHEET = 2e9  # sheets are numbered by 32 bits
 
 
@@ -60,9 +61,11 @@ class EverySample:
             raise ValueError(f"samples are ordered by depth or distance, not by {self.key!r}")
 
     def __call__(self, seen: Seen) -> Sheets:
+        view = seen.view
         key = np.ascontiguousarray(seen.footprints["depth"])
-        if self.key == "distance":
-            key = key * seen.footprints["obliquity"]
+        if self.key == "distance" and view.perspective:
+            away = seen.position - (-view.rotation.T @ view.translation)
+            key = np.sqrt(np.einsum("nd,nd->n", away, away)).astype(np.float32)
         return Sheets(key, _numbered(key / seen.layer))
 
 
@@ -83,14 +86,16 @@ class AxisSheets:
         axis = int(np.argmax(np.abs(forward @ steps)))
         to_lattice = np.linalg.inv(seen.lattice)[axis]
         place = seen.position @ to_lattice
-        first = place.min(initial=np.inf)  # the lattice may begin anywhere, between whole numbers
-        number = np.rint(place - first) + first if place.size else place
+        first = place.min() if place.size else 0.0  # a lattice may begin between whole numbers
+        number = np.rint(place - first)
         if not seen.view.perspective:
             ahead = np.sign(forward @ steps[:, axis]) * number
-            return Sheets(ahead.astype(np.float32), _numbered(ahead))
-        eye = -seen.view.rotation.T @ seen.view.translation
-        away = np.abs(number - eye @ to_lattice)  # an eye between sheets has some on both sides
-        return Sheets(away.astype(np.float32), _numbered(number))
+            return Sheets(ahead.astype(np.float32), _numbered(number))
+        eye = -seen.view.rotation.T @ seen.view.translation @ to_lattice - first
+        away = np.abs(number - eye).astype(np.float32)
+        # An eye between sheets has some on both sides, which must not mix where they are as far.
+        key = np.where(number < eye, np.nextafter(away, np.float32(np.inf)), away)
+        return Sheets(key, _numbered(number))
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,8 @@ class ImageSheets:
 
     def __post_init__(self) -> None:
         _check_thickness(self.thickness)
+        if self.thickness < THINNEST:
+            raise ValueError(f"slabs of {self.thickness} voxels; {THINNEST} is the least")
 
     def __call__(self, seen: Seen) -> Sheets:
         depth = np.ascontiguousarray(seen.footprints["depth"])

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from resample.cameras import Camera
 from resample.correction import correction_table
+from resample.culling import check_blocked, paint_blocks
 from resample.filters import Box, Gaussian, PixelFilter
 from resample.filters import table as filter_table
 from resample.orders import CompositingOrder, EverySample, Summing
@@ -24,12 +25,15 @@ from resample.reconstruction import (
     variance,
 )
 from resample.scene import (
+    Clock,
+    Painted,
     Progress,
     Scene,
     check_samples,
     dealt_to_tiles,
     ellipsoid_of,
     finest_grid,
+    nothing_painted,
     planes_of,
     samples_of,
     screen_of,
@@ -37,6 +41,7 @@ from resample.scene import (
 )
 from resample.types import (
     FOOTPRINT,
+    Blocked,
     Classifier,
     Doubles,
     Field,
@@ -167,7 +172,7 @@ class Resampler:
 
     def __call__(
         self,
-        samples: Samples | Field,
+        samples: Samples | Field | Blocked,
         camera: Camera,
         *,
         height: int,
@@ -182,7 +187,9 @@ class Resampler:
         ----------
         samples
             What is seen; the result does not depend on their order. A `Field` is classified after
-            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does.
+            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does. Of
+            `Blocked` samples those are skipped that lie outside the view or are hidden, block by
+            block, which needs `EverySample` and leaves the picture as it is.
         camera
             Where from.
         height, width
@@ -199,13 +206,16 @@ class Resampler:
         ------
         ValueError
             Arrays do not fit together or hold values that are not finite, the size is no size, or
-            a field or its projection does not go with the order.
+            a field, its projection or blocks do not go with the order.
         """
         _check_size(height, width)
+        if isinstance(samples, Blocked):
+            with _kernels(threads):
+                return self._render_blocked(samples, camera, (height, width), clip, progress)
         self._check_field(isinstance(samples, Field))
         checked, look = _checked(samples)
         if checked.extinction.size == 0:
-            return _empty_frame(height, width)
+            return self._developed(nothing_painted(height, width), Statistics(0, 0, 0, 0, 1, {}))
         with _kernels(threads):
             scene = self._project(checked, camera.view(), (height, width), look, clip)
             return self._render(scene, checked, progress)
@@ -235,8 +245,25 @@ class Resampler:
                 "can be shown by composite"
             )
 
+    def _render_blocked(
+        self,
+        samples: Blocked,
+        camera: Camera,
+        size: tuple[int, int],
+        clip: ArrayLike | None,
+        progress: Progress | None,
+    ) -> Frame:
+        if not isinstance(self.order, EverySample):
+            raise ValueError(
+                f"{self.order} needs all samples at once, so blocks of them cannot be skipped; "
+                "every-sample can do without"
+            )
+        checked = check_blocked(samples)
+        scene = self._scene(checked.samples.lattice, camera.view(), size, None, clip)
+        return self._developed(*paint_blocks(scene, checked, self.order, progress))
+
     def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
-        clock = _Clock()
+        clock = Clock()
         seen = Seen(
             scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer
         )
@@ -251,22 +278,18 @@ class Resampler:
         clock.lap("bin")
         painted = scene.paint(sheets, tiles, progress)
         clock.lap("paint")
-        points, splats, hidden = (int(count) for count in painted.tally[:, :3].sum(axis=0))
-        statistics = Statistics(
-            samples.extinction.size,
-            points,
-            splats,
-            hidden,
-            int(painted.tally[:, 3].max()),
-            {"project": scene.seconds, **clock.seconds},
-        )
+        seconds = {"project": scene.seconds, **clock.seconds}
+        return self._developed(painted, painted.statistics(samples.extinction.size, seconds))
+
+    def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
         depth, first_depth, coverage = np.ascontiguousarray(
             painted.frame[..., 4:].transpose(2, 0, 1)
         )
         rgba = np.ascontiguousarray(painted.frame[..., :4])
         value = painted.value if self.projection in MEASURING else None
         if self.projection is Projection.ADDITIVE:
-            rgba = _as_gray(painted.value)
+            value = np.nan_to_num(painted.value, nan=0.0)
+            rgba = _as_gray(value)
         return Frame(rgba, depth, first_depth, coverage, statistics, value)
 
     def _project(
@@ -277,24 +300,34 @@ class Resampler:
         look: Classifier | None,
         clip: ArrayLike | None,
     ) -> Scene:
-        from resample.kernels.footprints import project
-
         start = time.perf_counter()
-        tables, style = self._tables, self._style(samples.lattice, look)
-        ellipsoid = ellipsoid_of(samples.lattice, view, self.reconstruction.radius)
+        scene = self._scene(samples.lattice, view, size, look, clip)
+        footprints, style = scene.project(samples), scene.style
+        if self.projection is Projection.ADDITIVE and not style.subpixels:
+            style = style._replace(subpixels=finest_grid(footprints, style))  # sums must fit
+        seconds = time.perf_counter() - start
+        return replace(scene, footprints=footprints, style=style, seconds=seconds)
+
+    def _scene(
+        self,
+        lattice: Doubles,
+        view: View,
+        size: tuple[int, int],
+        look: Classifier | None,
+        clip: ArrayLike | None,
+    ) -> Scene:
+        """All but the footprints."""
+        tables, style = self._tables, self._style(lattice, look)
+        ellipsoid = ellipsoid_of(lattice, view, self.reconstruction.radius)
         # Where points have the pixel's filter, that is the farther reach.
         reach = max(tables.pixel_margin, 0.0 if style.variance else style.point_extent)
         screen = screen_of(size[1], size[0], reach, view, ellipsoid)
         screen = screen._replace(planes=planes_of(clip, view, ellipsoid))
-        footprints = np.zeros(samples.extinction.size, FOOTPRINT)
-        project(footprints, samples, view, ellipsoid, screen, style)
-        if self.projection is Projection.ADDITIVE and not style.subpixels:
-            style = style._replace(subpixels=finest_grid(footprints, style))  # sums must fit
         summing = self.order.summing
         if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):
             summing = Summing.SHEETS
-        seconds = time.perf_counter() - start
-        return Scene(footprints, view, ellipsoid, screen, style, tables, summing, look, seconds)
+        nothing = np.zeros(0, FOOTPRINT)
+        return Scene(nothing, view, ellipsoid, screen, style, tables, summing, look, 0.0)
 
     @cached_property
     def _points(self) -> RadialTable:
@@ -331,7 +364,9 @@ class Resampler:
         }
         threshold = own[primitive] if self.threshold is None else self.threshold
         fixed = 0 if primitive in (Primitive.HYBRID, Primitive.POINTS) else 1
-        tint = (-1.0, -1.0, -1.0) if self.splat_color is None else self.splat_color
+        tint = (-1.0, -1.0, -1.0)
+        if self.splat_color is not None and look is None:  # a field's samples have no color yet
+            tint = self.splat_color
         footprint = self.footprint or OWN_FOOTPRINT.get(primitive, Footprint.EXACT)
         per_variance = self.reconstruction.radius**2 / variance(self.reconstruction)
         voxel = abs(np.linalg.det(lattice)) ** (1 / 3)
@@ -398,24 +433,9 @@ def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
 
 def _as_gray(value: Floats) -> Floats:
     """Sums (H, W) as opaque gray (H, W, 4), the largest of them white."""
-    known = np.nan_to_num(value, nan=0.0)
-    peak = float(known.max(initial=0.0))
-    gray = np.maximum(known / peak if peak > 0 else known, 0.0)
-    return np.stack([gray, gray, gray, np.isfinite(value)], axis=-1).astype(np.float32)
-
-
-class _Clock:
-    """Seconds per stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        """Book the time since the last call under `stage`."""
-        now = time.perf_counter()
-        self.seconds[stage] = now - self._last
-        self._last = now
+    peak = float(value.max())
+    gray = np.maximum(value / peak if peak > 0 else value, 0.0)
+    return np.stack([gray, gray, gray, np.ones_like(gray)], axis=-1)
 
 
 @contextmanager
@@ -432,14 +452,3 @@ def _check_size(height: int, width: int) -> None:
             f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
             f"be at most {LARGEST_PICTURE} pixels"
         )
-
-
-def _empty_frame(height: int, width: int) -> Frame:
-    nothing = np.full((height, width), np.inf, np.float32)
-    return Frame(
-        np.zeros((height, width, 4), np.float32),
-        nothing,
-        nothing.copy(),
-        np.zeros((height, width), np.float32),
-        Statistics(0, 0, 0, 0, 1, {}),
-    )

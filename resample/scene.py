@@ -1,6 +1,7 @@
 """What is painted: samples checked, seen by a camera, and dealt to the tiles of the screen."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.orders import Summing
 from resample.types import (
+    FOOTPRINT,
     Classifier,
     Doubles,
     Ellipsoid,
@@ -20,6 +22,7 @@ from resample.types import (
     Samples,
     Screen,
     Sheets,
+    Statistics,
     Style,
     Tables,
     Tiles,
@@ -86,18 +89,26 @@ def samples_of(field: Field) -> Samples:
     table = np.asarray(look.table)
     if table.ndim != 3 or table.shape[2] != 4 or 0 in table.shape or table.dtype != np.float32:
         raise ValueError(f"a classifier's table is float32 (G, K, 4), not {table.shape}")
-    if not (look.low < look.high and look.steep > 0 and look.near < look.far):
+    if not np.isfinite(table).all() or table.min() < 0:
+        raise ValueError("a classifier's colors and extinctions must be finite and 0 or more")
+    spans = (look.high - look.low, look.steep, look.far - look.near)
+    if not all(0 < span < np.inf for span in spans) or not 0 <= look.dimmed <= 1:
         raise ValueError(
-            f"a classifier needs low {look.low} below high {look.high}, steep {look.steep} above 0 "
-            f"and near {look.near} before far {look.far}"
+            f"a classifier needs low {look.low} below high {look.high}, steep {look.steep} above "
+            f"0, near {look.near} before far {look.far}, and dimmed {look.dimmed} from 0 to 1"
         )
-    gradient = np.zeros((len(field.value), 3), np.float32)
-    if len(field.gradient):
-        gradient = field.gradient
-    position = (np.asarray(field.value, np.float64) - look.low) / (look.high - look.low)
-    samples = Samples(field.position, gradient, np.zeros(len(position), np.float32), field.lattice)
-    if not np.isfinite(position).all():
-        raise ValueError("a sample's value is not finite; leave such samples out")
+    value = np.asarray(field.value, np.float64)
+    if value.ndim != 1 or len(field.gradient) not in (0, value.size):
+        raise ValueError(
+            f"values {value.shape} and gradients {np.shape(field.gradient)} do not fit; they have "
+            "shapes (N,) and (N, 3)"
+        )
+    gradient = field.gradient if len(field.gradient) else np.zeros((value.size, 3), np.float32)
+    for name, array in (("value", value), ("gradient", gradient)):
+        if not np.isfinite(array).all():
+            raise ValueError(f"a sample's {name} is not finite; leave such samples out")
+    position = (value - look.low) / (look.high - look.low)
+    samples = Samples(field.position, gradient, np.zeros(value.size, np.float32), field.lattice)
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
 
 
@@ -129,7 +140,11 @@ def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubl
     ValueError
         They are not four finite numbers each, or a normal has no length.
     """
-    given = np.zeros((0, 4)) if clip is None else np.asarray(clip, np.float64).reshape(-1, 4)
+    given = np.asarray([] if clip is None else clip, np.float64)
+    if given.size == 0 or given.shape == (4,):
+        given = given.reshape(-1, 4)
+    if given.ndim != 2 or given.shape[1] != 4:
+        raise ValueError(f"clipping planes are arrays (M, 4), not {given.shape}")
     length = np.linalg.norm(given[:, :3], axis=1)
     if not (np.isfinite(given).all() and (length > 0).all()):
         raise ValueError("clipping planes are finite numbers (M, 4), normals of some length first")
@@ -165,14 +180,24 @@ def finest_grid(footprints: Records, style: Style) -> int:
 
 def tile_size(footprints: Records, style: Style) -> int:
     """Side of a tile in px, smaller where pixels are divided finer."""
-    return max(8, 32 // finest_grid(footprints, style))
+    return size_of_tiles(finest_grid(footprints, style))
+
+
+def size_of_tiles(subpixels: int) -> int:
+    """Side of a tile in px where pixels are divided into so many sub-pixels per side at most."""
+    return max(8, 32 // subpixels)
+
+
+def tiles_along(screen: Screen, size: int) -> tuple[int, int]:
+    """Rows and columns of tiles of `size` px."""
+    return -(-screen.height // size), -(-screen.width // size)
 
 
 def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
     """Members of every tile of `size` px."""
     from resample.kernels.tiles import CHUNKS, count_members, deal_members
 
-    columns, rows = -(-screen.width // size), -(-screen.height // size)
+    rows, columns = tiles_along(screen, size)
     count = np.zeros((CHUNKS, rows * columns), np.int64)
     count_members(footprints, screen, size, columns, count)
     start = np.concatenate([[0], np.cumsum(count.sum(axis=0))])
@@ -190,6 +215,46 @@ class Painted(NamedTuple):
     value: Floats  # (H, W) what projections of fields measure; NaN where nothing is
     tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
 
+    def statistics(self, samples: int, seconds: dict[str, float]) -> Statistics:
+        """What is known of a rendering of so many samples."""
+        points, splats, hidden = (int(count) for count in self.tally[:, :3].sum(axis=0))
+        return Statistics(samples, points, splats, hidden, int(self.tally[:, 3].max()), seconds)
+
+
+def nothing_painted(height: int, width: int, tiles: int = 1) -> Painted:
+    """A picture of nothing, and counts for so many tiles."""
+    frame = np.zeros((height, width, 7), np.float32)
+    frame[..., 4:6] = np.inf
+    value = np.full((height, width), np.nan, np.float32)
+    return Painted(frame, value, np.zeros((tiles, 4), np.int64))
+
+
+class Clock:
+    """Seconds per stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Book the time since the last call under `stage`."""
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
+        self._last = now
+
+
+def in_steps(load: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], float]]:
+    """Tiles that have members, most of them first, in steps; and the share done after each."""
+    turn = np.argsort(-load, kind="stable")
+    turn = turn[load[turn] > 0]
+    done = np.cumsum(load[turn])
+    first = 0
+    while first < turn.size:
+        before = done[first - 1] if first else 0
+        last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
+        yield turn[first:last], float(done[last - 1] / done[-1])
+        first = last
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -205,25 +270,27 @@ class Scene:
     classifier: Classifier | None  # of a field; None: samples have their colors already
     seconds: float  # that it took to project the samples
 
+    def project(self, samples: Samples, footprints: Records | None = None) -> Records:
+        """Records of samples that have the scene's lattice, in an array that may be given."""
+        from resample.kernels.footprints import project
+
+        if footprints is None:
+            footprints = np.zeros(samples.extinction.size, FOOTPRINT)
+        project(footprints, samples, self.view, self.ellipsoid, self.screen, self.style)
+        return footprints
+
+    def blank(self, tiles: int) -> Painted:
+        """A picture of nothing, and counts for so many tiles."""
+        return nothing_painted(self.screen.height, self.screen.width, tiles)
+
     def paint(self, sheets: Sheets, tiles: Tiles, progress: Progress | None) -> Painted:
         """Tiles painted in steps that can be watched."""
-        shape = (self.screen.height, self.screen.width)
-        frame = np.zeros((*shape, 7), np.float32)
-        frame[..., 4:6] = np.inf
         load = np.diff(tiles.start)
-        painted = Painted(frame, np.full(shape, np.nan, np.float32), np.zeros((load.size, 4), int))
-        turn = np.argsort(-load, kind="stable")
-        turn = turn[load[turn] > 0]
-        done = np.cumsum(load[turn])
-        total = done[-1] if done.size else 0
-        first = 0
-        while first < turn.size:
-            before = done[first - 1] if first else 0
-            last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
-            self._paint_tiles(turn[first:last], sheets, tiles, painted)
-            first = last
+        painted = self.blank(load.size)
+        for turn, done in in_steps(load):
+            self._paint_tiles(turn, sheets, tiles, painted)
             if progress is not None:
-                progress(done[last - 1] / total)
+                progress(done)
         return painted
 
     def _paint_tiles(

@@ -43,6 +43,21 @@ class Samples(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
 
 
+class Blocks(NamedTuple):
+    """B blocks of samples that lie together, in the scene and in memory."""
+
+    start: NDArray[np.int64]  # (B + 1,) block b holds the samples from start[b] to start[b + 1]
+    low: Floats  # (B, 3) scene units, corners of the boxes around the samples' centers
+    high: Floats  # (B, 3) scene units
+
+
+class Blocked(NamedTuple):
+    """Samples that can be skipped block by block; see `resample.culling.blocked`."""
+
+    samples: Samples
+    blocks: Blocks
+
+
 class Lamp(NamedTuple):
     """A white light far away, and what surfaces do with it, after Blinn and Phong."""
 
@@ -254,11 +269,21 @@ class Statistics(NamedTuple):
     hidden: int  # of both, those that every pixel's opacity had covered before their turn
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
+    outside: int = 0  # samples in blocks that lie outside the view
+    occluded: int = 0  # samples in blocks of which nothing could be seen
+    blocks: int = 0  # of samples, if these can be skipped by blocks
+    blocks_outside: int = 0
+    blocks_occluded: int = 0
 
     @property
     def splat_fraction(self) -> float:
         """Share of the painted samples that were splats."""
         return self.splats / max(1, self.points + self.splats)
+
+    @property
+    def skipped_fraction(self) -> float:
+        """Share of the samples that were skipped by blocks, before any were looked at."""
+        return (self.outside + self.occluded) / max(1, self.samples)
 
 
 class Frame(NamedTuple):

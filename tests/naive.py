@@ -4,10 +4,13 @@ Nothing here knows of quadratic forms, tables or tiles. A ray is cast per pixel,
 summed along it, samples are composited one by one.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.integrate import quad
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(96)
+PART_NODE, PART_WEIGHT = np.polynomial.legendre.leggauss(24)
 
 
 def in_camera(camera, position):
@@ -39,10 +42,11 @@ def kernel_mass(reconstruction):
     ]
 
 
-def line_integrals(camera, center, lattice, reconstruction, *, height, width):
+def line_integrals(camera, center, lattice, reconstruction, *, height, width, between=None):
     """Integral of one sample's kernel along every pixel's ray from the near plane on (H, W).
 
-    `center` (3,) is in camera axes, `lattice` in the scene's. Gauss-Legendre over the chord.
+    `center` (3,) is in camera axes, `lattice` in the scene's; `between` are two depths, or (H, W)
+    of each, where the integral begins and ends. Gauss-Legendre over the chord.
     """
     view = camera.view()
     start = max(view.near, 0.0) if view.perspective else view.near
@@ -54,23 +58,32 @@ def line_integrals(camera, center, lattice, reconstruction, *, height, width):
     chord = reconstruction.radius**2 - (nearest**2).sum(axis=-1)
     half = np.sqrt(np.maximum(chord, 0.0) / vv)
     low, high = np.maximum(-ov / vv - half, start), -ov / vv + half
+    if between is not None:
+        low, high = np.maximum(low, between[0]), np.minimum(high, between[1])
     met = high > low
     result = np.zeros((height, width))
     middle, reach = 0.5 * (low + high)[met], 0.5 * (high - low)[met]
-    along = middle[:, None] + reach[:, None] * NODE
+    node, weight = (NODE, WEIGHT) if between is None else (PART_NODE, PART_WEIGHT)
+    along = middle[:, None] + reach[:, None] * node
     place = o[met][:, None, :] + along[..., None] * v[met][:, None, :]
     density = reconstruction(np.linalg.norm(place, axis=-1)) / kernel_mass(reconstruction)
     length = np.linalg.norm(direction[met], axis=-1)  # scene units per step
-    result[met] = (density * WEIGHT).sum(axis=1) * reach * length
+    result[met] = (density * weight).sum(axis=1) * reach * length
     return result
 
 
-def all_line_integrals(samples, camera, reconstruction, *, height, width):
+def all_line_integrals(samples, camera, reconstruction, *, height, width, between=None):
     """Line integrals (N, H, W) of all samples."""
     return np.array(
         [
             line_integrals(
-                camera, center, samples.lattice, reconstruction, height=height, width=width
+                camera,
+                center,
+                samples.lattice,
+                reconstruction,
+                height=height,
+                width=width,
+                between=between,
             )
             for center in in_camera(camera, samples.position)
         ]
@@ -125,3 +138,156 @@ def weights(center, profile, radius, count):
     inside = (pixel >= 0) & (pixel < count)
     row[pixel[inside]] = weight[inside]
     return row
+
+
+class Slab(NamedTuple):
+    """What lies between two depths: line integrals (N, H, W), and the depths, each (H, W)."""
+
+    integral: np.ndarray
+    front: np.ndarray
+    back: np.ndarray
+
+
+def reach(camera, lattice, reconstruction):
+    """How far before and behind its center a kernel reaches, scene units."""
+    turned = camera.view().rotation @ lattice * reconstruction.radius
+    return np.linalg.norm(turned[2])
+
+
+def slabs(samples, camera, reconstruction, thickness, *, height, width, between=None):
+    """Slabs parallel to the screen, nearest first, `thickness` voxels thick; one begins at 0."""
+    start, end = (-np.inf, np.inf) if between is None else between
+    if camera.view().perspective or np.isfinite(camera.view().near):
+        start = np.maximum(start, camera.view().near)
+    layer = thickness * abs(np.linalg.det(samples.lattice)) ** (1 / 3)
+    depth = in_camera(camera, samples.position)[:, 2]
+    extent = reach(camera, samples.lattice, reconstruction)
+    first, last = np.floor([(depth.min() - extent) / layer, (depth.max() + extent) / layer])
+    everywhere = np.ones((height, width))
+    for number in np.arange(first, last + 1):
+        front = np.maximum(number * layer, start) * everywhere
+        back = np.minimum((number + 1) * layer, end) * everywhere
+        near = np.abs(depth - (number + 0.5) * layer) < extent + layer
+        integral = np.zeros((len(depth), height, width))
+        integral[near] = all_line_integrals(
+            samples._replace(position=samples.position[near]),
+            camera,
+            reconstruction,
+            height=height,
+            width=width,
+            between=(front, back),
+        ).reshape(-1, height, width)
+        yield Slab(integral, front, back)
+
+
+def put_behind(picture, alpha, color):
+    """Composite straight color (H, W, 3) of opacity alpha (H, W) behind a picture (H, W, 4)."""
+    light = np.concatenate([color, np.ones((*alpha.shape, 1))], axis=-1)
+    picture += (1 - picture[..., 3:]) * alpha[..., None] * light
+
+
+def add_sheet(picture, samples, integral):
+    """Sum the optical depths of samples and composite the sum with the mean of their colors."""
+    depth = integral * samples.extinction.astype(float)[:, None, None]
+    total = depth.sum(axis=0)
+    color = np.einsum("nhw,nc->hwc", depth, samples.color.astype(float))
+    put_behind(picture, 1 - np.exp(-total), color / np.where(total > 0, total, 1)[..., None])
+
+
+def image_sheets(samples, camera, reconstruction, thickness, *, height, width, between=None):
+    """Picture (H, W, 4) by slabs that cut kernels."""
+    picture = np.zeros((height, width, 4))
+    for slab in slabs(
+        samples, camera, reconstruction, thickness, height=height, width=width, between=between
+    ):
+        add_sheet(picture, samples, slab.integral)
+    return picture
+
+
+def axis_sheets(samples, camera, reconstruction, *, height, width):
+    """Picture (H, W, 4) by the lattice's sheets of whole kernels, those nearest the eye first."""
+    view = camera.view()
+    cosine = view.rotation[2] @ samples.lattice / np.linalg.norm(samples.lattice, axis=0)
+    axis = np.argmax(np.abs(cosine))
+    to_lattice = np.linalg.inv(samples.lattice)
+    place = samples.position.astype(float) @ to_lattice[axis]
+    if view.perspective:
+        eye = -view.rotation.T @ view.translation
+        order = np.abs(place - to_lattice[axis] @ eye)
+    else:
+        order = np.sign(cosine[axis]) * place
+    integral = all_line_integrals(samples, camera, reconstruction, height=height, width=width)
+    picture = np.zeros((height, width, 4))
+    left = np.ones(len(place), bool)
+    while left.any():
+        nearest = np.flatnonzero(left)[order[left].argmin()]
+        chosen = left & (np.abs(place - place[nearest]) < 0.5)
+        some = samples._replace(color=samples.color[chosen], extinction=samples.extinction[chosen])
+        add_sheet(picture, some, integral[chosen])
+        left &= ~chosen
+    return picture
+
+
+def ray_integral(samples, camera, reconstruction, steps, *, height, width):
+    """Light (H, W, 4) of the continuous field: extinctions and colors weighted by densities.
+
+    In so many steps from before the first to behind the last kernel, each at its middle.
+    """
+    to_voxels = np.linalg.inv(camera.view().rotation @ samples.lattice)
+    center = in_camera(camera, samples.position)
+    extent = reach(camera, samples.lattice, reconstruction)
+    edge = np.linspace(center[:, 2].min() - extent, center[:, 2].max() + extent, steps + 1)
+    origin, direction = rays(camera, height, width)
+    step = (edge[1] - edge[0]) * np.linalg.norm(direction, axis=-1)
+    mass = kernel_mass(reconstruction)
+    picture = np.zeros((height, width, 4))
+    for depth in 0.5 * (edge[1:] + edge[:-1]):
+        away = (origin + depth * direction - center[:, None, None]) @ to_voxels.T
+        density = reconstruction(np.linalg.norm(away, axis=-1)) / mass
+        add_sheet(picture, samples, density * step)
+    return picture
+
+
+def kept_by(camera, planes, *, height, width):
+    """Depths (2, H, W) between which the pixels' rays are inside clipping planes of the scene."""
+    view = camera.view()
+    origin, direction = rays(camera, height, width)
+    origin = (origin - view.translation) @ view.rotation
+    direction = direction @ view.rotation
+    front, back = np.full((height, width), -np.inf), np.full((height, width), np.inf)
+    for *normal, offset in np.asarray(planes, float):
+        at_start, rise = origin @ normal + offset, direction @ normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -at_start / rise
+        front = np.where(rise > 0, np.maximum(front, crossing), front)
+        back = np.where(rise < 0, np.minimum(back, crossing), back)
+        back = np.where((rise == 0) & (at_start < 0), -np.inf, back)
+    return np.stack([front, back])
+
+
+class FieldSlab(NamedTuple):
+    """Sums of a field between two depths, all (H, W) but the gradient (H, W, 3)."""
+
+    density: np.ndarray  # line integral of the density, scene units
+    value: np.ndarray  # mean of the values, lowered where less than half is covered
+    gradient: np.ndarray  # mean
+    middle: np.ndarray  # depth
+
+
+def field_slabs(field, camera, reconstruction, thickness, *, height, width, between=None):
+    """What every slab knows of a field, nearest first; 0 where nothing is."""
+    low = field.classifier.low
+    for integral, front, back in slabs(
+        field, camera, reconstruction, thickness, height=height, width=width, between=between
+    ):
+        density = integral.sum(axis=0)
+        length = (back - front) * np.linalg.norm(rays(camera, height, width)[1], axis=-1)
+        covered = np.maximum(density, 0.5 * np.maximum(length, 1e-12))
+        above = np.einsum("nhw,n->hw", integral, field.value.astype(float) - low)
+        slope = np.einsum("nhw,nc->hwc", integral, field.gradient.astype(float))
+        yield FieldSlab(
+            density,
+            low + above / covered,
+            slope / np.where(density > 0, density, 1)[..., None],
+            0.5 * (front + back),
+        )

@@ -18,6 +18,7 @@ from resample.kernels.slabs import Corners, Slab
 from resample.kernels.vectors import Vector
 from resample.types import (
     ADDITIVE,
+    AVERAGE,
     COMPOSITE,
     FIRST_HIT,
     MAXIMUM,
@@ -127,7 +128,9 @@ def take_in_slab(
                 front = max(bounds.front, float(ray[row, column, 4]))
                 back = min(bounds.back, float(ray[row, column, 5]))
                 path = (back - front) * ray[row, column, 3]
-                covered = weight if math.isinf(path) else max(weight, HALF * path)
+                covered = weight
+                if style.projection not in (AVERAGE, ADDITIVE):
+                    covered = max(weight, HALF * path)
                 value = slab[row, column, 6] / covered
                 slope = (
                     slab[row, column, 1] / weight,
@@ -143,6 +146,9 @@ def take_in_slab(
                         at = _place_at(row, column, middle, place, view)
                         light = _seen_color((red, green, blue), slope, at, middle, look, lamp)
                         alpha = -math.expm1(-extinction * weight)
+                        if style.linear_opacity:
+                            of_layer = -math.expm1(-extinction * style.layer)
+                            alpha = min(1.0, of_layer * weight / style.layer)
                         after = _put_behind(pixel, row, column, alpha, light, middle)
                         closed += 1 if after <= style.opaque else 0
                 elif style.projection == FIRST_HIT:

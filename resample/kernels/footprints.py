@@ -151,7 +151,7 @@ def project_sample(
         if _is_beside(center, area.sides):
             _hide(record)
         else:
-            _across_near(record, center, shape, area)
+            _across_near(record, center, eye, shape, area)
     else:
         _place(record, center, eye, shape)
         _linear_form(record, center, eye, shape)
@@ -252,13 +252,20 @@ def _is_outside(record: Record, area: Area) -> bool:
 
 
 @kernel
-def _across_near(record: Record, center: Vector, shape: Shape, area: Area) -> None:
-    """A sphere that the near plane cuts, or that the eye is in: any pixel may see it."""
-    record["cone"] = -1.0
-    record["a"], record["b"], record["c"] = multiply(shape.to_unit, center)
+def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: Area) -> None:
+    """A sphere that the near plane cuts; where it reaches behind the eye, any pixel may see it."""
     record["x"], record["y"] = 0.5 * area.width, 0.5 * area.height
     record["left"], record["right"] = -area.margin, area.width + area.margin
     record["top"], record["bottom"] = -area.margin, area.height + area.margin
+    if not eye.perspective:
+        _place(record, center, eye, shape)
+        _linear_form(record, center, eye, shape)
+        _bounds_of_form(record)
+    elif center[2] > math.sqrt(shape.covariance[2][2]):
+        _place(record, center, eye, shape)
+        _bounds_in_perspective(record, center, eye, shape)
+    record["cone"] = -1.0
+    record["a"], record["b"], record["c"] = multiply(shape.to_unit, center)
     record["depth"] = center[2]
     record["spacing"] = np.inf
     record["mass"], record["obliquity"], record["amplitude"] = 0.0, 1.0, 0.0

@@ -41,7 +41,7 @@ Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, su
 
 
 @kernel
-def _paint_members(
+def paint_members(
     members: NDArray[np.int32],
     footprints: Records,
     sheets: Sheets,
@@ -53,13 +53,16 @@ def _paint_members(
     planes: Doubles,
     style: Style,
     tables: Tables,
+    still_open: int,
     tally: Tally,
-) -> None:
-    """Paint samples in their order until all is opaque, and count the tile's own in `tally`."""
+) -> int:
+    """Paint samples in their order until all is opaque, and count the tile's own in `tally`.
+
+    Takes and gives how many sub-pixels are not opaque.
+    """
     pixel, sheet, ray, dirty = canvas
     across, down = np.zeros(MOST_TAPS, np.float32), np.zeros(MOST_TAPS, np.float32)
     profile, table, correction = tables.point, tables.footprint, tables.correction
-    still_open = pixel.shape[0] * pixel.shape[1]
     open_sheet, has_points = 0, False
     block = footprints[members[:BLOCK]]
     for position in range(members.size):
@@ -86,7 +89,7 @@ def _paint_members(
             still_open -= paint_cut_splat(
                 pixel, place, record, view, ellipsoid, planes, style, tables.partial
             )
-    composite_sheet(pixel, sheet, dirty, style)
+    return still_open - composite_sheet(pixel, sheet, dirty, style)
 
 
 @kernel
@@ -116,7 +119,7 @@ def _paint_tile(
     if style.model in (EXACT, DISC):
         cast_rays(canvas.ray, place, view, ellipsoid)
     put_in_order(members, key_bits, footprints)
-    _paint_members(
+    paint_members(
         members,
         footprints,
         sheets,
@@ -128,6 +131,7 @@ def _paint_tile(
         screen.planes,
         style,
         tables,
+        rows * columns,
         tally[tile],
     )
     resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, frame)

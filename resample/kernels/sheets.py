@@ -25,8 +25,8 @@ from resample.kernels.slabs import (
     Rays,
     Slab,
     add_cut_splat,
-    add_field_point,
     add_splat,
+    add_thin_point,
     cast_slab_rays,
     density_of,
     rays_of,
@@ -127,9 +127,12 @@ def _add_members(
         is_cut = record["cone"] < 0.0
         if record["spacing"] * place.subpixels <= style.threshold and not is_cut:
             if bounds.front <= record["depth"] < bounds.back:
-                if is_field:
-                    add_field_point(slab, dirty, place, record, style, profile, across, down)
-                else:
+                if is_field or style.variance > 0.0:
+                    density = density_of(record, style, is_field)
+                    add_thin_point(
+                        slab, dirty, place, record, density, style, profile, across, down
+                    )
+                else:  # the paper's, as wide as pixels
                     add_point(sheet, dirty, place, record, style, profile, across, down)
             continue
         density = density_of(record, style, is_field)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from resample.kernels.jit import kernel
 from resample.kernels.lookup import absorbed, corrected_distance, partial_integral
 from resample.kernels.points import box_of_point
-from resample.kernels.splats import cut_integral, first_inside, last_inside, seen_span
+from resample.kernels.splats import cut_integral, first_inside, last_inside, light_of, seen_span
 from resample.kernels.vectors import Vector, combine, dot, scaled
 from resample.types import (
     AFFINE,
@@ -187,7 +187,7 @@ def add_splat(
     _mark(dirty, top, bottom, left, right)
     chord = _chord(record, rays)
     a, b, c, cone = record["a"], record["b"], record["c"], record["cone"]
-    red, green, blue, depth = record["red"], record["green"], record["blue"], record["depth"]
+    red, green, blue, depth = light_of(record, style)
     value, amplitude = record["extinction"], record["amplitude"]
     opaque, two, step = np.float32(style.opaque), np.float32(2.0), np.float32(1.0 / n)
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -254,6 +254,7 @@ def add_cut_splat(
     if left >= right or top >= bottom:
         return
     _mark(dirty, top, bottom, left, right)
+    red, green, blue, depth = light_of(record, style)
     for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         for column in range(left, right):
@@ -269,10 +270,10 @@ def add_cut_splat(
                 continue
             weight = integral * density
             slab[row, column, 0] += weight
-            slab[row, column, 1] += weight * record["red"]
-            slab[row, column, 2] += weight * record["green"]
-            slab[row, column, 3] += weight * record["blue"]
-            slab[row, column, 4] += weight * record["depth"]
+            slab[row, column, 1] += weight * red
+            slab[row, column, 2] += weight * green
+            slab[row, column, 3] += weight * blue
+            slab[row, column, 4] += weight * depth
             slab[row, column, 5] += integral
             slab[row, column, 6] += weight * record["extinction"]
 
@@ -312,19 +313,21 @@ def share_of_mass(
 
 
 @kernel
-def add_field_point(
+def add_thin_point(
     slab: Floats,
     dirty: Corners,
     place: Place,
     record: Record,
+    density: Single,
     style: Style,
     profile: Floats,
     across: Floats,
     down: Floats,
 ) -> None:
-    """Add a field's sample as a point: its mass, spread by the points' filter.
+    """Add a sample as a point whose line integrals are its mass, spread by the points' filter.
 
-    `across` and `down` are room to work in, as `add_point` takes them.
+    That filter is as wide as the kernel's projection, so points add up as splats do, however thick
+    a slab is. `across` and `down` are room to work in, as `add_point` takes them.
     """
     mass = np.float32(record["mass"] * (place.subpixels * place.subpixels))
     box = box_of_point(slab, place, record, style, profile, across, down)
@@ -336,12 +339,13 @@ def add_field_point(
     for row in range(box.top, box.bottom):
         seen = mass * down[row - box.first_row]
         for column in range(box.left, box.right):
-            weight = seen * across[column - box.first_column]
+            integral = seen * across[column - box.first_column]
+            weight = integral * density
             slab[row, column, 0] += weight * one  # eight products: one instruction
             slab[row, column, 1] += weight * red
             slab[row, column, 2] += weight * green
             slab[row, column, 3] += weight * blue
             slab[row, column, 4] += weight * depth
-            slab[row, column, 5] += weight * one
+            slab[row, column, 5] += integral * one
             slab[row, column, 6] += weight * value
             slab[row, column, 7] += weight * zero

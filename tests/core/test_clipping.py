@@ -1,0 +1,219 @@
+"""Clipping planes cut the reconstructed field exactly along every ray."""
+
+import numpy as np
+import pytest
+
+from resample.cameras import Orthographic, Pinhole, look_at
+from resample.orders import AxisSheets, EverySample, ImageSheets
+from resample.reconstruction import GaussianKernel
+from resample.resampler import Footprint, Primitive, Resampler
+from resample.types import Samples
+from tests import naive
+
+SIDE = 16  # px
+EYE = (6.0, -5.0, 4.0)
+POSE = look_at(EYE, (0, 0, 0))
+CAMERAS = {
+    "narrow": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "inside": Pinhole.from_fov(
+        90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
+    ),
+    "near plane": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.4),
+    "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
+}
+
+
+def through(point, normal):
+    """Plane with that normal through a point."""
+    normal = np.asarray(normal, float)
+    return (*normal, -normal @ np.asarray(point, float))
+
+
+PLANES = {
+    "oblique": [(0.3, 0.8, -0.2, 0.1)],
+    "not of length 1": [(30.0, 80.0, -20.0, 10.0)],
+    "facing the eye": [(-6.0, 5.0, -4.0, 0.5)],
+    "away from the eye": [(6.0, -5.0, 4.0, 0.5)],
+    "through the eye": [through(EYE, (0.5, 0.5, -0.1))],
+    "a slice": [(1.0, 0.0, 0.0, 0.4), (-1.0, 0.0, 0.0, 0.3)],
+    "a corner": [(1.0, 0, 0, 0.2), (0, -1.0, 0, 0.3), (0, 0.2, 1.0, 0.4)],
+    "nothing left": [(1.0, 0.0, 0.0, -0.3), (-1.0, 0.0, 0.0, -0.3)],
+}
+ORDERS = [EverySample(), AxisSheets(), ImageSheets(0.7)]
+MIRRORED = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.8, -1.2, 1.0])
+
+
+def cloud(rng, count=30, lattice=None):
+    """Samples anywhere in a cube, of any color."""
+    return Samples(
+        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
+        rng.uniform(0, 1, (count, 3)).astype(np.float32),
+        rng.uniform(0, 1, count).astype(np.float32),
+        np.eye(3) if lattice is None else lattice,
+    )
+
+
+def block(side=21, extinction=0.05):
+    """A cube of samples on their lattice, all alike."""
+    axis = np.arange(side) - (side - 1) / 2
+    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3).astype(np.float32)
+    return Samples(
+        place, np.ones_like(place), np.full(len(place), extinction, np.float32), np.eye(3)
+    )
+
+
+def draw(samples, camera, clip=None, *, side=SIDE, **choices):
+    choices = {"primitive": Primitive.SPLATS, **choices}
+    return Resampler(**choices)(samples, camera, height=side, width=side, clip=clip)
+
+
+# Exactly.
+
+
+@pytest.mark.parametrize("planes", PLANES.values(), ids=PLANES)
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camera, rng):
+    samples = cloud(rng, lattice=MIRRORED)
+    integral = naive.all_line_integrals(
+        samples,
+        camera,
+        GaussianKernel(),
+        height=SIDE,
+        width=SIDE,
+        between=naive.kept_by(camera, planes, height=SIDE, width=SIDE),
+    )
+    truth = np.exp(-(integral * samples.extinction[:, None, None]).sum(axis=0))
+    for order in ORDERS:
+        drawn = 1 - draw(samples, camera, planes, order=order).rgba[..., 3]
+        # Opaque from 1e-4 on; table of 256 × 256 steps.
+        np.testing.assert_allclose(drawn, truth, atol=1e-4, err_msg=str(order))
+
+
+@pytest.mark.parametrize("planes", ["oblique", "a corner", "through the eye"])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_slabs_are_cut_with_their_colors(camera, planes, rng):
+    samples, planes = cloud(rng), PLANES[planes]
+    between = naive.kept_by(camera, planes, height=SIDE, width=SIDE)
+    truth = naive.image_sheets(
+        samples, camera, GaussianKernel(), 0.7, height=SIDE, width=SIDE, between=between
+    )
+    drawn = draw(samples, camera, planes, order=ImageSheets(0.7)).rgba
+    np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
+
+
+def test_parts_on_either_side_of_a_plane_make_the_whole(rng):
+    samples, camera = cloud(rng), CAMERAS["narrow"]
+    plane = np.array(PLANES["oblique"][0])
+    parts = [
+        1 - draw(samples, camera, [side]).rgba[..., 3].astype(float) for side in (plane, -plane)
+    ]
+    whole = 1 - draw(samples, camera).rgba[..., 3]
+    np.testing.assert_allclose(parts[0] * parts[1], whole, atol=1e-4)  # as above
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=str)
+@pytest.mark.parametrize("primitive", list(Primitive))
+@pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
+def test_planes_that_remove_nothing_change_no_bit(camera, primitive, order, rng):
+    samples, camera = cloud(rng, 200), CAMERAS[camera]
+    beyond = [(*axis, 12.0) for sign in (-1, 1) for axis in sign * np.eye(3)]
+    chosen = {"primitive": primitive, "order": order, "side": 24}
+    whole, clipped = draw(samples, camera, **chosen), draw(samples, camera, beyond, **chosen)
+    for name in ("rgba", "depth", "first_depth", "coverage"):
+        assert getattr(whole, name).tobytes() == getattr(clipped, name).tobytes(), name
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=str)
+@pytest.mark.parametrize("primitive", list(Primitive))
+def test_planes_that_remove_all_leave_nothing(primitive, order, rng):
+    frame = draw(cloud(rng), CAMERAS["narrow"], [(0, 0, 1, -9)], primitive=primitive, order=order)
+    assert not frame.rgba.any()
+    assert not frame.coverage.any()
+    assert np.isinf(frame.depth).all()
+
+
+@pytest.mark.parametrize("model", list(Footprint))
+def test_every_footprint_is_cut_alike(model, rng):
+    """A sphere that a plane cuts is integrated along its ray, in the model's bounds."""
+    place = rng.uniform(-0.4, 0.4, (20, 3))
+    samples = cloud(rng, 20)._replace(position=place.astype(np.float32))
+    clip, camera = [(0.6, 0.8, 0.0, 0.0)], CAMERAS["narrow"]
+    exact = draw(samples, camera, clip)
+    drawn = draw(samples, camera, clip, footprint=model).rgba
+    np.testing.assert_allclose(drawn, exact.rgba, atol=5e-3)  # rims beyond the bounds
+
+
+# Minified.
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=str)
+@pytest.mark.parametrize("scale", [0.4, 0.19, 0.12])
+def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
+    samples = block()
+    camera = Pinhole(90 * scale, 90 * scale, 8.13, 8.21, look_at((70, -50, 30), (0, 0, 0)))
+    planes = [(0.3, -0.9, 0.2, 2.3), (-0.7, 0.1, 0.5, 6.1)]
+    truth = draw(samples, camera, planes, order=order, subpixels=8).rgba[..., 3]
+    hybrid = draw(samples, camera, planes, order=order, primitive=Primitive.HYBRID)
+    assert (hybrid.statistics.points > 0) == (scale < 0.2)
+    assert truth.max() > 0.2
+    # Points are kept or left out as wholes: half a voxel is 2.5 % of the optical depth.
+    np.testing.assert_allclose(hybrid.rgba[..., 3], truth, atol=0.02)
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=str)
+def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
+    samples, pose = block(13, 0.08), look_at((0, -80, 0), (0, 0, 0))
+    near = Pinhole(15.0, 15.0, 8.13, 8.21, pose, near=78.2)
+    plain = Pinhole(15.0, 15.0, 8.13, 8.21, pose)
+    chosen = {"primitive": Primitive.HYBRID, "order": order}
+    cut = draw(samples, near, **chosen).rgba[..., 3]
+    clipped = draw(samples, plain, [(0, 1, 0, 1.8)], **chosen).rgba[..., 3]
+    assert 0.2 < clipped.max() < 0.6
+    np.testing.assert_allclose(cut, clipped, atol=0.02)  # points are kept as wholes
+
+
+# Bits.
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=str)
+@pytest.mark.parametrize("primitive", list(Primitive))
+def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order, rng):
+    samples, planes = cloud(rng, 300, 0.5 * np.eye(3)), np.array(PLANES["a corner"])
+    mixed = rng.permutation(300)
+    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    resample = Resampler(primitive=primitive, order=order)
+    for camera in (CAMERAS["narrow"], CAMERAS["inside"], Pinhole(3.0, 3.0, 20, 20, POSE)):
+        size = {"height": 40, "width": 40}
+        first = resample(samples, camera, **size, threads=1, clip=planes)
+        second = resample(other, camera, **size, threads=2, clip=planes[::-1])
+        for name in ("rgba", "depth", "first_depth", "coverage"):
+            assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (1.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0, 1.0),
+        np.ones((4, 3)),
+        np.ones((2, 2)),
+        np.ones((2, 1, 4)),
+        [(0.0, 0.0, 0.0, 1.0)],
+        [(np.nan, 0.0, 1.0, 1.0)],
+        [(0.0, 0.0, 1.0, np.inf)],
+    ],
+    ids=str,
+)
+def test_what_are_no_planes_is_refused_in_one_line(wrong, rng):
+    with pytest.raises(ValueError, match="clipping planes are") as raised:
+        draw(cloud(rng), CAMERAS["narrow"], wrong)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("planes", [None, [], np.zeros((0, 4))])
+def test_no_planes_cut_nothing(planes, rng):
+    samples, camera = cloud(rng), CAMERAS["narrow"]
+    assert draw(samples, camera, planes).rgba.tobytes() == draw(samples, camera).rgba.tobytes()
