@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from resample.kernels.culling import Canvases, Outlines, Pyramid
 
 BLOCK_SIZE = 8  # voxels
-PASSES = 6
+PASSES = 6  # at most
+SAMPLES_PER_PASS = 50_000  # fewer are painted sooner than it takes to see what they hide
 EARLIER = 1.5  # the first passes are short: they hide samples from all others
 MOST_CANVASES = 2**31  # bytes; where the sub-pixels of all tiles take more, none hides another
 PROBE = 13  # every so many samples are looked at to find the grids of tiles
@@ -304,10 +305,9 @@ class _Canvases:
 
     def covered(self, blocks: Indices, bounds: Doubles) -> NDArray[np.bool_]:
         """Which of the blocks (K,) lie behind opaque sub-pixels only."""
-        from resample.kernels.culling import fill_pyramid, gather_light, mark_covered
+        from resample.kernels.culling import fill_pyramid, mark_covered
 
-        gather_light(self.canvases.light, self.size, self.columns, self.pyramid)
-        fill_pyramid(self.pyramid)
+        fill_pyramid(self.canvases.light, self.size, self.columns, self.pyramid)
         covered = np.zeros(blocks.size, bool)
         mark_covered(blocks, bounds, self.margin, self.pyramid, self.scene.style, covered)
         return covered
@@ -370,7 +370,8 @@ def _passes(front: Indices, count: Indices) -> list[tuple[int, int]]:
     `front` is the first sheet of blocks, ascending, and `count` how many samples they have.
     """
     done = np.cumsum(count)
-    share = (np.arange(1, PASSES) / PASSES) ** EARLIER * done[-1]
+    passes = min(PASSES, 1 + int(done[-1]) // SAMPLES_PER_PASS)
+    share = (np.arange(1, passes) / passes) ** EARLIER * done[-1]
     between = np.unique(front[np.searchsorted(done, share)])
     between = between[between > front[0]]
     last = int(LAST_SHEET) + 1

@@ -20,7 +20,7 @@ from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")
-CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z")
+CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
 
 Attribute = str | int | float | Sequence[float]
 Background = Sequence[float] | Floats  # 3 values, linear light
@@ -184,8 +184,9 @@ def write_exr(
     path
         Target.
     frame
-        Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage and
-        first.Z (`first_depth`); depths are float32, scene units, inf where nothing is.
+        Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
+        first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
+        Depths are in scene units, inf where nothing is.
     compression
         One of `LOSSLESS`.
     half
@@ -202,7 +203,8 @@ def write_exr(
     """
     if compression not in LOSSLESS:
         raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
-    data = np.dstack([frame.rgba, frame.depth, frame.coverage, frame.first_depth])
+    layers = [frame.rgba, frame.depth, frame.coverage, frame.first_depth]
+    data = np.dstack([*layers, *([] if frame.value is None else [frame.value])])
     header = {**(attributes or {}), "compression": compression}
     _write(path, data.astype(np.float32, copy=False), header, half=half)
 

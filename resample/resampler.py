@@ -58,7 +58,7 @@ from resample.types import (
     View,
 )
 
-SPLAT_GRID, POINT_GRID = 4, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
+SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
 LARGEST_PICTURE = 2**28  # px
 EWA_VARIANCE = 0.25  # px², of the Gaussian that stands for a pixel's filter
@@ -239,6 +239,8 @@ class Resampler:
                 f"{self.order} composites colors, so a field cannot be classified after its "
                 "reconstruction; image-sheets can"
             )
+        if is_field and self.splat_color is not None:
+            raise ValueError("splats of a field cannot be colored: their colors come after them")
         if not is_field and self.projection is not Projection.COMPOSITE:
             raise ValueError(
                 f"the projection {self.projection} needs a field; samples that have their colors "
@@ -303,8 +305,9 @@ class Resampler:
         start = time.perf_counter()
         scene = self._scene(samples.lattice, view, size, look, clip)
         footprints, style = scene.project(samples), scene.style
-        if self.projection is Projection.ADDITIVE and not style.subpixels:
-            style = style._replace(subpixels=finest_grid(footprints, style))  # sums must fit
+        if self.projection in FEWEST and not style.subpixels:
+            grid = max(FEWEST[self.projection], finest_grid(footprints, style))
+            style = style._replace(subpixels=grid)
         seconds = time.perf_counter() - start
         return replace(scene, footprints=footprints, style=style, seconds=seconds)
 
@@ -355,7 +358,7 @@ class Resampler:
         """Choices as numbers."""
         primitive = self.primitive
         own = {
-            Primitive.HYBRID: 0.8,  # measured (docs/quality.md)
+            Primitive.HYBRID: 0.6,  # measured (docs/quality.md)
             Primitive.POINTS: np.inf,
             Primitive.SPLATS: 0.0,
             Primitive.PAPER: 1.0,  # "magnified" and "minified" taken literally
@@ -364,9 +367,7 @@ class Resampler:
         }
         threshold = own[primitive] if self.threshold is None else self.threshold
         fixed = 0 if primitive in (Primitive.HYBRID, Primitive.POINTS) else 1
-        tint = (-1.0, -1.0, -1.0)
-        if self.splat_color is not None and look is None:  # a field's samples have no color yet
-            tint = self.splat_color
+        tint = (-1.0, -1.0, -1.0) if self.splat_color is None else self.splat_color
         footprint = self.footprint or OWN_FOOTPRINT.get(primitive, Footprint.EXACT)
         per_variance = self.reconstruction.radius**2 / variance(self.reconstruction)
         voxel = abs(np.linalg.det(lattice)) ** (1 / 3)
@@ -390,6 +391,8 @@ class Resampler:
         )
 
 
+# Where all tiles have one grid, and how fine that is: sums must fit, and surfaces end sharply.
+FEWEST = {Projection.ADDITIVE: 1, Projection.FIRST_HIT: 3}
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,

@@ -60,7 +60,7 @@ class Resampling(BaseModel):
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections take image-sheets:thickness=0.5."
+            " Fields and their projections take image-sheets:thickness=0.5, maxima 1."
         ),
     ] = None
     projection: Annotated[
@@ -93,7 +93,8 @@ class Resampling(BaseModel):
         from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
         is_of_field = of_field or self.projection != "composite"
-        own = "image-sheets:thickness=0.5" if is_of_field else "every-sample"
+        thickness = 1 if self.projection == "maximum" else 0.5  # that takes all voxels
+        own = f"image-sheets:thickness={thickness}" if is_of_field else "every-sample"
         return Resampler(
             primitive=Primitive(self.primitive),
             footprint=None if self.footprint is None else Footprint(self.footprint),

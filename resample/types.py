@@ -96,10 +96,7 @@ class Palette(NamedTuple):
 
 
 class Field(NamedTuple):
-    """N samples of a scalar field; what they look like is decided after they were reconstructed.
-
-    Where no sample reaches, the field is the classifier's `low`.
-    """
+    """N samples of a scalar field; what they look like is decided after they were reconstructed."""
 
     position: Floats  # (N, 3) scene units
     value: Floats  # (N,) data units

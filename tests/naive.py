@@ -269,7 +269,8 @@ class FieldSlab(NamedTuple):
     """Sums of a field between two depths, all (H, W) but the gradient (H, W, 3)."""
 
     density: np.ndarray  # line integral of the density, scene units
-    value: np.ndarray  # mean of the values, lowered where less than half is covered
+    mean: np.ndarray  # of the values
+    value: np.ndarray  # the same, lowered where less than half is covered
     gradient: np.ndarray  # mean
     middle: np.ndarray  # depth
 
@@ -287,6 +288,7 @@ def field_slabs(field, camera, reconstruction, thickness, *, height, width, betw
         slope = np.einsum("nhw,nc->hwc", integral, field.gradient.astype(float))
         yield FieldSlab(
             density,
+            low + above / np.where(density > 0, density, 1),
             low + above / covered,
             slope / np.where(density > 0, density, 1)[..., None],
             0.5 * (front + back),

@@ -508,42 +508,36 @@ def resolve_tiles(
 
 
 @kernel
-def _gather_row(light: Floats, size: int, columns: int, pyramid: Pyramid, row: int) -> None:
-    """One row of the finest level: px that several canvases hold are as light as the lightest."""
-    rows, side, width = light.shape[0] // columns, light.shape[1], pyramid.columns[0]
-    start = row * width
-    for n in range(start, start + width):
+def _fill_finest(light: Floats, size: int, columns: int, pyramid: Pyramid) -> None:
+    """Fill in the finest level: px that several canvases hold are as light as the lightest."""
+    rows, side = light.shape[0] // columns, light.shape[1]
+    height, width = pyramid.rows[0], pyramid.columns[0]
+    for n in range(height * width):
         pyramid.light[n] = np.float32(0.0)
-    for r in range(max(0, (row - side) // size + 1), min(rows - 1, row // size) + 1):
-        for c in range(columns):
-            tile, down, left = r * columns + c, row - r * size, start + c * size
-            for across in range(min(side, width - c * size)):
-                here = max(pyramid.light[left + across], light[tile, down, across])
-                pyramid.light[left + across] = here
-
-
-@parallel_kernel
-def gather_light(light: Floats, size: int, columns: int, pyramid: Pyramid) -> None:
-    """Fill in the finest level from what is noted per tile of `size` px, `columns` in a row."""
-    for row in prange(pyramid.rows[0]):
-        _gather_row(light, size, columns, pyramid, int(np.int64(row)))
+    for tile in range(rows * columns):
+        top, left = tile // columns * size, tile % columns * size
+        for row in range(min(side, height - top)):
+            start = (top + row) * width + left
+            for column in range(min(side, width - left)):
+                here = max(pyramid.light[start + column], light[tile, row, column])
+                pyramid.light[start + column] = here
 
 
 @kernel
-def fill_pyramid(pyramid: Pyramid) -> None:
-    """Fill in all levels above the finest."""
-    light = pyramid.light
+def fill_pyramid(light: Floats, size: int, columns: int, pyramid: Pyramid) -> None:
+    """Fill in all levels from the `light` of tiles of `size` px, `columns` in a row."""
+    _fill_finest(light, size, columns, pyramid)
+    level_light = pyramid.light
     for level in range(1, pyramid.rows.size):
-        rows, columns = pyramid.rows[level - 1], pyramid.columns[level - 1]
-        below = pyramid.start[level - 1]
-        place = pyramid.start[level]
+        rows, below = pyramid.rows[level - 1], pyramid.start[level - 1]
+        across, place = pyramid.columns[level - 1], pyramid.start[level]
         for row in range(0, rows, 2):
-            for column in range(0, columns, 2):
+            for column in range(0, across, 2):
                 largest = np.float32(0.0)
                 for r in range(row, min(row + 2, rows)):
-                    for c in range(column, min(column + 2, columns)):
-                        largest = max(largest, light[below + r * columns + c])
-                light[place] = largest
+                    for c in range(column, min(column + 2, across)):
+                        largest = max(largest, level_light[below + r * across + c])
+                level_light[place] = largest
                 place += 1
 
 

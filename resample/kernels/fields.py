@@ -1,9 +1,10 @@
 """Slabs of a field: reconstructed values are classified and lit, or projected (Mueller 1999).
 
 Mueller, Möller and Crawfis, Splatting without the Blur, 1999: what a slab sums are values and
-gradients, and only the mean of them gets a color. A slab's mean value is v = Σ w v / Σ w; where the
-samples cover less than half of the slab, as at the field's edge, it falls toward the classifier's
-lowest value instead, so that nothing is made of a faint tail.
+gradients, and only the mean of them gets a color. A slab's mean value is v = Σ w v / Σ w, and its
+opacity that of the length Σ w. Where a faint tail would count in full, in a maximum or as a
+surface, the value falls toward the classifier's lowest one as samples cover less than half of the
+slab.
 """
 
 import math
@@ -18,7 +19,6 @@ from resample.kernels.slabs import Corners, Slab
 from resample.kernels.vectors import Vector
 from resample.types import (
     ADDITIVE,
-    AVERAGE,
     COMPOSITE,
     FIRST_HIT,
     MAXIMUM,
@@ -129,7 +129,7 @@ def take_in_slab(
                 back = min(bounds.back, float(ray[row, column, 5]))
                 path = (back - front) * ray[row, column, 3]
                 covered = weight
-                if style.projection not in (AVERAGE, ADDITIVE):
+                if style.projection in (MAXIMUM, FIRST_HIT):
                     covered = max(weight, HALF * path)
                 value = slab[row, column, 6] / covered
                 slope = (

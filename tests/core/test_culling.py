@@ -16,6 +16,11 @@ SIZE = {"height": 40, "width": 52}
 LATTICE = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
 
 
+@pytest.fixture(autouse=True)
+def small_passes(monkeypatch):
+    monkeypatch.setattr(culling, "SAMPLES_PER_PASS", 100)
+
+
 def cube(rng, side=18, extinction=3.0):
     """Samples on a sheared lattice around the origin, in no order, some of them left out."""
     index = np.indices((side,) * 3).reshape(3, -1).T - (side - 1) / 2
@@ -148,6 +153,14 @@ def test_a_wall_hides_the_blocks_behind_it(rng):
     assert statistics.occluded > 0.95 * len(crowd)
     assert statistics.blocks_occluded > 100
     assert statistics.skipped_fraction > 0.5
+
+
+def test_few_samples_are_painted_at_once(rng, monkeypatch):
+    monkeypatch.setattr(culling, "SAMPLES_PER_PASS", 50_000)
+    samples = cube(rng)
+    frame = Resampler()(blocked(samples, 4), CAMERAS["distant"], **SIZE)
+    assert_same(frame, Resampler()(samples, CAMERAS["distant"], **SIZE))
+    assert frame.statistics.occluded == 0
 
 
 def test_half_of_a_volume_outside_the_frame_is_skipped(rng):

@@ -64,7 +64,7 @@ def energy(frame):
 
 
 AS_POINTS = [
-    *((Primitive.HYBRID, spacing) for spacing in (0.05, 0.1, 0.19)),
+    *((Primitive.HYBRID, spacing) for spacing in (0.01, 0.025, 0.037)),
     *((Primitive.POINTS, spacing) for spacing in (0.05, 0.1, 0.3)),
     *((Primitive.PAPER, spacing) for spacing in (0.05, 0.1, 0.2, 0.3, 0.7)),
 ]
@@ -86,9 +86,9 @@ def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spaci
 
 @pytest.mark.parametrize("spacing", [0.21, 0.25, 0.3])
 def test_a_lone_splat_on_sub_pixels_holds_its_energy_to_two_percent(spacing):
-    """Hybrid draws these as splats on 4 × 4 sub-pixels, one ray each, from 0.8 sub-pixels on.
+    """Hybrid draws these as splats whose neighbours are a sub-pixel apart or more, one ray each.
 
-    A Gaussian of 0.65 × 0.8 sub-pixels summed at unit steps: 2 exp(-2 π² 0.52²) = 1 % per axis.
+    A Gaussian of 0.65 sub-pixels summed at unit steps errs by 2 exp(-2 π² 0.65²) per axis.
     """
     point = one_point(extinction=0.01)
     expected = spacing**2 * 0.01
@@ -119,7 +119,7 @@ def test_a_point_off_the_axis_deposits_its_area_times_its_opacity(theta, primiti
     """The area of a layer as its samples lie, and the way of a slanted ray through it."""
     depth = 10.0
     slant = 1 / np.cos(np.radians(theta))
-    aside, focal = depth * np.tan(np.radians(theta)), 0.8
+    aside, focal = depth * np.tan(np.radians(theta)), 0.1
     point = one_point((aside, 0, depth), extinction=0.05)
     seen_by = Pinhole(focal, focal, 12.2 - focal * aside / depth, 11.9)
     frame = draw(point, seen_by, primitive=primitive)
@@ -165,7 +165,7 @@ def points(rng, count=50, *, extinction=2.0):
     )
 
 
-THRESHOLD = {Primitive.HYBRID: 0.8, Primitive.POINTS: np.inf, Primitive.PAPER: 1.0}
+THRESHOLD = {Primitive.HYBRID: 0.6, Primitive.POINTS: np.inf, Primitive.PAPER: 1.0}
 
 
 @pytest.mark.parametrize("primitive", THRESHOLD)
@@ -270,7 +270,7 @@ def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
     assert frame.depth[plain].max() <= samples.position[:, 2].max() + overshoot
 
 
-@pytest.mark.parametrize("subpixels", [1, 2, 3, 7])
+@pytest.mark.parametrize("subpixels", [1, 2, 3, 5])
 def test_a_chosen_grid_conserves_energy_too(subpixels):
     expected = 0.1**2 * (1 - np.exp(-0.7))
     for right in OFFSETS:

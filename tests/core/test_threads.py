@@ -19,7 +19,7 @@ def scene(count=400):
     """Samples from close by to far away: splats and points in one picture."""
     rng = np.random.default_rng(7)
     near = rng.uniform((-4, -1, -4), (4, 3, 4), (count // 2, 3))
-    far = rng.uniform((-90, 150, -90), (90, 200, 90), (count // 2, 3))
+    far = rng.uniform((-300, 700, -300), (300, 800, 300), (count // 2, 3))
     return Samples(
         np.concatenate([near, far]).astype(np.float32),
         rng.uniform(0, 1, (count, 3)).astype(np.float32),

@@ -87,7 +87,7 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
     first, *_, last = cameras_of(subject, Flight("threshold", 3, Orbit(fov=fov)), SIZE)
     assert isinstance(first, Pinhole if fov else Orthographic)
     ends = [spacing * px_between_voxels(subject, camera) for camera in (first, last)]
-    assert ends == pytest.approx([2, 0.1])
+    assert ends == pytest.approx([2, 0.03])
 
 
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.PAPER])

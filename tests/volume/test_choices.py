@@ -2,12 +2,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from resample_volume.choices import Look, Source
+from resample.orders import ImageSheets
+from resample.resampler import MEASURING, Resampler
+from resample.settings import Resampling
+from resample_volume.choices import Look, Projecting, Source
 from resample_volume.framing import Orbit
 from resample_volume.generated import checker_box
+from resample_volume.labels import Rule
 from resample_volume.presets import load_transfer
-from resample_volume.rendering import Appearance
-from resample_volume.shading import Light
+from resample_volume.rendering import LEVELS, Appearance
+from resample_volume.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)
 
@@ -34,6 +38,54 @@ def test_every_choice_arrives():
     assert appearance.light == Light((1, -1, 2))
     assert (appearance.gradient, appearance.gradient_opacity) == ("sobel", (0.1, 0.5))
     assert look.viewpoint() == Orbit(10, 20, 3, 50, "-y")
+
+
+def test_auto_is_gray_levels_where_values_are_projected():
+    for projection in MEASURING:
+        resampler = Resampler(order=ImageSheets(), projection=projection)
+        assert Look().appearance(BOX, resampler).transfer == LEVELS
+        named = Look(transfer="bone").appearance(BOX, resampler)
+        assert named.transfer == load_transfer("bone")
+
+
+def test_cuts_labels_and_depth_cues_arrive(tmp_path):
+    labels = np.arange(64, dtype=np.uint8).reshape(4, 4, 4)
+    np.save(tmp_path / "labels.npy", labels)
+    look = Look(
+        labels=str(tmp_path / "labels.npy"),
+        label=("1:hidden", "-0:color=red"),
+        crop="1:,:,:",
+        clip=("1/0/0", "0/-1/0/2"),
+        depth_cue=0.25,
+    )
+    appearance = look.appearance(BOX)
+    assert appearance.labels is not None
+    assert appearance.labels.rules == {1: Rule(opacity=0), 0: Rule(color=(1, 0, 0))}
+    assert (appearance.crop, appearance.clip) == ("1:,:,:", ("1/0/0", "0/-1/0/2"))
+    assert appearance.cue == DepthCue(0.25)
+    assert look.renderer(Resampling()) == Resampler()
+
+
+def test_fields_have_slabs_unless_an_order_is_chosen():
+    post = Look(classify="post")
+    assert post.renderer(Resampling()).order == ImageSheets(0.5)
+    assert post.renderer(Resampling(order="image-sheets:thickness=2")).order == ImageSheets(2)
+    assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
+
+
+@pytest.mark.parametrize(
+    ("look", "resampling", "complaint"),
+    [
+        ({"label": ("1:hidden",)}, {}, "give the labels' volume too"),
+        ({"classify": "post"}, {"order": "every-sample"}, "needs the order image-sheets"),
+        ({"classify": "post", "labels": "a.npy"}, {}, "labels color voxels"),
+        ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),
+        ({"gradient_opacity": "0/1"}, {"projection": "maximum"}, "gradient-opacity fades voxels"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_without_a_volume(look, resampling, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Look(**look).renderer(Resampling(**resampling))
 
 
 def test_without_shading_there_is_no_light():

@@ -261,7 +261,7 @@ def test_an_invisible_volume_is_an_empty_picture_and_a_line(output, capsys):
     assert ended("render", BOX, "-o", output, *SMALL, "--transfer", "none.toml") == 0
     assert not read_image(output).any()
     error = capsys.readouterr().err
-    assert "nothing to see: the transfer function makes every voxel transparent" in error
+    assert "nothing to see: all voxels are transparent, missing or cut away" in error
     assert error.count("\n") == 1
 
 
@@ -657,7 +657,14 @@ def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
     assert "compiling kernels, once per installation" in error.splitlines()[1]
 
 
-@pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["--version"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--version"],
+        ["--help"],
+        *([name, "--help"] for name in ("render", "compare", "animate", "figures")),
+    ],
+)
 def test_help_imports_nothing_heavy(words):
     imported = python(
         "import sys, resample_volume.cli, resample.options\n"

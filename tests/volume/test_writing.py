@@ -1,10 +1,21 @@
 import numpy as np
 import pytest
 
+from resample.images import to_srgb
+from resample.orders import ImageSheets
+from resample.resampler import Projection, Resampler
+from resample_volume.generated import vessel_tree
 from resample_volume.readers import Npy
+from resample_volume.rendering import Appearance, render
 from resample_volume.source import open_volume
 from resample_volume.types import Volume
-from resample_volume.writing import SUFFIXES, check_memory, write_volume
+from resample_volume.writing import (
+    SUFFIXES,
+    check_color_bar,
+    check_memory,
+    with_bar,
+    write_volume,
+)
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -66,3 +77,35 @@ def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
         check_memory(1000, 3000)
     monkeypatch.setattr("resample.console.physical_memory", lambda: None)
     check_memory(10**6, 10**6)
+
+
+# Color bars
+
+XRAY = Resampler(order=ImageSheets(), projection=Projection.ADDITIVE)
+TREE = vessel_tree(16)
+
+
+@pytest.mark.parametrize("resampler", [Resampler(), XRAY])
+def test_a_bar_leaves_the_picture_as_it_is(resampler):
+    frame = render(TREE, resampler=resampler, height=96, width=40)
+    drawn = with_bar(frame, TREE, Appearance(), resampler, None)
+    assert np.array_equal(drawn.rgba[:, :40], frame.rgba)
+    assert drawn.rgba.shape[1] > 60
+    assert drawn.rgba[:, 40:, 3].min() == 1
+
+
+def test_an_x_rays_bar_is_the_light_of_its_sums():
+    frame = render(TREE, resampler=XRAY, height=96, width=40)
+    bar = with_bar(frame, TREE, Appearance(), XRAY, None).rgba[:, 40:]
+    column = bar[24:74, 12, 0]  # within the bar, from the top down
+    assert np.abs(np.diff(column, 2)).max() < 0.01  # light falls evenly, as the sums do
+    assert column[0] > column[-1] + 0.5
+    assert np.isclose(to_srgb(frame.rgba[..., 0].max()), 1)
+
+
+def test_a_bar_is_for_png_and_has_a_least_height(tmp_path):
+    check_color_bar(tmp_path / "a.PNG", 64)
+    with pytest.raises(ValueError, match=r"a\.exr: a color bar has no depth"):
+        check_color_bar(tmp_path / "a.exr", 64)
+    with pytest.raises(ValueError, match="at least 64 px high, not 63"):
+        check_color_bar(tmp_path / "a.png", 63)

@@ -7,7 +7,7 @@ downloads the second volume::
     Aneurism            animate aneurism.nhdr --transfer paper-aneurism --path orbit -o a.mp4
     AneurismZoom        animate aneurism.nhdr --transfer paper-aneurism --path threshold -o a.mp4
     AneurismZoom-Color  the same with --color-by primitive, and --primitive paper, under which
-                        voxels become points at 1 px as in Figure 8a and not at 0.2 px
+                        voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ from resample_volume.rendering import Subject
 PATHS = ("orbit", "zoom", "threshold")
 FRAMES = 96
 FARTHER = 16.0  # times as far at the end of `zoom` as at its start
-SPLATS, POINTS = 2.0, 0.1  # px between neighbouring voxels at the ends of `threshold`
+SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `threshold`
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Flight:
         `orbit`: once around at the start's elevation; the frame after the last is the first.
         `zoom`: away, until everything is a sixteenth as large.
         `threshold`: away, at zooms of its own: from voxels 2 px apart, which all are splats, to
-        voxels 0.1 px apart, which all are points, under the paper's threshold as under ours.
+        voxels 0.03 px apart, which all are points, under the paper's threshold as under ours.
         Both go away by the same factor from frame to frame.
     frames
         How many, 1 to `resample.animations.MOST_FRAMES`.

@@ -10,12 +10,14 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.settings import Resampling
 
 if TYPE_CHECKING:
+    from resample.resampler import Resampler
     from resample_volume.framing import Viewpoint
     from resample_volume.rendering import Appearance
     from resample_volume.types import Volume
 
 
 Hyphen = Parameter(allow_leading_hyphen=True)  # -30/20 is a value, no flag
+Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
 
 
 class Source(BaseModel):
@@ -124,7 +126,7 @@ class Look(BaseModel):
     ] = None
     label: Annotated[
         tuple[str, ...],
-        Hyphen,
+        Several,
         Field(description="What a label looks like: 1:color=tomato,opacity=0.5 or 2:hidden."),
     ] = ()
     crop: Annotated[
@@ -132,7 +134,7 @@ class Look(BaseModel):
     ] = None
     clip: Annotated[
         tuple[str, ...],
-        Hyphen,
+        Several,
         Field(
             description="Cut through the middle, keep what the normal points to: 1/0/-1, or "
             "1/0/-1/20 moved by 20 scene units."
@@ -143,20 +145,43 @@ class Look(BaseModel):
         Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
     ] = None
 
-    def appearance(self, volume: "Volume") -> "Appearance":
-        """Look of the voxels.
+    def renderer(self, resampling: Resampling) -> "Resampler":
+        """Renderer that goes with this look.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A choice is unknown or not allowed, or two do not go together.
+        """
+        from resample_volume.rendering import Classification, check_together
+
+        if self.label and self.labels is None:
+            raise ValueError("label says what a label looks like; give the labels' volume too")
+        resampler = resampling.resampler(of_field=self.classify == "post")
+        chosen = {
+            "labels": self.labels,
+            "gradient-opacity": self.gradient_opacity,
+            "depth-cue": self.depth_cue,
+        }
+        extras = [name for name, choice in chosen.items() if choice is not None]
+        check_together(resampler, Classification(self.classify), extras)
+        return resampler
+
+    def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
+        """Look of the voxels under a renderer; None is one that composites them.
 
         Raises
         ------
         ValueError
             A choice is unknown or not allowed.
         """
+        from resample.resampler import Projection
         from resample_volume.labels import read_labels
-        from resample_volume.presets import transfer_for
-        from resample_volume.rendering import Appearance, Classification
+        from resample_volume.rendering import Appearance, Classification, named_transfer
         from resample_volume.shading import DepthCue, Light
 
-        transfer = transfer_for(self.transfer, volume)
+        projection = Projection.COMPOSITE if resampler is None else resampler.projection
+        transfer = named_transfer(self.transfer, volume, projection)
         if self.opacity_unit is not None:
             transfer = replace(transfer, opacity_unit=self.opacity_unit)
         light = Light()
@@ -167,8 +192,6 @@ class Look(BaseModel):
         if self.gradient_opacity is not None:
             low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
             ramp = (low, high)
-        if self.label and self.labels is None:
-            raise ValueError("label says what a label looks like; give the labels' volume too")
         return Appearance(
             transfer,
             light if self.shading else None,

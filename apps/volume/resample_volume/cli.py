@@ -13,6 +13,7 @@ from resample.settings import Picture, Resampling, linear_color, method_names
 from resample_volume.choices import Look, Projecting, Source
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
+Unshown = Parameter(show_default=False)
 Output = Annotated[Path, Parameter(alias="-o")]
 
 app = App(
@@ -45,6 +46,7 @@ def render(
     picture: Annotated[Picture, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
     color_bar: Annotated[bool, Parameter(negative="")] = False,
+    cull: Annotated[bool, Parameter(negative="")] = False,
     stats: Path | None = None,
 ) -> None:
     """Render a volume to a picture.
@@ -59,6 +61,8 @@ def render(
         Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
+    cull
+        Skip blocks of voxels outside the picture or hidden; it pays where much is opaque.
     stats
         Also write counts and times (.json).
     """
@@ -72,19 +76,23 @@ def render(
     if color_bar:
         check_color_bar(output, size[0])
     background = _background(picture.background, output)
-    resampler = resampling.resampler(of_field=look.classify == "post")
+    resampler = look.renderer(resampling)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
     check_memory(*size)
     session = Session()
     with session.stage("read"):
         scene = source.open(volume)
-    subject = session.subject(scene, look.appearance(scene), resampler)
+    subject = session.subject(scene, look.appearance(scene, resampler), resampler)
+    if cull:
+        subject = subject.in_blocks()
     camera = subject.camera(viewpoint, *size)
     seen = session.lit(subject, camera)
     frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)
     with session.stage("write"):
-        drawn = with_bar(frame, scene, subject.appearance, background) if color_bar else frame
+        drawn = frame
+        if color_bar:
+            drawn = with_bar(frame, scene, subject.appearance, resampler, background)
         write_frame(output, drawn, bits=picture.bits, background=background)
     if stats is not None:
         write_json(stats, session.report(frame))
@@ -96,8 +104,8 @@ def compare(
     /,
     *,
     primitive: str = "points,splats,hybrid",
-    footprint: str = "",
-    order: str = "",
+    footprint: Annotated[str, Unshown] = "",
+    order: Annotated[str, Unshown] = "",
     peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
     reference: Literal["splats", "rays"] = "splats",
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
@@ -120,9 +128,9 @@ def compare(
     primitive
         Some of hybrid, points, splats, paper, inflate, ewa.
     footprint
-        Some of exact, corrected, small-angle, affine, disc.
+        Some of exact, corrected, small-angle, affine, disc. Each primitive's own.
     order
-        Some of every-sample, axis-sheets, image-sheets:thickness=0.5.
+        Some of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
     reference
@@ -135,28 +143,34 @@ def compare(
         Of the reference per side of a pixel, 1 to 32.
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
+    size
+        In px: 96 for a square, 640x480 for width and height.
     """
     from resample.compare import check_sheet, contact_sheet, plain
     from resample.console import check_targets, rows_as_json
-    from resample_volume.compare import Contest, variants
+    from resample_volume.compare import Contest, check_vtk, thickest, variants
     from resample_volume.framing import centered
     from resample_volume.session import Session
     from resample_volume.writing import check_memory
 
     pixels = Picture(size=size).height_and_width()
-    first = projection.resampling().resampler(of_field=look.classify == "post")
+    first = look.renderer(projection.resampling())
     choice = variants(first, _words(primitive), _words(footprint), method_names(order, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
     if output is not None:
         check_sheet(output)
+    elif difference:
+        raise ValueError("differences are shown in a picture; give its name by --output")
     viewpoint = look.viewpoint()
     check_targets(output)
     check_memory(*pixels)
     scene = source.open(volume)
-    appearance = look.appearance(scene)
+    appearance = look.appearance(scene, first)
+    if peer is not None:
+        check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = Session().subject(scene, appearance, first)
+    subject = Session().subject(scene, appearance, thickest(choice))
     contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
     for name, resampler in choice.items():
@@ -225,11 +239,11 @@ def animate(
     flight = flight_of(path, frames, fps, look.viewpoint())
     shape = Picture(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    resampler = resampling.resampler(of_field=look.classify == "post")
+    resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)
     check_memory(*shape)
     scene = source.open(volume)
-    subject = Session().subject(scene, look.appearance(scene), resampler)
+    subject = Session().subject(scene, look.appearance(scene, resampler), resampler)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
     with progress_bar("filming") as progress:
@@ -314,7 +328,7 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 def figures(
     *,
     output: Output = FIGURES,
-    figure: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    figure: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
     data: Path | None = None,
 ) -> None:
     """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.

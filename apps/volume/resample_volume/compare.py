@@ -1,7 +1,7 @@
 """One view of one volume by several renderers, measured side by side."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -13,10 +13,10 @@ from resample.cameras import Camera
 from resample.compare import shown
 from resample.images import from_srgb
 from resample.quality import measure
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Footprint, Primitive, Projection, Resampler
 from resample.types import Floats
 from resample_volume.raycasting import Casting, cast_rays
-from resample_volume.rendering import Subject, transfer_of
+from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.session import Session
 from resample_volume.types import Volume
 
@@ -50,6 +50,27 @@ def variants(
             order=registry.build("orders", order) if order else resampler.order,
         )
     return choice
+
+
+def thickest(choice: Mapping[str, Resampler]) -> Resampler:
+    """Renderer whose slabs need voxels from farthest around what is seen."""
+    return max(choice.values(), key=lambda resampler: resampler.order.thickness)
+
+
+def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
+    """Refuse a look that is not given to VTK, whose picture would be of something else.
+
+    Raises
+    ------
+    ValueError
+        Something is cut away, labelled or dimmed, or not composited.
+    """
+    cut = {"crop": appearance.crop, "clip": appearance.clip}
+    chosen = [*appearance.extras, *(name for name, choice in cut.items() if choice)]
+    if resampler.projection is not Projection.COMPOSITE:
+        chosen.append(f"the projection {resampler.projection}")
+    if chosen:
+        raise ValueError(f"VTK is not told of {', '.join(chosen)}; leave out either it or these")
 
 
 def _member(family: Any, name: str) -> Any:
@@ -93,7 +114,7 @@ class Contest:
             iso=resampler.iso,
             clip=self.subject.clip,
         )
-        seen = self.subject.seen_by(self.camera)
+        seen = self.subject.lit_for(self.camera)
         cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
         self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 Kept = TypeVar("Kept", bound="Voxels | FieldVoxels")
 
+CUT = 3.0  # voxels that a cut is thick
+STEEPER = 1e-3  # of the steepest gradient: more than what counts as even
+
 PER_VOXEL = {"position", "color", "extinction", "value", "gradient"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
 CLIP_FORM = "give a normal, and how far from the middle along it, such as 1/0/-1 or 1/0/-1/20"
@@ -76,11 +79,44 @@ def keep(voxels: Kept, planes: Doubles, radius: float = 2.0) -> Kept:
     """Voxels without those that are wholly cut away; see `inside`."""
     if not len(planes):
         return voxels
-    kept = np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
+    return chosen(voxels, np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius)))
+
+
+def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
+    """Voxels of the given indices, in their order."""
     of_each = voxels._asdict().keys() & PER_VOXEL
-    parts = {name: array[kept] for name in of_each if len(array := getattr(voxels, name))}
-    kept_voxels: Kept = voxels._replace(**parts)  # type: ignore[assignment]
-    return kept_voxels
+    parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
+    those: Kept = voxels._replace(**parts)  # type: ignore[assignment]
+    return those
+
+
+def faced(voxels: Kept, planes: Doubles) -> Kept:
+    """Voxels whose gradients lead across a cut where they are near one; their lengths stay.
+
+    A cut through even tissue meets noise alone, whose gradients would make it look rough. So it is
+    lit as the plane that it is: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
+    Texture-Based Volume Visualization and Volume Shading, 2003.
+
+    Parameters
+    ----------
+    voxels
+        With gradients or without.
+    planes
+        (M, 4) as from `planes`.
+    """
+    if not len(planes) or not len(voxels.gradient):
+        return voxels
+    normal = planes[:, :3]
+    away = voxels.position @ normal.T + planes[:, 3]
+    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
+    nearest = away.argmin(axis=1)
+    near = np.flatnonzero(away.min(axis=1) < CUT)
+    length = np.linalg.norm(voxels.gradient, axis=1)
+    least = STEEPER * length.max()  # what is even has no normal of its own
+    gradient = voxels.gradient.copy()
+    gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
+    across: Kept = voxels._replace(gradient=gradient)  # type: ignore[assignment]
+    return across
 
 
 def _box(volume: Volume, text: str) -> list[Doubles]:
@@ -131,10 +167,11 @@ def _plane(volume: Volume, text: str) -> Doubles:
         numbers = []
     if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
         raise ValueError(f"clip {text!r}; {CLIP_FORM}")
-    length = np.linalg.norm(numbers[:3])
-    if not length:
+    largest = max(map(abs, numbers[:3]))
+    if not largest:
         raise ValueError(f"clip {text!r}: the normal must not be 0/0/0; {CLIP_FORM}")
-    normal = np.array(numbers[:3]) / length
+    normal = np.array(numbers[:3]) / largest
+    normal /= np.linalg.norm(normal)
     last = np.array(volume.values.shape[::-1]) - 1.0
     middle = volume.origin + lattice_of(volume) @ last / 2
     offset = numbers[3] if len(numbers) == 4 else 0.0

@@ -25,6 +25,9 @@ from resample_volume.voxels import (
 COLUMNS = 4096  # of a table of looks; values of integers fall on columns
 MOST_COLUMNS = 1 << 16
 
+# Projections under which a ray may end up with what is seen, or without it; others sum all.
+SEEN = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
+
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
 Indices = NDArray[np.int64]
@@ -52,18 +55,19 @@ def field_voxels(
     transfer
         Gives colors and opacities.
     resampler
-        Whose projection is asked for: an X-ray needs values other than 0, a composite and a first
-        hit what is near something that can be seen, others all voxels.
+        Whose projection is asked for: an X-ray needs values other than 0, a mean all of them, and
+        others what is near something that can be seen.
     gradient
         One of `resample_volume.voxels.GRADIENTS`; None where nothing is lit.
 
     Raises
     ------
     ValueError
-        The voxels do not fit in memory.
+        The iso value is none that the data pass, or the voxels do not fit in memory.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
+    _check_iso(resampler.iso, volume, data_range)
     shape = (64 if transfer.needs_gradient else 1, _columns(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
     voxel = _needed(volume, looks, resampler)
@@ -77,6 +81,24 @@ def field_voxels(
         steep = steepness(np.linalg.norm(slope[visible], axis=1))
         looks = tabulated(transfer, data_range, steep, unit, shape)
     return FieldVoxels(positions_at(volume, voxel), value, slope, lattice, looks)
+
+
+def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
+    """Those that can be seen themselves, and do not just change what is seen around them.
+
+    What they are around is what a camera looks at. Where none can be, all are given.
+    """
+    looks, iso = voxels.looks, resampler.iso
+    if iso is not None:
+        seen = voxels.value >= iso
+    elif resampler.projection in SEEN:
+        last = looks.table.shape[1] - 1
+        place = (voxels.value - looks.low) * (last / (looks.high - looks.low))
+        column = np.clip(np.rint(place), 0, last).astype(np.int64)
+        seen = (looks.table[..., 3].max(axis=0) > 0)[column]
+    else:
+        return voxels
+    return voxels._replace(position=voxels.position[seen]) if seen.any() else voxels
 
 
 def lit_field(
@@ -103,6 +125,14 @@ def lit_field(
     return Field(voxels.position, voxels.value, voxels.gradient, voxels.lattice, classifier)
 
 
+def _check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
+    low, high = data_range
+    if iso is not None and not low < iso <= high and np.isfinite(volume.values).any():
+        raise ValueError(
+            f"there is no surface of the value {iso:g}: {volume.name} holds {low:g} to {high:g}"
+        )
+
+
 def _columns(volume: Volume, data_range: tuple[float, float]) -> int:
     """Columns of a table of looks, so many that integers fall on columns."""
     span = data_range[1] - data_range[0]
@@ -114,7 +144,7 @@ def _columns(volume: Volume, data_range: tuple[float, float]) -> int:
 def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
     """Flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
-    if projection in (Projection.COMPOSITE, Projection.FIRST_HIT):
+    if projection in SEEN:
         if resampler.iso is not None:
             looks = looks._replace(table=_opaque_from(looks, resampler.iso))
         # Values are means over a ray's way through a slab, up to √3 times its thickness.

@@ -1,7 +1,7 @@
 """From a volume to a picture: classify, shade, resample."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from resample.animations import fingerprint
 from resample.cameras import Camera
 from resample.orders import Summing
-from resample.resampler import Projection, Resampler
-from resample.types import Doubles, Field, Frame, Samples, View
-from resample_volume.cropping import keep, planes
-from resample_volume.fields import FieldVoxels, field_voxels, lit_field
+from resample.resampler import MEASURING, Projection, Resampler
+from resample.types import Blocked, Blocks, Doubles, Field, Frame, Samples, View
+from resample_volume.cropping import chosen, faced, keep, planes
+from resample_volume.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.framing import (
     Orbit,
     Shifted,
@@ -28,9 +28,15 @@ from resample_volume.labels import Labels
 from resample_volume.presets import transfer_for
 from resample_volume.regions import Faded
 from resample_volume.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
-from resample_volume.transfer import Transfer
+from resample_volume.transfer import Transfer, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels import Voxels, classify
+
+# Values as gray levels, which is how they are read where they are not classified. Nothing is made
+# of the least value: in a picture on black that is no difference, and most voxels may have it.
+LEVELS = from_points(
+    [(0.0, (0.0,) * 3, 0.0), (0.001, (0.001,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True
+)
 
 
 class Classification(StrEnum):
@@ -55,6 +61,16 @@ class Appearance:
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
 
     @property
+    def extras(self) -> list[str]:
+        """Names of what was chosen and is not for all projections."""
+        chosen = {
+            "labels": self.labels,
+            "gradient-opacity": self.gradient_opacity,
+            "depth-cue": self.cue,
+        }
+        return [name for name, choice in chosen.items() if choice is not None]
+
+    @property
     def needed_gradient(self) -> str | None:
         """How gradients are found; None where light does not need them."""
         return None if self.light is None else self.gradient
@@ -67,10 +83,62 @@ def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
     return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
 
 
-def transfer_of(volume: Volume, appearance: Appearance) -> Transfer:
+def transfer_of(
+    volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
+) -> Transfer:
     """Transfer function, also where it was given by name."""
     given = appearance.transfer
-    return transfer_for(given, volume) if isinstance(given, str) else given
+    return named_transfer(given, volume, projection) if isinstance(given, str) else given
+
+
+def named_transfer(name: str, volume: Volume, projection: Projection) -> Transfer:
+    """Transfer function by name; `auto` shows values as opaque gray, where they are projected."""
+    if name == "auto" and projection in MEASURING:
+        return LEVELS
+    return transfer_for(name, volume)
+
+
+def check_together(
+    resampler: Resampler, classification: Classification, extras: Collection[str] = ()
+) -> None:
+    """Refuse choices that do not go together, and say which do.
+
+    Parameters
+    ----------
+    resampler
+        Renderer.
+    classification
+        When values get their colors.
+    extras
+        Names of what else was chosen, see `Appearance.extras`.
+
+    Raises
+    ------
+    ValueError
+        The order composites colors, where the field is wanted; or the field has no labels, lights
+        or gradients to show.
+    """
+    projection = resampler.projection
+    is_composite = projection is Projection.COMPOSITE
+    if is_composite and classification is Classification.PRE:
+        return
+    if resampler.order.summing is not Summing.SLABS:
+        raise ValueError(
+            f"the classification post needs the order image-sheets, not {resampler.order}"
+        )
+    if "labels" in extras:
+        raise ValueError(
+            "labels color voxels, so they need the classification pre and the projection composite"
+        )
+    if "gradient-opacity" in extras and not is_composite:
+        raise ValueError(
+            f"gradient-opacity fades voxels, so it needs the projection composite, not {projection}"
+        )
+    if "depth-cue" in extras and projection in MEASURING:
+        raise ValueError(
+            "depth-cue dims light, so it needs the projection composite or first-hit, not "
+            f"{projection}"
+        )
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
@@ -92,20 +160,20 @@ def field_of(volume: Volume, appearance: Appearance, resampler: Resampler) -> Fi
     Raises
     ------
     ValueError
-        The order composites colors; or labels are asked for, which are of voxels: between these
-        a field has none.
+        The transfer function is of gradients, where values alone are shown; or see
+        `field_voxels`.
     """
-    if resampler.order.summing is not Summing.SLABS:
+    projection = resampler.projection
+    transfer = transfer_of(volume, appearance, projection)
+    if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(
-            f"the classification post needs the order image-sheets, not {resampler.order}"
+            f"the projection {projection} shows values, which have no color in a transfer function "
+            "of values and gradients; take one of values alone"
         )
-    if appearance.labels is not None:
-        raise ValueError(
-            "labels color voxels, so they need the classification pre and the projection composite"
-        )
-    transfer = transfer_of(volume, appearance)
     if appearance.gradient_opacity is not None:
         transfer = Faded(transfer, appearance.gradient_opacity)
+    if projection in MEASURING:
+        return field_voxels(volume, transfer, resampler, None)
     gradient = appearance.gradient if transfer.needs_gradient else appearance.needed_gradient
     return field_voxels(volume, transfer, resampler, gradient)
 
@@ -127,6 +195,7 @@ class Subject:
     sphere: Sphere  # around all that is seen
     middle: Doubles  # (3,) where the volume's middle was, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
+    blocks: Blocks | None = None  # of the voxels, if these are to be skipped by blocks
 
     @classmethod
     def of(
@@ -140,6 +209,7 @@ class Subject:
             A choice is not allowed, or the voxels do not fit in memory.
         """
         resampler = resampler or Resampler()
+        check_together(resampler, appearance.classification, appearance.extras)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.clip)
         voxels: Voxels | FieldVoxels
@@ -149,8 +219,27 @@ class Subject:
             voxels = field_of(scene, appearance, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
-        voxels = keep(voxels, clip, resampler.reconstruction.radius)
-        return cls(voxels, appearance, sphere_around(voxels, scene), middle, clip)
+        voxels = faced(keep(voxels, clip, resampler.reconstruction.radius), clip)
+        shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
+        return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
+
+    def in_blocks(self) -> "Subject":
+        """Subject of which a renderer skips, block by block, what is outside the view or hidden.
+
+        Raises
+        ------
+        ValueError
+            It is a field, of which all is summed.
+        """
+        from resample.culling import bricks
+
+        if not isinstance(self.voxels, Voxels):
+            raise ValueError(
+                "blocks of voxels can be skipped where voxels are composited; leave out cull, or "
+                "the projection and the classification post"
+            )
+        order, blocks = bricks(self.voxels.position, self.voxels.lattice)
+        return replace(self, voxels=chosen(self.voxels, order), blocks=blocks)
 
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> Camera:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
@@ -175,7 +264,14 @@ class Subject:
             "depth cue": repr(self.appearance.cue),
         }
 
-    def seen_by(self, camera: Camera) -> Samples | Field:
+    def seen_by(self, camera: Camera) -> Samples | Blocked | Field:
+        """What a renderer takes: samples or a field with the light that a camera sees."""
+        seen = self.lit_for(camera)
+        if self.blocks is None or isinstance(seen, Field):
+            return seen
+        return Blocked(seen, self.blocks)
+
+    def lit_for(self, camera: Camera) -> Samples | Field:
         """Samples or field with the light that a camera sees."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)

@@ -10,8 +10,8 @@ from resample.cameras import Camera
 from resample.console import progress_bar, say
 from resample.orders import Summing
 from resample.resampler import Resampler
-from resample.types import Doubles, Field, Frame, Samples
-from resample_volume.rendering import Appearance, Subject
+from resample.types import Blocked, Doubles, Field, Frame, Samples
+from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
 
 
@@ -30,14 +30,15 @@ class Session:
 
     def subject(self, volume: Volume, appearance: Appearance, resampler: Resampler) -> Subject:
         """Volume made ready for a renderer."""
+        check_together(resampler, appearance.classification, appearance.extras)
         announce_compilation(resampler)
         with self.stage("classify"):
             subject = Subject.of(volume, appearance, resampler)
         if subject.is_empty:
-            say("nothing to see: the transfer function makes every voxel transparent")
+            say("nothing to see: all voxels are transparent, missing or cut away")
         return subject
 
-    def lit(self, subject: Subject, camera: Camera) -> Samples | Field:
+    def lit(self, subject: Subject, camera: Camera) -> Samples | Blocked | Field:
         """What a camera sees of a subject."""
         with self.stage("shade"):
             return subject.seen_by(camera)
@@ -45,7 +46,7 @@ class Session:
     def paint(
         self,
         resampler: Resampler,
-        samples: Samples | Field,
+        samples: Samples | Blocked | Field,
         camera: Camera,
         size: tuple[int, int],
         threads: int | None = None,
@@ -76,6 +77,9 @@ class Session:
             "splat_fraction": counts.splat_fraction,
             "hidden": counts.hidden,
             "subpixels": counts.subpixels,
+            "outside": counts.outside,
+            "occluded": counts.occluded,
+            "skipped_fraction": counts.skipped_fraction,
             "seconds": {name: round(seconds, 6) for name, seconds in self.seconds.items()},
         }
 

@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from resample.console import require_memory
-from resample.images import replacing
+from resample.images import replacing, to_srgb
+from resample.resampler import Projection, Resampler
 from resample.settings import Color
 from resample.types import Frame
 from resample_volume.rendering import Appearance, transfer_of
+from resample_volume.transfer import DataRange, Transfer, TransferFunction
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
@@ -67,22 +69,34 @@ def check_color_bar(path: Path, height: int) -> None:
 
 
 def with_bar(
-    frame: Frame, volume: Volume, appearance: Appearance, background: Color | None
+    frame: Frame,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    background: Color | None,
 ) -> Frame:
-    """Picture with a bar of colors, opacities and values to its right."""
+    """Picture with a bar of colors, opacities and values, or of sums, to its right."""
     from resample_volume.color_bar import color_bar, with_color_bar
     from resample_volume.voxels import finite_range
 
-    transfer = transfer_of(volume, appearance)
+    if resampler.projection is Projection.ADDITIVE:
+        transfer, extent = _sums(frame)
+    else:
+        transfer = transfer_of(volume, appearance, resampler.projection)
+        extent = finite_range(volume.values)
     behind = background or (0.0, 0.0, 0.0)
-    bar = color_bar(
-        transfer,
-        finite_range(volume.values),
-        len(frame.rgba),
-        title=volume.name,
-        background=behind,
-    )
+    bar = color_bar(transfer, extent, len(frame.rgba), title=volume.name, background=behind)
     return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+
+
+def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
+    """What the gray levels of an X-ray mean: light grows with the sum, and the largest is white."""
+    share = np.linspace(0.0, 1.0, 256)
+    gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
+    value = np.zeros(1) if frame.value is None else frame.value
+    known = value[np.isfinite(value)]
+    levels = TransferFunction(share, gray, np.ones(share.size), normalized=True)
+    return levels, (0.0, float(known.max(initial=0.0)))
 
 
 def _write_image(path: Path, volume: Volume) -> None:

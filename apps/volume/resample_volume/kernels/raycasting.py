@@ -283,7 +283,8 @@ def _composite(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Resu
         if sums[0] > 0.0:
             light = _sample_light(sums)
             if plan.classified:
-                light = _surface(sums, _value(sums, look), ray, depth, grid, look, lamp)
+                value = look.low + sums[1] / sums[0]
+                light = _surface(sums, value, ray, depth, grid, look, lamp)
             share = -passed * math.expm1(-light[3] * ray.thickness * ray.length)
             red += share * light[0]
             green += share * light[1]

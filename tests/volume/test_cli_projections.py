@@ -1,0 +1,296 @@
+"""What `resample-volume` makes of projections, classification, cuts, labels and color bars."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from resample.images import read_channels, read_image
+from resample.options import run
+from resample.orders import ImageSheets
+from resample.resampler import Resampler
+from resample_volume import cli
+from resample_volume.compare import thickest, variants
+
+BOX = "checker-box:size=16,block=4"  # values 64 and 192
+TREE = "vessel-tree:size=24"
+SMALL = ["--size", "32"]
+POST = ["--classify", "post"]
+HIT = ["--projection", "first-hit", "--iso"]
+ALL = ["maximum", "average", "additive", "first-hit"]
+
+
+def ended(*words: object) -> object:
+    with pytest.raises(SystemExit) as caught:
+        run(cli.app, [str(word) for word in words])
+    return caught.value.code
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The working folder of every command; nothing is announced about compilation."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("resample_volume.session.announce_compilation", lambda _: None)
+    return tmp_path
+
+
+def refused(capsys, *words: object) -> str:
+    """The one line that a command says when it fails, having written nothing."""
+    before = sorted(Path().rglob("*"))
+    assert ended(*words) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error.startswith("resample: error: ")
+    assert error.count("\n") == 1
+    assert sorted(Path().rglob("*")) == before
+    return error
+
+
+def drawn(*words: object, volume: str = BOX) -> dict[str, np.ndarray]:
+    """Channels (32, 32) that `render` writes."""
+    assert ended("render", volume, "-o", "out.exr", *SMALL, *words) == 0
+    return read_channels("out.exr")
+
+
+def shown(*words: object, volume: str = BOX, size: str = "32") -> np.ndarray:
+    """Picture (H, W, 3) that `render` writes, sRGB."""
+    assert ended("render", volume, "-o", "out.png", "--size", size, *words) == 0
+    return read_image("out.png")
+
+
+# What pictures show
+
+
+@pytest.mark.parametrize("projection", ALL)
+def test_every_projection_draws_depth_where_there_is_something(projection):
+    iso = ["--iso", 100] if projection == "first-hit" else []
+    channels = drawn("--projection", projection, *iso, volume=TREE)
+    seen = channels["G"] > 0.01 * channels["G"].max()
+    assert seen.any()
+    assert np.isfinite(channels["Z"][seen]).all()
+    assert np.isinf(channels["Z"][0, 0])
+    assert channels["A"].max() <= 1 + 1e-6
+
+
+def test_an_x_ray_is_zero_and_known_where_nothing_is():
+    channels = drawn("--projection", "additive", volume=TREE)
+    assert channels["A"].min() == 1
+    assert channels["G"][0, 0] == 0
+    assert channels["G"].max() == 1
+
+
+@pytest.mark.parametrize("projection", ["maximum", "average", "additive"])
+def test_values_are_gray_levels_unless_a_transfer_function_is_chosen(projection):
+    gray = shown("--projection", projection, volume=TREE)
+    assert gray.max() > (0.005 if projection == "average" else 0.3)  # a mean of almost nothing
+    assert np.ptp(gray, axis=2).max() < 1e-6
+
+
+def test_the_largest_value_is_white_and_the_least_black():
+    gray = shown("--projection", "maximum", "--fov", 0, "--camera", "0/0/1")
+    assert np.median(gray[8:24, 8:24]) > 0.8  # of blocks behind each other one is bright
+    assert gray.max() > 0.99
+    assert gray[0].max() == 0
+
+
+def test_a_surface_is_framed_like_the_voxels_that_it_is_of():
+    pre, post = (drawn(*words, volume=TREE)["A"] > 0.1 for words in ([], POST))
+    for axis in (0, 1):  # surfaces lie a little inside of the voxels' kernels
+        inner, outer = (np.flatnonzero(seen.any(axis=axis)) for seen in (post, pre))
+        assert np.ptp(inner) >= np.ptp(outer) - 6
+
+
+def test_a_cut_through_noise_is_lit_as_the_plane_that_it_is(rng):
+    values = rng.integers(180, 220, (24, 24, 24), dtype=np.uint8)
+    values[:, :, :2] = 0
+    np.save("noise.npy", values)
+    view = ["--camera", "0/0/2", "--fov", 0, "--clip", "0/1/0", "--light", "1/-1/1"]
+    Path("white.toml").write_text(
+        'points = [{ value = 60, color = "gray", opacity = 0 },'
+        ' { value = 100, color = "gray", opacity = 0.8 }]'
+    )
+    for words in ([], POST, [*HIT, 100]):
+        look = [*view, *words, "--transfer", "white.toml"]
+        middle = shown(*look, volume="noise.npy")[8:24, 8:24, 0]
+        assert middle.min() > 0.1
+        assert middle.std() < 0.02  # lit by gradients of the noise it is 0.05 to 0.1
+
+
+def test_labels_recolor_and_hide():
+    values = np.zeros((16, 16, 16), np.uint8)
+    values[:, :, 8:] = 1
+    np.save("labels.npy", values)
+    front = ["--camera", "0/0/1", "--fov", 0]
+    plain = shown(*front)
+    half = shown(*front, "--labels", "labels.npy", "--label", "1:hidden").max(axis=2) > 0.1
+    red = shown(*front, "--labels", "labels.npy", "--label", "1:color=red")
+    assert half.any(axis=0).sum() < 0.7 * half.any(axis=1).sum()
+    assert np.array_equal(red[:, :12], plain[:, :12])
+    assert red[16, 22, 0] > 3 * red[16, 22, 2]
+
+
+def test_what_is_cropped_is_not_drawn():
+    channels = drawn("--crop", "0:8,:,:", "--camera", "0/0/1", "--fov", 0)
+    seen = channels["A"] > 0.5
+    assert np.ptp(np.flatnonzero(seen.any(axis=0))) < 0.65 * np.ptp(
+        np.flatnonzero(seen.any(axis=1))
+    )
+
+
+# Color bars
+
+
+@pytest.mark.parametrize("words", [[], POST, *(["--projection", name] for name in ALL[:3])])
+def test_a_color_bar_widens_the_picture(words):
+    bar = shown(*words, "--color-bar", size="96")
+    assert bar.shape[0] == 96
+    assert bar.shape[1] > 120
+
+
+def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
+    words = ["--projection", "additive", "--color-bar"]
+    assert np.array_equal(
+        shown(*words, size="96"), shown(*words, "--transfer", "viridis", size="96")
+    )
+
+
+# Statistics
+
+
+@pytest.mark.parametrize("words", [POST, [*HIT, 128], ["--projection", "average"]])
+def test_stats_of_fields_add_up(words):
+    assert ended("render", BOX, "-o", "out.png", *SMALL, *words, "--stats", "s.json") == 0
+    stats = json.loads(Path("s.json").read_text())
+    assert stats["points"] + stats["splats"] == stats["samples"] == 16**3
+    assert 0 <= stats["hidden"] < stats["samples"]
+
+
+# Volumes that hold little or nothing
+
+
+@pytest.mark.parametrize("words", [POST, *(["--projection", name] for name in ALL[:3]), [*HIT, 8]])
+def test_a_volume_of_missing_values_is_an_empty_picture_and_a_line(words, capsys):
+    np.save("nan.npy", np.full((6, 6, 6), np.nan, np.float32))
+    assert not shown(*words, volume="nan.npy").any()
+    assert capsys.readouterr().err.startswith("resample: nothing to see: all voxels are")
+
+
+@pytest.mark.parametrize("words", [POST, *(["--projection", name] for name in ALL[:3])])
+@pytest.mark.parametrize("name", ["half", "even"])
+def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, capsys):
+    values = rng.random((12, 12, 12)).astype(np.float32)
+    values[:, :, 6:], values[0, 0, 0] = np.nan, np.inf
+    np.save("half.npy", values)
+    np.save("even.npy", np.full((8, 8, 8), 9, np.int16))
+    assert ended("render", f"{name}.npy", "-o", "out.exr", *SMALL, *words) == 0
+    assert np.isfinite(read_image("out.exr")).all()
+    assert capsys.readouterr().err == ""
+
+
+def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
+    assert not shown("--clip", "1/0/0/100").any()
+    assert "nothing to see: all voxels are transparent, missing or cut away" in (
+        capsys.readouterr().err
+    )
+
+
+def test_a_normal_may_be_of_any_length(capsys):
+    pictures = [shown("--clip", f"{length}/0/0") for length in ("1", "1e300", "1e-300")]
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+    assert capsys.readouterr().err == ""
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([*POST, "--order", "every-sample"], "post needs the order image-sheets"),
+        ([*POST, "--labels", "labels.npy"], "need the classification pre and the projection comp"),
+        (["--projection", "maximum", "--labels", "labels.npy"], "labels color voxels"),
+        (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order image-sh"),
+        (["--projection", "maximum", "--depth-cue", 0.5], "depth-cue dims light"),
+        ([*HIT, 100, "--gradient-opacity", "0.1/0.5"], "gradient-opacity fades voxels, so it"),
+        (
+            ["--projection", "additive", "--gradient-opacity", "0.1/0.5"],
+            "needs the projection composite, not additive",
+        ),
+        (["--iso", 4], "first-hit needs an iso value, and no other"),
+        (["--projection", "first-hit"], "first-hit needs an iso value"),
+        ([*HIT, "nan"], "iso: Input should be a finite number"),
+        (["--primitive", "ewa", "--footprint", "exact"], "ewa goes with the footprint affine"),
+        (["--order", "image-sheets:thickness=0"], "thickness must be above 0"),
+        (["--order", "sheets"], "known orders: axis-sheets, every-sample, image-sheets"),
+        (["--label", "1:hidden"], "give the labels' volume too"),
+        (["--depth-cue", "2"], "depth_cue: Input should be less than or equal to 1"),
+        (["--color-bar"], "a color bar is at least 64 px high, not 32"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_before_any_work(
+    words, complaint, monkeypatch, capsys
+):
+    def work(*_):
+        raise AssertionError("the volume was read")
+
+    monkeypatch.setattr("resample_volume.choices.Source.open", work)
+    assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([*HIT, 300], "there is no surface of the value 300: checker-box holds 64 to 192"),
+        ([*HIT, 64], "there is no surface of the value 64"),
+        ([*HIT, -5], "there is no surface of the value -5"),
+        ([*HIT, 100, "--transfer", "surfaces"], "the projection first-hit shows values, which"),
+        (["--projection", "maximum", "--transfer", "surfaces"], "take one of values alone"),
+        (["--crop", "8:8,:,:"], "crop '8:8,:,:', x: '8:8' holds none of the 16 voxels"),
+        (["--clip", "0/0/0"], "the normal must not be 0/0/0"),
+        (["--clip", "1/0/0/nan"], "clip '1/0/0/nan'; give a normal"),
+        (["--labels", "small.npy"], "labels of 4 x 4 x 4 voxels do not fit a volume of 16 x 16"),
+        (["--labels", "nosuch.npy"], "nosuch.npy: there is no such file"),
+    ],
+)
+def test_what_does_not_fit_the_volume_is_one_line(words, complaint, capsys):
+    np.save("small.npy", np.zeros((4, 4, 4), np.uint8))
+    assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
+
+
+def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
+    error = refused(capsys, "render", BOX, "-o", "out.exr", "--size", "96", "--color-bar")
+    assert "out.exr: a color bar has no depth; write a .png, or leave it out" in error
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--difference"], "differences are shown in a picture; give its name by --output"),
+        (["--peer", "vtk", "--crop", "0:8,:,:"], "VTK is not told of crop; leave out either"),
+        (["--peer", "vtk", "--clip", "1/0/0"], "VTK is not told of clip"),
+        (["--peer", "vtk", "--projection", "maximum"], "not told of the projection maximum"),
+        (["--peer", "vtk", "--depth-cue", 0.5], "VTK is not told of depth-cue"),
+    ],
+)
+def test_compare_refuses_what_cannot_be_compared(words, complaint, capsys):
+    assert complaint in refused(capsys, "compare", BOX, *SMALL, *words)
+
+
+def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_needs():
+    orders = ["image-sheets:thickness=0.25", "image-sheets:thickness=4"]
+    choice = variants(Resampler(order=ImageSheets()), ["splats", "points"], orders=orders)
+    assert thickest(choice).order == ImageSheets(4)
+
+
+# Help
+
+
+def test_help_shows_neither_empty_flags_nor_empty_defaults(capsys):
+    for name in ("render", "compare", "animate", "figures"):
+        assert ended(name, "--help") == 0
+        text = capsys.readouterr().out
+        assert "--empty-" not in text
+        assert "default: ()" not in text
+        assert 'default: ""' not in text
