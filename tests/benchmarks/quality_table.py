@@ -267,10 +267,13 @@ def _quality_and_time(form: Resampler, alpha: float, scale: float) -> tuple[floa
 
 def _print_zoom() -> None:
     _head("view", "form", "largest error, %", "mean", "pixel", "relative error")
-    views = {"far": (Place(150, 0, 0), 4.0), "near": (Place(53, 9, 6), 0.6)}
-    for name, (place, largest) in views.items():
+    views = {
+        "far": (Place(150, 0, 0), np.geomspace(4.0, 0.0374, 80)),
+        "near": (Place(53, 9, 6), np.geomspace(0.2, 0.0565, 40)),
+    }
+    for name, (place, scales) in views.items():
         for form_name, form in {"hybrid": HYBRID, "splats 16 × 16": TRUTH}.items():
-            stills = zoom(place, np.geomspace(largest, 0.045, 80), form)
+            stills = zoom(place, scales, form)
             error = max(float(np.abs(still.error[still.interior]).max()) for still in stills)
             _write(name, form_name, 100 * error, *jumps(stills))
 
