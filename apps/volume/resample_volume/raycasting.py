@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.cameras import Camera
 from resample.reconstruction import GaussianKernel, Reconstruction
 from resample.resampler import Projection
-from resample.scene import Progress, check_samples
+from resample.scene import NO_CLASSIFIER, Progress, check_samples
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample_volume.memory import require_memory
 
@@ -105,17 +105,6 @@ class _Matter(NamedTuple):
     classifier: Classifier
     classified: bool
 
-
-DARK = Classifier(
-    np.zeros((1, 2, 4), np.float32),
-    0.0,
-    1.0,
-    1.0,
-    Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0),
-    0.0,
-    1.0,
-    0.0,
-)  # in the place of a field's where samples have colors of their own
 
 DEFAULT = Casting()
 
@@ -210,7 +199,9 @@ def _matter(samples: Samples | Field, look: Casting) -> _Matter:
     color = checked.color * checked.extinction[:, None]
     properties = np.column_stack([checked.extinction, color])
     visible = checked.extinction > 0
-    return _Matter(checked.position, properties, visible, checked.lattice, DARK, classified=False)
+    return _Matter(
+        checked.position, properties, visible, checked.lattice, NO_CLASSIFIER, classified=False
+    )
 
 
 def _matter_of_field(given: Field, look: Casting) -> _Matter:
