@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from resample.kernels.jit import kernel
 from resample.kernels.lookup import absorbed, corrected_distance, partial_integral
+from resample.kernels.over import Light
 from resample.kernels.points import box_of_point
 from resample.kernels.splats import cut_integral, first_inside, last_inside, light_of, seen_span
 from resample.kernels.vectors import Vector, combine, dot, scaled
@@ -162,6 +163,27 @@ def _true_index(
 
 
 @kernel
+def _deposit(
+    slab: Floats,
+    row: int,
+    column: int,
+    integral: Single,
+    density: Single,
+    light: Light,
+    value: Single,
+) -> None:
+    """Add a splat's part to the sums of a sub-pixel."""
+    weight = integral * density
+    slab[row, column, 0] += weight
+    slab[row, column, 1] += weight * light[0]
+    slab[row, column, 2] += weight * light[1]
+    slab[row, column, 3] += weight * light[2]
+    slab[row, column, 4] += weight * light[3]
+    slab[row, column, 5] += integral
+    slab[row, column, 6] += weight * value
+
+
+@kernel
 def add_splat(
     slab: Floats,
     dirty: Corners,
@@ -187,8 +209,8 @@ def add_splat(
     _mark(dirty, top, bottom, left, right)
     chord = _chord(record, rays)
     a, b, c, cone = record["a"], record["b"], record["c"], record["cone"]
-    red, green, blue, depth = light_of(record, style)
-    value, amplitude = record["extinction"], record["amplitude"]
+    light = light_of(record, style)
+    depth, value, amplitude = light[3], record["extinction"], record["amplitude"]
     opaque, two, step = np.float32(style.opaque), np.float32(2.0), np.float32(1.0 / n)
     zero, one = np.float32(0.0), np.float32(1.0)
     front, back = np.float32(bounds.front - depth), np.float32(bounds.back - depth)
@@ -220,14 +242,7 @@ def add_splat(
             integral = amplitude * partial_integral(partial, squared, low, high)
             if integral <= zero:
                 continue
-            weight = integral * density
-            slab[row, column, 0] += weight
-            slab[row, column, 1] += weight * red
-            slab[row, column, 2] += weight * green
-            slab[row, column, 3] += weight * blue
-            slab[row, column, 4] += weight * depth
-            slab[row, column, 5] += integral
-            slab[row, column, 6] += weight * value
+            _deposit(slab, row, column, integral, density, light, value)
 
 
 @kernel
@@ -254,7 +269,7 @@ def add_cut_splat(
     if left >= right or top >= bottom:
         return
     _mark(dirty, top, bottom, left, right)
-    red, green, blue, depth = light_of(record, style)
+    light = light_of(record, style)
     for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         for column in range(left, right):
@@ -268,14 +283,7 @@ def add_cut_splat(
             integral = np.float32(cut_integral(record, x, y, span, view, ellipsoid, partial))
             if integral <= np.float32(0.0):
                 continue
-            weight = integral * density
-            slab[row, column, 0] += weight
-            slab[row, column, 1] += weight * red
-            slab[row, column, 2] += weight * green
-            slab[row, column, 3] += weight * blue
-            slab[row, column, 4] += weight * depth
-            slab[row, column, 5] += integral
-            slab[row, column, 6] += weight * record["extinction"]
+            _deposit(slab, row, column, integral, density, light, record["extinction"])
 
 
 @kernel
