@@ -11,10 +11,11 @@ from typing import Protocol
 
 import numpy as np
 
-from resample.types import Doubles, Floats, RadialTable
+from resample.types import Doubles, Floats, Profile, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
 PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the peak
+PROFILE_ERROR = 5e-6  # of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 
 
@@ -98,6 +99,22 @@ def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     density = reconstruction(np.sqrt(squared + along**2) * reconstruction.radius)
     integral = (density * weight).sum(axis=1) * half_chord[:, 0] / _mass(reconstruction)
     return RadialTable(integral.astype(np.float32), 1.0)
+
+
+def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
+    """Line integrals as a formula that is quicker than their table; None where none is as good.
+
+    With t = 1 - squared distance, the integral along the chord of half length sqrt(t) is sqrt(t)
+    times a smooth function of t, if the density is smooth in the squared distance. For Gaussians a
+    polynomial of degree 8 errs by 3e-6 of the peak, as linear interpolation in the table does.
+    """
+    exact = footprint_table(reconstruction).values.astype(np.float64)
+    t = 1 - np.linspace(0, 1, STEPS + 1)
+    powers = np.sqrt(t)[:, None] * t[:, None] ** np.arange(len(Profile._fields))
+    coefficient = np.linalg.lstsq(powers, exact, rcond=None)[0].astype(np.float32)
+    if np.abs(powers @ coefficient - exact).max() > PROFILE_ERROR * exact.max():
+        return None
+    return Profile(*coefficient)
 
 
 def partial_table(reconstruction: Reconstruction) -> Floats:

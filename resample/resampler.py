@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,12 +15,14 @@ from numpy.typing import ArrayLike
 from resample.cameras import Camera
 from resample.correction import correction_table
 from resample.culling import check_blocked, paint_blocks
+from resample.deferred import can_defer, paint_deferred
 from resample.filters import Box, Gaussian, PixelFilter
 from resample.filters import table as filter_table
 from resample.orders import CompositingOrder, EverySample, Summing
 from resample.reconstruction import (
     GaussianKernel,
     Reconstruction,
+    footprint_profile,
     footprint_table,
     partial_table,
     variance,
@@ -42,11 +45,13 @@ from resample.scene import (
 from resample.types import (
     FOOTPRINT,
     Blocked,
+    Blocks,
     Classifier,
     Doubles,
     Field,
     Floats,
     Frame,
+    Profile,
     RadialTable,
     Records,
     Samples,
@@ -217,8 +222,12 @@ class Resampler:
         if checked.extinction.size == 0:
             return self._developed(nothing_painted(height, width), Statistics(0, 0, 0, 0, 1, {}))
         with _kernels(threads):
-            scene = self._project(checked, camera.view(), (height, width), look, clip)
-            return self._render(scene, checked, progress)
+            scene = self._scene(checked.lattice, camera.view(), (height, width), look, clip)
+            if look is None:
+                deferred = self._deferred(scene, checked, progress)
+                if deferred is not None:
+                    return self._developed(*deferred)
+            return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(
         self, samples: Samples | Field, camera: Camera, *, height: int, width: int
@@ -230,7 +239,8 @@ class Resampler:
         _check_size(height, width)
         checked, look = _checked(samples)
         with _kernels(None):
-            return self._project(checked, camera.view(), (height, width), look, None).footprints
+            scene = self._scene(checked.lattice, camera.view(), (height, width), look, None)
+            return self._project(scene, checked).footprints
 
     def _check_field(self, is_field: bool) -> None:
         """Refuse a field that the order cannot classify, and samples that hold no field."""
@@ -262,7 +272,22 @@ class Resampler:
             )
         checked = check_blocked(samples)
         scene = self._scene(checked.samples.lattice, camera.view(), size, None, clip)
-        return self._developed(*paint_blocks(scene, checked, self.order, progress))
+        result = self._deferred(scene, check_samples(checked.samples), progress, checked.blocks)
+        return self._developed(*(result or paint_blocks(scene, checked, self.order, progress)))
+
+    def _deferred(
+        self,
+        scene: Scene,
+        samples: Samples,
+        progress: Progress | None,
+        blocks: Blocks | None = None,
+    ) -> tuple[Painted, Statistics] | None:
+        """Picture by the quick way, where that can be gone."""
+        profile = self._profile
+        if profile is None or not samples.extinction.size or not can_defer(scene, self.order):
+            return None
+        order = cast(EverySample, self.order)
+        return paint_deferred(scene, samples, order, profile, progress, blocks)
 
     def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
         clock = Clock()
@@ -294,16 +319,9 @@ class Resampler:
             rgba = _as_gray(value)
         return Frame(rgba, depth, first_depth, coverage, statistics, value)
 
-    def _project(
-        self,
-        samples: Samples,
-        view: View,
-        size: tuple[int, int],
-        look: Classifier | None,
-        clip: ArrayLike | None,
-    ) -> Scene:
+    def _project(self, scene: Scene, samples: Samples) -> Scene:
+        """Scene with the footprints of samples."""
         start = time.perf_counter()
-        scene = self._scene(samples.lattice, view, size, look, clip)
         footprints, style = scene.project(samples), scene.style
         if self.projection in FEWEST and not style.subpixels:
             grid = max(FEWEST[self.projection], finest_grid(footprints, style))
@@ -339,6 +357,11 @@ class Resampler:
         # that variance; the paper's are seen under the pixel's filter.
         literal = self.primitive is Primitive.PAPER
         return filter_table((self.pixel_filter or LITERAL_FILTER) if literal else POINT_FILTER)
+
+    @cached_property
+    def _profile(self) -> Profile | None:
+        """Line integrals as a formula, where there is one."""
+        return footprint_profile(self.reconstruction)
 
     @cached_property
     def _tables(self) -> Tables:

@@ -136,6 +136,22 @@ FOOTPRINT = np.dtype(
 )
 
 
+# What is known of a run of neighbouring samples before they are painted: bounds as in FOOTPRINT of
+# all that can be seen, their least key, least and greatest spacing, and how many they are.
+RUN = np.dtype(
+    [
+        ("left", np.float32),
+        ("top", np.float32),
+        ("right", np.float32),
+        ("bottom", np.float32),
+        ("key", np.float32),
+        ("least_spacing", np.float32),
+        ("most_spacing", np.float32),
+        ("seen", np.int32),
+    ]
+)
+
+
 class View(NamedTuple):
     """A camera as kernels see it."""
 
@@ -193,6 +209,20 @@ class RadialTable(NamedTuple):
 
     values: Floats  # (K + 1,) the last entry is the value at `extent`
     extent: float  # px for pixel filters; 1 for footprints, whose argument is the squared index
+
+
+class Profile(NamedTuple):
+    """A kernel's line integrals at t = 1 - squared distance: sqrt(t) times a polynomial in t."""
+
+    p0: Single
+    p1: Single
+    p2: Single
+    p3: Single
+    p4: Single
+    p5: Single
+    p6: Single
+    p7: Single
+    p8: Single
 
 
 class Tables(NamedTuple):

@@ -64,11 +64,13 @@ def is_at_home(record: Record, home: Home) -> bool:
 def pixel_weights(tables: Tables, n: int) -> Floats:
     """Weights, with sum 1, of the sub-pixels along one axis that a pixel's filter reads."""
     margin = tables.pixel_margin
-    weight = np.zeros((2 * margin + 1) * n, np.float32)
+    weight, total = np.zeros((2 * margin + 1) * n, np.float32), np.float32(0.0)
     for tap in range(weight.size):
         distance = abs((tap + 0.5) / n - margin - 0.5)
         weight[tap] = radial(tables.pixel, tables.pixel_extent, distance)
-    weight /= weight.sum()
+        total += weight[tap]
+    for tap in range(weight.size):
+        weight[tap] /= total
     return weight
 
 

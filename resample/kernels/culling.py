@@ -19,6 +19,7 @@ from resample.kernels.grid import grid
 from resample.kernels.jit import kernel, parallel_kernel
 from resample.kernels.paint import Tally, paint_members
 from resample.kernels.sorting import put_in_order
+from resample.kernels.tiles import tiles_met
 from resample.kernels.vectors import Vector, combine, multiply
 from resample.types import (
     DISC,
@@ -291,14 +292,6 @@ def outline_blocks(
 
 
 @kernel
-def _tiles_met(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
-    """First and last tile along one axis whose pixels, with margin, may meet [low, high] px."""
-    first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
-    last = math.floor(max(-1.0, min(float(count), (high + margin) / size)))
-    return max(0, int(first)), min(count - 1, int(last))
-
-
-@kernel
 def mark_doubtful(
     outlines: Outlines,
     screen: Screen,
@@ -321,8 +314,8 @@ def mark_doubtful(
         if bounds[n, 0] > bounds[n, 2]:
             continue
         finest = grid(outlines.spacing[n], style)
-        left, right = _tiles_met(bounds[n, 0], bounds[n, 2], screen.margin, size, columns)
-        top, bottom = _tiles_met(bounds[n, 1], bounds[n, 3], screen.margin, size, rows)
+        left, right = tiles_met(bounds[n, 0], bounds[n, 2], screen.margin, size, columns)
+        top, bottom = tiles_met(bounds[n, 1], bounds[n, 3], screen.margin, size, rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 doubtful[n] = doubtful[n] or finest > subpixels[row * columns + column]

@@ -57,9 +57,13 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
         )
 
 
-def _compile(function: Callable[P, R], *, parallel: bool) -> Callable[P, R]:
+def _compile(
+    function: Callable[P, R], *, parallel: bool = False, fastmath: bool | set[str] = False
+) -> Callable[P, R]:
     # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
-    compiled = numba.njit(function, nogil=True, parallel=parallel, error_model="numpy")
+    compiled = numba.njit(
+        function, nogil=True, parallel=parallel, error_model="numpy", fastmath=fastmath
+    )
     if hasattr(compiled, "enable_caching"):
         with suppress(RuntimeError):  # no folder can be written to: compile in every process
             compiled._cache = _SourceAwareCache(function)
@@ -68,7 +72,17 @@ def _compile(function: Callable[P, R], *, parallel: bool) -> Callable[P, R]:
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays and numbers; one thread runs it."""
-    return _compile(function, parallel=False)
+    return _compile(function)
+
+
+def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function whose innermost loop works on several numbers at once.
+
+    A product and a sum may be one operation, which rounds once, and zeros have no sign. Loops
+    become lanes where what is written lies at fixed distances from all else in one array, and no
+    index needs a look at its sign.
+    """
+    return _compile(function, fastmath={"contract", "nsz"})
 
 
 def parallel_kernel(function: Callable[P, R]) -> Callable[P, R]:

@@ -2,13 +2,9 @@
 
 import math
 
-from numba import prange
-
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import kernel
 from resample.kernels.vectors import Vector, combine, dot, scaled
-from resample.types import Floats, Lamp
-
-CHUNK = 4096  # samples that a thread takes at a time
+from resample.types import Lamp
 
 
 @kernel
@@ -49,26 +45,3 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
         max(own * color[1] + highlight, 0.0),
         max(own * color[2] + highlight, 0.0),
     )
-
-
-@kernel
-def _shade_chunk(
-    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats, first: int
-) -> None:
-    """Colors of one chunk's samples."""
-    for n in range(first, min(first + CHUNK, len(position))):
-        place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
-        slope = (float(gradient[n, 0]), float(gradient[n, 1]), float(gradient[n, 2]))
-        own = (float(color[n, 0]), float(color[n, 1]), float(color[n, 2]))
-        light = lit(own, slope, place, lamp)
-        for c in range(3):
-            shaded[n, c] = light[c]
-
-
-@parallel_kernel
-def shade_samples(
-    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
-) -> None:
-    """Lit colors (N, 3) of samples."""
-    for chunk in prange((len(position) + CHUNK - 1) // CHUNK):
-        _shade_chunk(position, color, gradient, lamp, shaded, chunk * CHUNK)

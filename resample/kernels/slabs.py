@@ -261,7 +261,7 @@ def add_cut_splat(
     partial: Floats,
 ) -> None:
     """Like `add_splat`, of a sphere that the near plane or a clipping plane cuts."""
-    n = place.subpixels
+    n, center = place.subpixels, (record["a"], record["b"], record["c"])
     left = first_inside(record["left"], place.x, n)
     right = last_inside(record["right"], place.x, n, pixel.shape[1])
     top = first_inside(record["top"], place.y, n)
@@ -280,7 +280,7 @@ def add_cut_splat(
                 max(bounds.front, float(ray[row, column, 4])),
                 min(bounds.back, float(ray[row, column, 5])),
             )
-            integral = np.float32(cut_integral(record, x, y, span, view, ellipsoid, partial))
+            integral = np.float32(cut_integral(center, x, y, span, view, ellipsoid, partial))
             if integral <= np.float32(0.0):
                 continue
             _deposit(slab, row, column, integral, density, light, record["extinction"])

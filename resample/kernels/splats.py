@@ -12,6 +12,7 @@ from resample.kernels.lookup import (
     unit_lookup,
 )
 from resample.kernels.over import Light, behind
+from resample.kernels.vectors import Vector
 from resample.types import (
     AFFINE,
     DISC,
@@ -136,7 +137,7 @@ def seen_span(x: float, y: float, view: View, planes: Doubles) -> tuple[float, f
 
 @kernel
 def cut_integral(
-    record: Record,
+    center: Vector,
     x: float,
     y: float,
     span: tuple[float, float],
@@ -146,6 +147,7 @@ def cut_integral(
 ) -> float:
     """Line integral of a cut sphere along a ray, between two depths; x and y as in `seen_span`.
 
+    Its center is in the space where the ellipsoid is the unit sphere.
     All models agree here: the ray's distance and the part of its chord that is seen are direct.
     """
     unit = ellipsoid.to_unit
@@ -155,9 +157,9 @@ def cut_integral(
     wx = unit[0, 0] * shift + unit[0, 1] * drop + unit[0, 2]
     wy = unit[1, 0] * shift + unit[1, 1] * drop + unit[1, 2]
     wz = unit[2, 0] * shift + unit[2, 1] * drop + unit[2, 2]
-    px = record["a"] - unit[0, 0] * (x - shift) - unit[0, 1] * (y - drop)
-    py = record["b"] - unit[1, 0] * (x - shift) - unit[1, 1] * (y - drop)
-    pz = record["c"] - unit[2, 0] * (x - shift) - unit[2, 1] * (y - drop)
+    px = center[0] - unit[0, 0] * (x - shift) - unit[0, 1] * (y - drop)
+    py = center[1] - unit[1, 0] * (x - shift) - unit[1, 1] * (y - drop)
+    pz = center[2] - unit[2, 0] * (x - shift) - unit[2, 1] * (y - drop)
     squared_length = wx * wx + wy * wy + wz * wz
     foot = (px * wx + py * wy + pz * wz) / squared_length  # depth of the nearest point
     px, py, pz = px - foot * wx, py - foot * wy, pz - foot * wz
@@ -184,7 +186,7 @@ def paint_cut_splat(
     partial: Floats,
 ) -> int:
     """Composite what is seen of a sphere that the near plane or a clipping plane cuts."""
-    n, closed = place.subpixels, 0
+    n, closed, center = place.subpixels, 0, (record["a"], record["b"], record["c"])
     light, extinction = light_of(record, style), record["extinction"]
     left = first_inside(record["left"], place.x, n)
     right = last_inside(record["right"], place.x, n, pixel.shape[1])
@@ -197,7 +199,7 @@ def paint_cut_splat(
                 continue
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
             span = seen_span(x, y, view, planes)
-            integral = np.float32(cut_integral(record, x, y, span, view, ellipsoid, partial))
+            integral = np.float32(cut_integral(center, x, y, span, view, ellipsoid, partial))
             if integral <= np.float32(0.0):
                 continue
             after = behind(pixel, row, column, opacity(integral, extinction, style), light)

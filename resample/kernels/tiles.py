@@ -15,7 +15,7 @@ Counts = NDArray[np.int64]
 
 
 @kernel
-def _tiles_of(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
+def tiles_met(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
     """First and last tile along one axis whose pixels, with margin, meet [low, high] px."""
     first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
     last = math.floor(max(-1.0, min(float(count), (high + margin) / size)))
@@ -31,8 +31,8 @@ def _count_chunk(
         record = footprints[n]
         if record["left"] > record["right"]:
             continue
-        left, right = _tiles_of(record["left"], record["right"], screen.margin, size, tile_columns)
-        top, bottom = _tiles_of(record["top"], record["bottom"], screen.margin, size, tile_rows)
+        left, right = tiles_met(record["left"], record["right"], screen.margin, size, tile_columns)
+        top, bottom = tiles_met(record["top"], record["bottom"], screen.margin, size, tile_rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 count[chunk, row * tile_columns + column] += 1
@@ -58,8 +58,8 @@ def _deal_chunk(
         record = footprints[n]
         if record["left"] > record["right"]:
             continue
-        left, right = _tiles_of(record["left"], record["right"], margin, size, columns)
-        top, bottom = _tiles_of(record["top"], record["bottom"], margin, size, tile_rows)
+        left, right = tiles_met(record["left"], record["right"], margin, size, columns)
+        top, bottom = tiles_met(record["top"], record["bottom"], margin, size, tile_rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 tile = row * columns + column

@@ -69,7 +69,7 @@ def _split(stack: Integers, top: int, axis: int) -> bool:
     length, depth = stack[top, axis, LENGTH], stack[top, axis, DEPTH]
     if length == 1 and depth == FINEST:
         return False
-    stack[top + 1] = stack[top]
+    _copy(stack[top], stack[top + 1], stack.shape[2])
     if length > 1:
         half = 1
         while half * 2 < length:
@@ -83,9 +83,16 @@ def _split(stack: Integers, top: int, axis: int) -> bool:
 
 
 @kernel
+def _copy(source: Integers, target: Integers, count: int) -> None:
+    for axis in range(source.shape[0]):
+        for n in range(count):
+            target[axis, n] = source[axis, n]
+
+
+@kernel
 def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
     """Shorten the rectangle on top of a stack and put the rest above it."""
-    stack[top + 1] = stack[top]
+    _copy(stack[top], stack[top + 1], stack.shape[2])
     stack[top, axis, LENGTH] = length
     stack[top + 1, axis, START] += length
     stack[top + 1, axis, LENGTH] -= length
@@ -186,7 +193,9 @@ def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
 @kernel
 def _grown(array: Integers) -> Integers:
     more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
-    more[: array.shape[0]] = array
+    source, target = array.reshape(-1), more.reshape(-1)
+    for n in range(source.size):
+        target[n] = source[n]
     return more
 
 
@@ -259,7 +268,7 @@ def split_plane(
             if not _stretches(matrix, u, v, ranges, box):
                 depth += 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
                 continue
-            block[:, :4] = stack[top]
+            _copy(stack[top], block, 4)
             for axis in range(2):
                 cells[axis] = _dice(block, axis, ranges[axis, 1], quality, largest)
             axis = _longer(ranges, cells)
@@ -274,7 +283,7 @@ def split_plane(
             if count == blocks.shape[0]:
                 blocks, bounds = _grown(blocks), _grown(bounds)
             if _clipped(box, reach, height, width, bounds[count]):
-                blocks[count] = block
+                _copy(block, blocks[count], block.shape[1])
                 count += 1
     return blocks[:count], bounds[:count]
 
@@ -343,7 +352,7 @@ def split_map(
                 or box[TOP] > height + reach
             ):
                 continue
-            block[:, :4] = stack[top]
+            _copy(stack[top], block, 4)
             for axis in range(2):
                 cells[axis] = _dice(block, axis, ranges[axis, 1], quality, 0.0)
             axis = _longer(ranges, cells)
@@ -353,6 +362,6 @@ def split_map(
             if count == blocks.shape[0]:
                 blocks, bounds = _grown(blocks), _grown(bounds)
             if _clipped(box, reach, height, width, bounds[count]):
-                blocks[count] = block
+                _copy(block, blocks[count], block.shape[1])
                 count += 1
     return blocks[:count], bounds[:count]

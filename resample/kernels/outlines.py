@@ -1,0 +1,306 @@
+"""Where samples fall on the screen, many at once, and what runs of neighbours have in common.
+
+The formulas are those of `resample.kernels.footprints` for exact footprints, without a branch, so
+that a compiler works on eight samples at a time. What is found are columns of
+numbers at fixed distances, for the same reason as in `resample.kernels.rows`.
+"""
+
+import math
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.vectors import combine, multiply
+from resample.types import Doubles, Ellipsoid, Floats, Place, Record, Records, Samples, Screen, View
+
+BATCH = 256  # samples
+LEFT, TOP, RIGHT, BOTTOM, DEPTH, KEY, SPACING, CUT, X, Y, A, B, C = (
+    np.uint64(number * BATCH) for number in range(13)
+)
+ROOM = 13 * BATCH  # numbers of a batch
+EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
+CHUNKS = 64  # fixed, so that runs never depend on the number of threads
+
+Indices = NDArray[np.int64]
+
+
+@kernel
+def outline_batch(
+    room: Floats,
+    position: Floats,
+    extinction: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    area: Area,
+    faintest: float,
+    by_distance: bool,
+) -> None:
+    """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen.
+
+    Samples that the near plane cuts are marked, and have no spacing.
+    """
+    r, s, v = eye.rotation, eye.shift, shape.covariance
+    far, reach, per_radius = eye.perspective, math.sqrt(v[2][2]), 1.0 / shape.radius
+    left, right, top, bottom = area.sides
+    least = reach if far else -np.inf
+    for n in range(count):
+        k = np.uint64(n)
+        sample = np.uint64(begin) + k
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        cx = s[0] + (r[0][0] * x + r[0][1] * y + r[0][2] * z)
+        cy = s[1] + (r[1][0] * x + r[1][1] * y + r[1][2] * z)
+        cz = s[2] + (r[2][0] * x + r[2][1] * y + r[2][2] * z)
+        per_z = 1.0 / cz if far else 1.0
+        x = cx * per_z if far else 0.0
+        y = cy * per_z if far else 0.0
+        fx, fy = eye.fx * per_z, eye.fy * per_z
+        xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
+        yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
+        xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
+        mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
+        major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
+        in_front = cz * cz - v[2][2] if far else 1.0
+        per_front = 1.0 / in_front
+        middle_x = cx * cz - v[0][2] if far else cx
+        middle_y = cy * cz - v[1][2] if far else cy
+        wide = math.sqrt(max(0.0, middle_x * middle_x - in_front * (cx * cx - v[0][0])))
+        high = math.sqrt(max(0.0, middle_y * middle_y - in_front * (cy * cy - v[1][1])))
+        beside = max(
+            left[0] * cx + left[1] * cy + left[2] * cz + left[3],
+            right[0] * cx + right[1] * cy + right[2] * cz + right[3],
+            top[0] * cx + top[1] * cy + top[2] * cz + top[3],
+            bottom[0] * cx + bottom[1] * cy + bottom[2] * cz + bottom[3],
+        )
+        is_seen = (
+            (beside <= 0.0) & (cz + reach > eye.near) & (extinction[sample] > np.float32(faintest))
+        )
+        is_cut = (cz - reach <= eye.near) | (cz <= least)
+        is_around = cz <= least  # the sphere reaches behind the eye
+        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        first = -EVERYWHERE if is_around else eye.fx * ((middle_x - wide) * per_front) + eye.cx
+        last = EVERYWHERE if is_around else eye.fx * ((middle_x + wide) * per_front) + eye.cx
+        upper = -EVERYWHERE if is_around else eye.fy * ((middle_y - high) * per_front) + eye.cy
+        lower = EVERYWHERE if is_around else eye.fy * ((middle_y + high) * per_front) + eye.cy
+        room[k + LEFT] = np.float32(first) if is_seen else np.float32(np.inf)
+        room[k + RIGHT] = np.float32(last) if is_seen else np.float32(-np.inf)
+        room[k + TOP] = np.float32(upper)
+        room[k + BOTTOM] = np.float32(lower)
+        room[k + KEY] = np.float32(key)
+        room[k + SPACING] = np.float32(np.inf) if is_cut else np.float32(major * per_radius)
+        room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
+
+
+@kernel
+def form_batch(
+    room: Floats,
+    position: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    place: Place,
+    height: int,
+    width: int,
+    by_distance: bool,
+) -> None:
+    """All that painting needs of `count` samples from `begin` on.
+
+    Bounds are the first and last sub-pixels, as whole numbers, of a canvas with `height` rows and
+    `width` columns. Samples that the near plane cuts have their centers in place of forms.
+    """
+    r, s, v, t = eye.rotation, eye.shift, shape.covariance, shape.to_unit
+    far, per_px, reach = eye.perspective, float(place.subpixels), math.sqrt(v[2][2])
+    least = reach if far else -np.inf
+    a0, a1, a2 = shape.across
+    d0, d1, d2 = shape.down
+    last_column, last_row = width - 1.0, height - 1.0
+    for n in range(count):
+        k = np.uint64(n)
+        sample = np.uint64(begin) + k
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        cx = s[0] + (r[0][0] * x + r[0][1] * y + r[0][2] * z)
+        cy = s[1] + (r[1][0] * x + r[1][1] * y + r[1][2] * z)
+        cz = s[2] + (r[2][0] * x + r[2][1] * y + r[2][2] * z)
+        per_z = 1.0 / cz if far else 1.0
+        in_front = cz * cz - v[2][2] if far else 1.0
+        per_front = 1.0 / in_front
+        middle_x = cx * cz - v[0][2] if far else cx
+        middle_y = cy * cz - v[1][2] if far else cy
+        wide = math.sqrt(max(0.0, middle_x * middle_x - in_front * (cx * cx - v[0][0])))
+        high = math.sqrt(max(0.0, middle_y * middle_y - in_front * (cy * cy - v[1][1])))
+        left = eye.fx * ((middle_x - wide) * per_front) + eye.cx - place.x
+        right = eye.fx * ((middle_x + wide) * per_front) + eye.cx - place.x
+        top = eye.fy * ((middle_y - high) * per_front) + eye.cy - place.y
+        bottom = eye.fy * ((middle_y + high) * per_front) + eye.cy - place.y
+        is_cut = (cz - reach <= eye.near) | (cz <= least)
+        is_around = cz <= least
+        unit_x = t[0][0] * cx + t[0][1] * cy + t[0][2] * cz
+        unit_y = t[1][0] * cx + t[1][1] * cy + t[1][2] * cz
+        unit_z = t[2][0] * cx + t[2][1] * cy + t[2][2] * cz
+        ux = unit_x if far else t[0][2]
+        uy = unit_y if far else t[1][2]
+        uz = unit_z if far else t[2][2]
+        ax, ay, az = uy * a2 - uz * a1, uz * a0 - ux * a2, ux * a1 - uy * a0
+        dx, dy, dz = uy * d2 - uz * d1, uz * d0 - ux * d2, ux * d1 - uy * d0
+        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        left = 0.0 if is_around else max(0.0, np.ceil(left * per_px - 0.5))
+        right = last_column if is_around else min(last_column, np.floor(right * per_px - 0.5))
+        top = 0.0 if is_around else max(0.0, np.ceil(top * per_px - 0.5))
+        bottom = last_row if is_around else min(last_row, np.floor(bottom * per_px - 0.5))
+        room[k + LEFT] = np.float32(left)
+        room[k + RIGHT] = np.float32(right)
+        room[k + TOP] = np.float32(top)
+        room[k + BOTTOM] = np.float32(bottom)
+        room[k + DEPTH] = np.float32(cz)
+        room[k + KEY] = np.float32(key)
+        room[k + X] = np.float32(eye.fx * (cx * per_z) + eye.cx)
+        room[k + Y] = np.float32(eye.fy * (cy * per_z) + eye.cy)
+        room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
+        room[k + A] = np.float32(unit_x if is_cut else ax * ax + ay * ay + az * az)
+        room[k + B] = np.float32(unit_y if is_cut else ax * dx + ay * dy + az * dz)
+        room[k + C] = np.float32(unit_z if is_cut else dx * dx + dy * dy + dz * dz)
+
+
+@kernel
+def clip_batch(
+    room: Floats,
+    position: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    planes: Doubles,
+) -> None:
+    """Hide what lies beyond a clipping plane (M, 5), and mark the samples that one cuts."""
+    for n in range(count):
+        k, first = np.uint64(n), 3 * (begin + n)
+        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        nearest = np.inf
+        for m in range(planes.shape[0]):
+            inside = planes[m, 0] * center[0] + planes[m, 1] * center[1]
+            inside += planes[m, 2] * center[2] + planes[m, 3]
+            if inside <= -planes[m, 4]:
+                room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
+            nearest = min(nearest, inside - planes[m, 4])
+        if nearest < 0.0:
+            unit = multiply(shape.to_unit, center)
+            room[k + CUT] = 1.0
+            room[k + A], room[k + B], room[k + C] = unit
+
+
+@kernel
+def _break_chunk(
+    position: Floats, extent: float, most: int, start: Indices, count: Indices, chunk: int
+) -> None:
+    samples = position.size // 3
+    first, last = samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
+    runs, begin = 0, first
+    x_low = y_low = z_low = x_high = y_high = z_high = np.float32(0.0)
+    for n in range(first, last):
+        x, y, z = position[3 * n], position[3 * n + 1], position[3 * n + 2]
+        x_low, x_high = min(x_low, x), max(x_high, x)
+        y_low, y_high = min(y_low, y), max(y_high, y)
+        z_low, z_high = min(z_low, z), max(z_high, z)
+        largest = max(x_high - x_low, y_high - y_low, z_high - z_low)
+        if n == first or n - begin >= most or largest > extent:
+            start[first + runs] = begin = n
+            runs += 1
+            x_low, x_high, y_low, y_high, z_low, z_high = x, x, y, y, z, z
+    count[chunk] = runs
+
+
+@parallel_kernel
+def break_runs(position: Floats, extent: float, most: int, start: Indices, count: Indices) -> None:
+    """Where runs of at most `most` samples begin that lie within `extent` scene units.
+
+    Positions are flat (3 N,). Each chunk n of the samples writes `count` (CHUNKS,)[n] numbers to
+    `start` (N,) from its own first sample on.
+    """
+    for chunk in prange(CHUNKS):
+        _break_chunk(position, extent, most, start, count, chunk)
+
+
+@kernel
+def _sum_up(run: Record, room: Floats, first: int, last: int) -> None:
+    """What samples of a batch have in common."""
+    left = top = key = least = np.float32(np.inf)
+    right = bottom = most = np.float32(-np.inf)
+    seen = 0
+    for n in range(first, last):
+        k = np.uint64(n)
+        if room[k + LEFT] <= room[k + RIGHT]:
+            left, right = min(left, room[k + LEFT]), max(right, room[k + RIGHT])
+            top, bottom = min(top, room[k + TOP]), max(bottom, room[k + BOTTOM])
+            key = min(key, room[k + KEY])
+            if room[k + SPACING] < np.inf:
+                least, most = min(least, room[k + SPACING]), max(most, room[k + SPACING])
+            seen += 1
+    run["left"], run["top"], run["right"], run["bottom"] = left, top, right, bottom
+    run["key"], run["least_spacing"], run["most_spacing"], run["seen"] = key, least, most, seen
+
+
+@kernel
+def _outline_chunk(
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    faintest: float,
+    by_distance: bool,
+    chunk: int,
+) -> None:
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    room = np.empty(ROOM, np.float32)
+    first, last = runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS
+    while first < last:
+        begin, behind = start[first], first + 1
+        while behind < last and start[behind + 1] - begin <= BATCH:
+            behind += 1
+        count = start[behind] - begin
+        outline_batch(
+            room, position, extinction, begin, count, eye, shape, area, faintest, by_distance
+        )
+        if screen.planes.shape[0] > 0:
+            clip_batch(room, position, begin, count, eye, shape, screen.planes)
+        for run in range(first, behind):
+            _sum_up(runs[run], room, start[run] - begin, start[run + 1] - begin)
+        first = behind
+
+
+@parallel_kernel
+def outline_runs(
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    faintest: float,
+    by_distance: bool,
+) -> None:
+    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
+    for chunk in prange(CHUNKS):
+        _outline_chunk(
+            runs,
+            start,
+            samples,
+            view,
+            ellipsoid,
+            screen,
+            faintest,
+            by_distance,
+            chunk,
+        )
