@@ -82,6 +82,15 @@ def test_the_ball_is_around_what_is_seen():
     assert ball.radius == pytest.approx(np.sqrt(3) + 1)
 
 
+@pytest.mark.parametrize("count", [1, 511, 512, 513, 3000])
+def test_the_ball_is_centered_on_the_box_around_any_number_of_voxels(count, rng):
+    voxels, volume = voxels_of(np.ones((2, 2, 2), np.float32))
+    position = rng.normal(size=(count, 3)).astype(np.float32)
+    ball = sphere_around(voxels._replace(position=position), volume)
+    low, high = position.min(axis=0).astype(float), position.max(axis=0).astype(float)
+    np.testing.assert_array_equal(ball.center, (low + high) / 2)
+
+
 def test_the_ball_is_around_the_volume_where_nothing_is_seen():
     ball = sphere_around(*voxels_of(np.zeros((3, 5, 9), np.float32)))
     assert ball.center == pytest.approx([4, 2, 1])

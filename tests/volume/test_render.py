@@ -71,6 +71,15 @@ def test_importing_a_package_is_quick(package):
     assert {"numpy", "numba", "cv2", "pydantic", "cyclopts"} & set(imported) == set()
 
 
+def test_rendering_loads_no_forms_of_files_that_are_not_read():
+    code = "import sys, resample_volume.rendering; print(*sys.modules)"
+    imported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    unused = {"pydantic", "numba", "resample.animations", "resample_volume.transfer_files"}
+    assert unused & set(imported) == set()
+
+
 def test_a_name_stands_for_a_transfer_function_and_nothing_for_the_defaults():
     assert np.array_equal(picture(TREE).rgba, picture(TREE, Appearance(), Orbit()).rgba)
     by_name = picture(TREE, "vessels").rgba

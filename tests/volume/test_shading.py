@@ -52,6 +52,15 @@ def lit(gradient: object, light: Light = MATT) -> Floats:
     return shade(with_gradients(gradient), light, EYE).color
 
 
+@pytest.mark.parametrize("exponent", [0.05, 0.5, 1.0, 16.0, 250.0, 1e4])
+def test_powers_are_those_of_the_library(exponent: float) -> None:
+    from resample_volume.kernels.shading import power
+
+    bases = np.concatenate([[0.0, 1e-300, 1e-20, 1 - 1e-12, 1.0], np.linspace(0.001, 1.0, 400)])
+    found = [power(float(base), exponent) for base in bases]
+    np.testing.assert_allclose(found, bases**exponent, rtol=0, atol=1e-8)
+
+
 @pytest.mark.parametrize("direction", [None, (1.0, 2.0, -3.0)])
 def test_colors_agree_with_the_obvious_loop(
     direction: tuple[float, float, float] | None, rng: np.random.Generator

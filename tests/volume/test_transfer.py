@@ -8,7 +8,14 @@ import pytest
 
 from resample.images import from_srgb
 from resample_volume.presets import PRESETS, load_transfer
-from resample_volume.transfer import MOST_OPAQUE, TransferFunction, extinction, from_points
+from resample_volume.transfer import (
+    MOST_OPAQUE,
+    TransferFunction,
+    evaluated,
+    extinction,
+    from_points,
+    places_seen,
+)
 from resample_volume.transfer_files import save_transfer
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -287,3 +294,32 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"absent\.toml"):
         load_transfer(tmp_path / "absent.toml")
+
+
+SHOWN = {  # control points: value, opacity
+    "above": [(20, 0.0), (30, 0.5)],
+    "below": [(-20, 0.5), (-10, 0.0)],
+    "two bands": [(-90, 0.0), (-80, 0.4), (-70, 0.0), (40, 0.0), (40, 0.2), (60, 0.2), (60, 0.0)],
+    "all": [(0, 0.1)],
+    "nothing": [(0, 0.0)],
+}
+
+
+@pytest.mark.parametrize("kind", ["u1", "i1", "<u2", ">i2", "i4", "f4"])
+@pytest.mark.parametrize("name", SHOWN)
+def test_values_are_seen_where_they_have_some_opacity(
+    name: str, kind: str, rng: np.random.Generator
+) -> None:
+    transfer = from_points([(value, WHITE, opacity) for value, opacity in SHOWN[name]])
+    values = rng.integers(0, 120, 500) if kind == "u1" else rng.integers(-120, 120, 500)
+    values = values.astype(kind)
+    expected = np.flatnonzero(transfer.opacities(values.astype(float), BYTE) > 0)
+    np.testing.assert_array_equal(places_seen(transfer, values, BYTE), expected)
+
+
+@pytest.mark.parametrize("kind", ["u1", "i1", "<u2", ">i2"])
+def test_tables_give_what_functions_give(kind: str, rng: np.random.Generator) -> None:
+    values = rng.integers(0, 120, 500).astype(kind)
+    np.testing.assert_array_equal(
+        evaluated(RAMP.colors, values, BYTE), RAMP.colors(values.astype(float), BYTE)
+    )

@@ -1,23 +1,21 @@
-"""Cameras around a volume: by angles, or from a TOML file."""
+"""Cameras around a volume."""
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:
     from resample.cameras import Camera
-    from resample.types import Doubles, View
+    from resample.types import Doubles, Floats, View
     from resample_volume.fields import FieldVoxels
     from resample_volume.voxels import Voxels
 
 
 FARTHEST = 1e15  # scene units from the origin; its square, in px, is still a float32
+ROW = 512  # places looked at together
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -101,7 +99,7 @@ def sphere_around(voxels: "Voxels | FieldVoxels", volume: Volume) -> Sphere:
         last = np.array(volume.values.shape[::-1]) - 1
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
         position = ends.astype(np.float32)
-    low, high = position.min(axis=0).astype(np.float64), position.max(axis=0).astype(np.float64)
+    low, high = _bounds(position)
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
             f"the volume reaches from {low} to {high} scene units; {FARTHEST:g} is the most, so "
@@ -111,6 +109,19 @@ def sphere_around(voxels: "Voxels | FieldVoxels", volume: Volume) -> Sphere:
     away = position - center.astype(np.float32)
     farthest = float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
     return Sphere(center, farthest + voxel)
+
+
+def _bounds(position: "Floats") -> "tuple[Doubles, Doubles]":
+    """Least and greatest coordinates of places (N, 3); in two steps, as NumPy likes long rows."""
+    import numpy as np
+
+    whole = len(position) // ROW * ROW
+    some = position[whole:]
+    if whole:
+        rows = position[:whole].reshape(-1, 3 * ROW)
+        ends = [end.reshape(-1, 3) for end in (rows.min(axis=0), rows.max(axis=0))]
+        some = np.concatenate([some, *ends])
+    return some.min(axis=0).astype(np.float64), some.max(axis=0).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,8 @@ def parse_camera(text: str, fov: float, up: str) -> Viewpoint:
         The file cannot be read.
     """
     if text.lower().endswith(".toml"):
+        from resample_volume.camera_files import read_camera
+
         return read_camera(Path(text))
     parts = text.split("/")
     try:
@@ -183,91 +196,3 @@ def parse_camera(text: str, fov: float, up: str) -> Viewpoint:
             "may be left out, or a .toml file"
         )
     return Orbit(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else Orbit.zoom, fov, up)
-
-
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-Row = Annotated[list[float], Field(min_length=4, max_length=4)]
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Angles(_Strict):
-    """A camera around the volume."""
-
-    azimuth: float = Orbit.azimuth
-    elevation: float = Orbit.elevation
-    zoom: float = Orbit.zoom
-    fov: float = Orbit.fov
-    up: str = Orbit.up
-
-    def camera(self) -> Orbit:
-        return Orbit(**self.model_dump())
-
-
-class _Look(_Strict):
-    """A camera at a place in the scene; `fov` is meant for its own size, if it has one."""
-
-    eye: Vector
-    target: Vector
-    up: Vector = [0.0, 0.0, 1.0]
-    fov: float = 30.0
-    near: float = 0.0
-    width: Annotated[int, Field(gt=0)] | None = None
-    height: Annotated[int, Field(gt=0)] | None = None
-
-    def camera(self) -> Viewpoint:
-        spot = Spot(self.eye, self.target, self.up, self.fov, self.near)
-        camera = spot.sized(self.height or 1, self.width or 1)  # raises what is wrong with it
-        if (self.width is None) != (self.height is None):
-            raise ValueError("give width and height, or neither to take the picture's")
-        return spot if self.width is None else camera
-
-
-class _Intrinsics(_Strict):
-    """A calibrated camera; pixel centers are at halves."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    world_to_camera: Annotated[list[Row], Field(min_length=3, max_length=4)]
-    near: float = 0.0
-
-    def camera(self) -> "Camera":
-        import numpy as np
-
-        from resample.cameras import Pinhole
-
-        pose = np.array(self.world_to_camera, np.float64)
-        return Pinhole(self.fx, self.fy, self.cx, self.cy, pose, self.near)
-
-
-def read_camera(path: Path) -> Viewpoint:
-    """Camera from a TOML file.
-
-    It has either `azimuth`, `elevation`, `zoom`, `fov` and `up` (all may be left out), or `eye`,
-    `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` is that of the
-    picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `near` and the
-    rows of `world_to_camera`.
-
-    Raises
-    ------
-    ValueError
-        The content is none of these; says which key and why.
-    OSError
-        The file cannot be read.
-    """
-    from resample.options import one_line
-
-    try:
-        return camera_of(tomllib.loads(path.read_text(encoding="utf-8")))
-    except ValueError as error:
-        raise ValueError(f"{path}: {one_line(error)}") from None
-
-
-def camera_of(content: dict[str, Any]) -> Viewpoint:
-    """Camera from what a TOML file or a table of one holds; see `read_camera`."""
-    form = _Look if "eye" in content else _Intrinsics if "fx" in content else _Angles
-    return form.model_validate(content).camera()

@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.animations import check_count
 from resample.cameras import Pinhole
 from resample.types import Doubles
-from resample_volume.framing import Orbit, Spot, Viewpoint, camera_of
+from resample_volume.camera_files import camera_of
+from resample_volume.framing import Orbit, Spot, Viewpoint
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -77,7 +78,7 @@ def read_keyframes(path: Path) -> Keyframes:
     """Keyframes from a TOML file.
 
     It has a table `[[camera]]` for each: its `time`, and a camera as
-    `resample_volume.framing.read_camera` takes it::
+    `resample_volume.camera_files.read_camera` takes it::
 
         [[camera]]
         time = 0

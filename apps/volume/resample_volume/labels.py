@@ -11,7 +11,6 @@ from resample.images import from_srgb
 from resample.types import Floats
 from resample_volume.slabs import slabs
 from resample_volume.transfer import Color
-from resample_volume.transfer_files import displayed_color
 from resample_volume.types import Volume
 
 LISTED = 16  # labels that an error message names
@@ -143,6 +142,8 @@ def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
 
 
 def _rule(text: str) -> tuple[int, Rule]:
+    from resample_volume.transfer_files import displayed_color
+
     name, _, changes = text.partition(":")
     try:
         label = int(name)

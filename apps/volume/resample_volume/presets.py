@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from resample_volume.regions import Region, RegionTransfer
-from resample_volume.transfer import Transfer, TransferFunction, from_points
-from resample_volume.transfer_files import SUFFIXES, read_transfer
+from resample_volume.transfer import SUFFIXES, Transfer, TransferFunction, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels import finite_range
 
@@ -134,6 +133,8 @@ def load_transfer(name: str | Path) -> Transfer:
         The file cannot be read.
     """
     if Path(name).suffix.lower() in SUFFIXES:
+        from resample_volume.transfer_files import read_transfer
+
         return read_transfer(Path(name))
     base, _, text = str(name).partition(":")
     transfer = PRESETS[base]() if base in PRESETS else _colormap(base)

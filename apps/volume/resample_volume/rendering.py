@@ -3,12 +3,11 @@
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.animations import fingerprint
 from resample.cameras import Camera
 from resample.orders import Summing
 from resample.resampler import MEASURING, Projection, Resampler
@@ -24,13 +23,15 @@ from resample_volume.framing import (
     centered,
     sphere_around,
 )
-from resample_volume.labels import Labels
 from resample_volume.presets import transfer_for
 from resample_volume.regions import Faded
 from resample_volume.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.transfer import Transfer, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels import Voxels, classify
+
+if TYPE_CHECKING:
+    from resample_volume.labels import Labels
 
 # Values as gray levels, which is how they are read where they are not classified. Nothing is made
 # of the least value: in a picture on black that is no difference, and most voxels may have it.
@@ -55,7 +56,7 @@ class Appearance:
     gradient: str = "central"  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
     classification: Classification = Classification.PRE
-    labels: Labels | None = None
+    labels: "Labels | None" = None
     cue: DepthCue | None = None
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
@@ -256,6 +257,8 @@ class Subject:
 
     def facts(self) -> dict[str, Any]:
         """What pictures depend on besides camera and renderer, as JSON holds it."""
+        from resample.animations import fingerprint
+
         looks = self.voxels.looks if isinstance(self.voxels, FieldVoxels) else ()
         parts = [part for part in self.voxels if part is not looks]
         return {

@@ -1,7 +1,7 @@
 """A volume made ready once and painted as often as is asked for, with its times kept."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 from resample.cameras import Camera
 from resample.console import progress_bar, say
 from resample.orders import Summing
-from resample.resampler import Resampler
+from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Blocked, Doubles, Field, Frame, Samples
 from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
@@ -87,9 +87,19 @@ class Session:
 def announce_compilation(resampler: Resampler) -> None:
     """Say on stderr that the first run takes longer, if this is one."""
     from resample.kernels.jit import is_stored
+
+    if not is_stored(_painter(resampler)):
+        say("compiling kernels, once per installation: about half a minute")
+
+
+def _painter(resampler: Resampler) -> Callable[..., None]:
+    """Kernel that takes longest to compile."""
+    from resample.kernels.deferred import paint_runs
     from resample.kernels.paint import paint_tiles
     from resample.kernels.sheets import paint_sheet_tiles
 
-    singly = resampler.order.summing is Summing.POINTS
-    if not (is_stored(paint_tiles) if singly else is_stored(paint_sheet_tiles)):
-        say("compiling kernels, once per installation: about half a minute")
+    if resampler.order.summing is not Summing.POINTS:
+        return paint_sheet_tiles
+    is_exact = resampler.footprint in (None, Footprint.EXACT)
+    is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
+    return paint_runs if is_exact and is_plain else paint_tiles

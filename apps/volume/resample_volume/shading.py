@@ -137,13 +137,19 @@ def viewer_of(
 
 
 def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
-    from resample.kernels.lighting import shade_samples
+    from resample_volume.kernels.shading import shade_voxels
 
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
-    shaded = np.empty_like(voxels.color)
+    shaded = np.empty(voxels.color.shape, np.float32)
     lamp = lamp_of(light, viewer, voxels.gradient)
-    shade_samples(voxels.position, voxels.color, voxels.gradient, lamp, shaded)
+    shade_voxels(
+        voxels.position.reshape(-1),
+        voxels.color.reshape(-1),
+        voxels.gradient.reshape(-1),
+        lamp,
+        shaded.reshape(-1),
+    )
     return shaded
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.images import from_srgb
 from resample.types import Doubles, Floats
 
+SUFFIXES = (".json", ".toml")  # of files that hold one
 MOST_OPAQUE = 1 - 1e-6  # opacity 1 would be infinite extinction
 
 DataRange = tuple[float, float]  # least and greatest finite value of a volume
@@ -223,13 +224,38 @@ def evaluated(
     data_range: DataRange,
 ) -> Floats:
     """Evaluate a function of values (N,), by a table of all values where these are few."""
-    dtype = values.dtype
-    if dtype.kind not in "iu" or dtype.itemsize > 2:
+    every = _every_value(values.dtype)
+    if every is None:
         return function(values, data_range)
-    bits = np.dtype(f"u{dtype.itemsize}")
-    every = np.arange(1 << (8 * dtype.itemsize)).astype(bits)
-    table = function(every.view(dtype), data_range)
-    return np.asarray(table[values.view(bits)])
+    return np.take(function(every, data_range), _bits(values), axis=0)
+
+
+def places_seen(
+    transfer: Transfer, values: NDArray[Any], data_range: DataRange
+) -> NDArray[np.int64]:
+    """Where values (N,) have some opacity, whatever the slope; indices that ascend."""
+    every = _every_value(values.dtype)
+    if every is None:
+        return np.flatnonzero(transfer.opacities(values, data_range) > 0)
+    is_seen = transfer.opacities(every, data_range) > 0
+    if not is_seen.any():
+        return np.zeros(0, np.int64)
+    low, high = every[is_seen].min(), every[is_seen].max()
+    place = np.flatnonzero((values >= low) & (values <= high))
+    if is_seen[(every >= low) & (every <= high)].all():
+        return place
+    return place[np.take(is_seen, _bits(values[place]))]
+
+
+def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
+    """All values of a type in the order of their bits, where these are few; else None."""
+    if dtype.kind not in "iu" or dtype.itemsize > 2:
+        return None
+    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
+
+
+def _bits(values: NDArray[Any]) -> NDArray[Any]:
+    return values.view(f"u{values.dtype.itemsize}")
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:

@@ -12,12 +12,10 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from resample.images import replacing
 from resample_volume.regions import Region, RegionTransfer
-from resample_volume.transfer import Color, Transfer, TransferFunction, from_points
+from resample_volume.transfer import SUFFIXES, Color, Transfer, TransferFunction, from_points
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
-
-SUFFIXES = (".json", ".toml")
 
 
 def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer) -> None:

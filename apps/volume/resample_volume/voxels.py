@@ -9,7 +9,7 @@ from resample.types import Doubles, Floats
 from resample_volume.memory import require_memory
 from resample_volume.regions import Faded
 from resample_volume.slabs import slabs
-from resample_volume.transfer import DataRange, Looks, Transfer, evaluated, extinction
+from resample_volume.transfer import DataRange, Looks, Transfer, extinction, places_seen
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def classify(
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = _seen(volume, whole, data_range)
+    seen = _in_bricks(_seen(volume, whole, data_range), volume)
     slope = np.empty((0, 3), np.float32)
     if gradient is not None:
         slope = gradients_at(volume, seen.place, gradient)
@@ -86,13 +86,14 @@ def classify(
     color, opacity = whole.looks(seen.value, length, data_range, steepness(length))
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
-    kept = np.flatnonzero(opacity > 0)
+    place, kept = seen.place, np.flatnonzero(opacity > 0)
     require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
-    slope = slope if gradient is None else slope[kept]
+    if kept.size < place.size:
+        place, color, opacity = place[kept], color[kept], opacity[kept]
+        slope = slope if gradient is None else slope[kept]
     lattice = lattice_of(volume)
-    thickness = extinction(opacity[kept], unit_of(transfer, lattice))
-    position = positions_at(volume, seen.place[kept])
-    return Voxels(position, color[kept], thickness, slope, lattice)
+    thickness = extinction(opacity, unit_of(transfer, lattice))
+    return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
 def steepness(length: Floats | None) -> float:
@@ -139,13 +140,16 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     gradient
         One of `GRADIENTS`; see `classify`.
     """
-    from resample_volume.kernels.voxels import gradients
+    from resample_volume.kernels.voxels import central_gradients, sobel_gradients
 
     values = np.asarray(volume.values).view()
     values.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
     slope = np.empty((voxel.size, 3), np.float32)
-    gradients(values, voxel, GRADIENTS[gradient], to_scene, slope)
+    if gradient == "sobel":
+        sobel_gradients(values, voxel, to_scene, slope)
+    else:
+        central_gradients(values, voxel, to_scene, slope)
     return slope
 
 
@@ -226,6 +230,15 @@ def _check(transfer: Transfer, gradient: str | None) -> None:
         raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
 
 
+def _in_bricks(seen: _Seen, volume: Volume) -> _Seen:
+    """Voxels with neighbours close to each other, which painters are quicker with."""
+    from resample_volume.kernels.voxels import brick_order
+
+    order = np.empty(seen.place.size, np.int64)
+    brick_order(seen.place, volume.values.shape, order)
+    return _Seen(seen.place[order], seen.value[order])
+
+
 def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> _Seen:
     """Voxels whose value has some opacity, whatever the slope."""
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
@@ -233,7 +246,7 @@ def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> _Seen:
     start = count = 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        index = np.flatnonzero(evaluated(transfer.opacities, value, data_range) > 0)
+        index = places_seen(transfer, value, data_range)
         parts.append(_Seen(index + start, value[index]))
         start, count = start + value.size, count + index.size
         require_memory(size * count, f"{volume.name} with {count} visible voxels")
