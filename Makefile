@@ -6,10 +6,13 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo figures test bench lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d figures test bench guard lint wheel lock clean
+# Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
-	$(BIN)/resample-volume demo --output demo
-	$(BIN)/resample-texture demo --output demo
+	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
+demo-volume demo-texture: demo-%: $(VENV)/.run
+	$(BIN)/resample-$* demo --output demo
+demo-warp3d: $(VENV)/.run
 	$(BIN)/resample-warp3d demo --output demo/warp3d
 # The paper's figures; DATA is a folder with its volumes, else those that `resample-volume fetch` has stored.
 figures: $(VENV)/.run
@@ -18,8 +21,12 @@ figures: $(VENV)/.run
 	$(BIN)/resample-warp3d figures --output figures
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
+# All of it takes long and wants a quiet machine; GROUPS="volume core" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+	$(BIN)/python -m benchmarks $(GROUPS) --json bench.json --markdown bench.md $(if $(DATA),--data $(DATA)) $(ARGS)
+# Kernels that have become half as fast, or worse, beside fixed NumPy code fail.
+guard: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.guard
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .

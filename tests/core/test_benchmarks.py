@@ -1,0 +1,225 @@
+"""The code around measurements, on made-up times; and the counts and baselines they rest on."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import guard
+from benchmarks.__main__ import parsed
+from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, contest
+from benchmarks.core import SPLATS, fragments
+from benchmarks.measure import LEAST, Spread, exponent, machine, ratio, take_turns
+from benchmarks.scenes import floor_matrix
+from benchmarks.tables import Section, as_json, document, markdown, number, shown
+from resample.cameras import Pinhole, orbit
+from resample.quality import psnr
+from resample.types import Samples
+from tests.processes import python
+
+
+class Clock:
+    """Time that passes only where a contender spends it."""
+
+    def __init__(self):
+        self.now = 0.0
+        self.order = []
+
+    def __call__(self):
+        return self.now
+
+    def spending(self, name, seconds):
+        def run():
+            self.order.append(name)
+            self.now += seconds
+
+        return run
+
+
+def turns(seconds, rounds, patience=1e9, ready=()):
+    """Times of contenders by name, and the order in which they ran."""
+    clock = Clock()
+    runs = {name: clock.spending(name, each) for name, each in seconds.items()}
+    times = take_turns(runs, rounds, ready=ready, patience=patience, clock=clock, pause=0.0)
+    return times, "".join(clock.order)
+
+
+def test_a_spread_is_the_median_between_the_quartiles():
+    assert Spread.of([5.0, 1.0, 2.0, 4.0, 3.0]) == Spread(3.0, 2.0, 4.0, 5)
+
+
+def test_warm_runs_do_not_count():
+    times, order = turns({"a": 1.0}, rounds=3)
+    assert (len(order), times["a"]) == (4, [1.0, 1.0, 1.0])
+
+
+def test_every_round_begins_with_another_contender():
+    _, order = turns({"a": 1.0, "b": 1.0, "c": 1.0}, rounds=3)
+    assert order == "abc" + "abc" + "bca" + "cab"
+
+
+def test_whoever_is_too_slow_drops_out_after_the_least_rounds():
+    times, _ = turns({"fast": 1.0, "slow": 60.0}, rounds=5, patience=50.0)
+    assert (len(times["fast"]), len(times["slow"])) == (5, LEAST)
+
+
+def test_a_slow_run_of_what_needs_no_warming_is_not_repeated():
+    times, order = turns({"fast": 1.0, "slow": 60.0}, rounds=2, patience=50.0, ready=["slow"])
+    assert (times["slow"], order.count("slow")) == ([60.0], 1)
+
+
+def test_a_ratio_is_of_rounds_and_not_of_medians():
+    assert ratio([2.0, 20.0, 6.0], [1.0, 10.0, 2.0, 9.0]) == Spread(2.0, 2.0, 2.5, 3)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 1.5])
+def test_the_exponent_of_a_power_law_is_found(power):
+    sizes = [1e5, 1e6, 1e7, 1e8]
+    assert exponent(sizes, [3 * size**power for size in sizes]) == pytest.approx(power, abs=1e-9)
+
+
+def test_the_peak_of_memory_is_that_of_the_process_alone():
+    code = """
+import numpy
+from benchmarks.measure import child, peak_memory
+before = peak_memory()
+numpy.ones(100 << 17)  # 100 MiB
+alone = child("benchmarks.contest", group="", title="", name="", options={})["peak"]
+print(before, peak_memory(), alone)
+"""
+    before, after, of_child = map(float, python(code).split())
+    assert after >= before + 90
+    assert of_child < after - 50
+
+
+def test_the_machine_is_described_by_words_without_gaps():
+    assert all(machine().values())
+
+
+def test_numbers_have_three_digits():
+    given = [1234567.0, 123.4, 12.34, 1.234, 0.1234, 1.2e-4, float("inf")]
+    assert list(map(number, given)) == [
+        *("1,234,567", "123", "12.3", "1.23", "0.123"),
+        *("1.20e-04", "∞"),
+    ]
+
+
+def test_a_single_value_has_no_quartiles():
+    assert (shown(Spread.of([2.0])), shown(Spread.of([1.0, 3.0]))) == (
+        "2.00",
+        "2.00 (1.50 to 2.50)",
+    )
+
+
+SECTION = Section(
+    "Title", "Text.", [{"": "a", "ms": Spread.of([1.0])}, {"": "b", "dB": 40.0}], ["n"]
+)
+
+
+def test_a_table_has_the_columns_of_all_rows():
+    assert markdown(SECTION) == (
+        "### Title\n\nText.\n\n|  | ms | dB |\n| --- | --- | --- |\n"
+        "| a | 1.00 |  |\n| b |  | 40.0 |\n\n- n\n"
+    )
+
+
+def test_a_document_names_the_command_and_the_machine():
+    text = document("make bench", {"date": "today"}, [SECTION])
+    assert "make bench" in text
+    assert "| date | today |" in text
+
+
+def test_json_holds_numbers_where_markdown_holds_text():
+    endless = Section("", "", [{"dB": float("inf"), "ms": Spread.of([1.0, 3.0])}])
+    content = json.loads(json.dumps(as_json("c", {}, [endless]), allow_nan=False))
+    row = content["sections"][0]["rows"][0]
+    assert row == {"dB": "inf", "ms": {"median": 2.0, "low": 1.5, "high": 2.5, "size": 2}}
+
+
+@pytest.mark.parametrize(
+    ("goal", "measured", "verdict"),
+    [
+        (Goal(60, 30), (45.0, None, 1.0), "yes"),
+        (Goal(60, 30), (29.0, None, 1.0), "yes, stretch too"),
+        (Goal(60, 30), (90.0, None, 1.0), "no: 1.5 × the time"),
+        (Goal(25, decibels=50), (20.0, 48.25, 1.0), "no: 48.2 dB"),
+        (Goal(share=0.2, decibels=50), (20.0, 60.0, 0.25), "no: 0.25 × reference"),
+    ],
+)
+def test_a_goal_says_what_is_missed(goal, measured, verdict):
+    assert goal.verdict(*measured) == verdict
+
+
+def test_a_goal_reads_as_the_issue_writes_it():
+    assert str(Goal(25, 11, decibels=50)) == "≥ 50 dB, ≤ 25 ms (stretch 11)"
+
+
+def absent():
+    raise AbsentError("it is not installed")
+
+
+def listed(*contenders):
+    workload = Workload("title", "text", contenders, has_memory=False)
+    return contest("", workload, Options(rounds=1))
+
+
+def test_an_absent_peer_is_named_with_the_reason_and_the_others_go_on():
+    section = listed(Contender("we", lambda: lambda: None), Contender("peer", absent))
+    assert [row[""] for row in section.rows] == ["we"]
+    assert section.notes == ["peer: left out, it is not installed"]
+
+
+def test_without_the_reference_there_is_no_table():
+    with pytest.raises(AbsentError, match="not installed"):
+        listed(Contender("we", absent), Contender("peer", lambda: lambda: None))
+
+
+def test_an_unknown_group_is_refused_with_the_known_ones(capsys):
+    with pytest.raises(SystemExit):
+        parsed(["volum"])
+    assert "there are volume, texture" in capsys.readouterr().err
+
+
+def test_fragments_leave_the_light_that_the_painter_leaves():
+    rng = np.random.default_rng(7)
+    position = rng.uniform(-4, 4, (300, 3)).astype(np.float32)
+    white, dense = np.ones((300, 3), np.float32), np.full(300, 0.8, np.float32)
+    samples = Samples(position, white, dense, np.diag([1.0, 1.0, 1.4]))
+    camera = Pinhole(60, 60, 15.3, 16.2, orbit((0, 0, 0), 20, 30, 20))
+    found = fragments(samples, camera, 32)
+    frame = SPLATS(samples, camera, height=32, width=32)
+    assert found.light == pytest.approx(1 - frame.rgba[..., 3], abs=2e-4)  # opaque ends at 1e-4
+    assert 0 < found.painted <= found.inside
+
+
+def test_a_floor_fills_its_frame():
+    corners = np.array([(0, 0, 1), (64, 0, 1), (36, 64, 1), (28, 64, 1)]).T
+    place = floor_matrix(64, 32) @ corners
+    expected = [(0, 32, 32, 0), (0, 0, 32, 32)]
+    assert place[:2] / place[2] == pytest.approx(np.array(expected), abs=1e-9)
+
+
+# What the baselines leave out: sheets instead of every splat; 4 × 4 bilinear readings instead of
+# exact areas; silhouettes of whole pixels.
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("volume, splats", 40), ("volume, points", 40), ("texture", 25), ("depth image", 20)],
+)
+def test_baselines_make_the_same_picture(name, least):
+    work = guard.WORKS[name]()
+    ours = work.ours()
+    image = np.squeeze(ours.rgba if hasattr(ours, "rgba") else ours.image)
+    assert psnr(image, work.baseline()) > least
+
+
+def test_half_the_recorded_ratio_is_a_regression_and_a_little_more_is_not():
+    said = guard.regressions({"a": 4.9, "b": 5.1}, {"a": 10.0, "b": 10.0})
+    assert said == ["a: 4.9 times as fast as NumPy, and 10.0 on record"]
+
+
+def test_a_work_without_a_record_does_not_pass():
+    assert "nothing is on record" in guard.regressions({"a": 1.0}, {})[0]
+
+
+def test_every_work_is_on_record():
+    assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
