@@ -92,7 +92,7 @@ def assert_same(found: Voxels, expected: Voxels) -> None:
         np.testing.assert_array_equal(field, wanted)
 
 
-def test_only_voxels_that_are_seen_are_kept_z_slowest(rng: np.random.Generator) -> None:
+def test_only_voxels_that_are_seen_are_kept_z_slowest_in_a_brick(rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 5, 6), np.uint8)
     voxels = classify(unit_volume(values), UPPER)
     expected = np.argwhere(values >= 40)[:, ::-1]
@@ -180,9 +180,18 @@ def test_the_range_leaves_out_what_is_not_finite(monkeypatch: pytest.MonkeyPatch
 def test_normalized_functions_span_the_volume_s_own_range(kind: str) -> None:
     values = np.arange(-500, 1500).astype(kind).reshape(2, 10, 100)
     voxels = classify(unit_volume(values), load_transfer("gray"))
-    half = 1 - np.exp(-voxels.extinction[len(voxels.extinction) // 2])
+    half = 1 - np.exp(-np.median(voxels.extinction))
     assert len(voxels.position) == 1999  # all but the least value
     assert half == pytest.approx(0.5, abs=1e-3)
+
+
+def test_voxels_come_brick_after_brick(rng: np.random.Generator) -> None:
+    values = rng.integers(0, 80, (19, 9, 25), np.uint8)
+    place = np.rint(classify(unit_volume(values), UPPER).position).astype(int)
+    brick = [tuple(place[n, ::-1] // 8) for n in range(len(place))]
+    assert len(place) == np.count_nonzero(values >= 40)
+    assert brick == sorted(brick)
+    assert len(set(map(tuple, place))) == len(place)
 
 
 def test_with_an_opacity_unit_finer_voxels_leave_the_depth_per_length() -> None:
