@@ -28,6 +28,9 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
         "--rounds", type=int, help="that contenders take turns in; 7, or 2 if quick"
     )
     parser.add_argument("--data", type=Path, help="folder that holds the folder `volumes`")
+    parser.add_argument(
+        "--side", type=int, action="append", help="of pictures of volumes, px; 400 and 1024"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write all tables")
     choices = parser.parse_args(arguments)
@@ -49,7 +52,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="benchmark-") as scratch:
         rounds = choices.rounds or (QUICK_ROUNDS if choices.quick else Options.rounds)
         data = None if choices.data is None else str(choices.data.resolve())
-        options = Options(choices.quick, rounds, data, scratch)
+        sides = tuple(choices.side or Options.sides)
+        options = Options(choices.quick, rounds, data, scratch, sides)
         for group in choices.groups or GROUPS:
             start = time.perf_counter()
             try:

@@ -22,6 +22,7 @@ class Options:
     rounds: int = 7
     data: str | None = None  # folder with the folder `volumes`
     scratch: str = "."  # folder for what one process leaves for another
+    sides: tuple[int, ...] = (400, 1024)  # px, of pictures of volumes
 
     @property
     def volumes(self) -> Path:

@@ -193,7 +193,7 @@ def _views(options: Options) -> Iterator[View]:
     names = ("checker-box", "aneurism") if options.quick else tuple(timing.PAPER)
     for name in names:
         opacities = (PAPER_OPACITY, LOW_OPACITY) if name == "engine" else (PAPER_OPACITY,)
-        for side in (48,) if options.quick else (400, 1024):
+        for side in (48,) if options.quick else options.sides:
             for opacity in opacities:
                 for place in VIEWS[::2] if options.quick else VIEWS:
                     yield View(name, place, side, opacity, options)

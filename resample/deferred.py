@@ -153,6 +153,7 @@ def paint_deferred(
         Of which it is to be said how many were outside the view, or hidden.
     """
     from resample.kernels.deferred import paint_runs
+    from resample.kernels.jit import workers
 
     clock = Clock()
     runs = runs_of(scene, samples, order, blocks)
@@ -165,6 +166,7 @@ def paint_deferred(
     taken = np.zeros(runs.known.size, np.uint8)
     for turn, done in in_steps(load):
         paint_runs(
+            workers(),
             turn,
             tiles,
             runs.known,

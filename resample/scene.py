@@ -31,8 +31,6 @@ from resample.types import (
 
 MEMBERS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
 
-HANDS = 64  # parts of about equal load
-
 Progress = Callable[[float], None]
 
 NO_CLASSIFIER = Classifier(
@@ -246,11 +244,7 @@ class Clock:
 
 
 def in_steps(load: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], float]]:
-    """Tiles that have members, most of them first, in steps; and the share done after each.
-
-    A step is dealt out like cards: however many threads cut it in equal parts, these have about
-    equal loads.
-    """
+    """Tiles that have members, most of them first, in steps; and the share done after each."""
     turn = np.argsort(-load, kind="stable")
     turn = turn[load[turn] > 0]
     done = np.cumsum(load[turn])
@@ -258,9 +252,7 @@ def in_steps(load: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], float
     while first < turn.size:
         before = done[first - 1] if first else 0
         last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
-        step = turn[first:last]
-        dealt = np.concatenate([step[hand::HANDS] for hand in range(HANDS)])
-        yield dealt, float(done[last - 1] / done[-1])
+        yield turn[first:last], float(done[last - 1] / done[-1])
         first = last
 
 
@@ -304,7 +296,10 @@ class Scene:
     def _paint_tiles(
         self, turn: NDArray[np.int64], sheets: Sheets, tiles: Tiles, painted: Painted
     ) -> None:
+        from resample.kernels.jit import workers
+
         common = (
+            workers(),
             turn,
             tiles,
             self.footprints,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from resample.kernels.canvas import Home, laid_out, pixel_weights
 from resample.kernels.footprints import area_of, eye_of, shape_of
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import kernel, next_task, parallel_kernel
 from resample.kernels.outlines import (
     BOTTOM,
     CUT,
@@ -450,8 +450,53 @@ def _paint_tile(
     resolve_rows(rows, n, pixel_weights(tables, n), home, frame)
 
 
+@kernel
+def _work(
+    counter: NDArray[np.int64],
+    turn: Indices,
+    tiles: Tiles,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    by_distance: bool,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    profile: Profile,
+    peak: float,
+    frame: Floats,
+    taken: Flags,
+    tally: Tally,
+) -> None:
+    """Paint tiles until no thread finds another."""
+    place = next_task(counter)
+    while place < turn.size:
+        _paint_tile(
+            turn[place],
+            tiles,
+            runs,
+            start,
+            samples,
+            by_distance,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            profile,
+            peak,
+            frame,
+            taken,
+            tally,
+        )
+        place = next_task(counter)
+
+
 @parallel_kernel
 def paint_runs(
+    workers: int,
     turn: Indices,
     tiles: Tiles,
     runs: Records,
@@ -473,6 +518,8 @@ def paint_runs(
 
     Parameters
     ----------
+    workers
+        How many threads there are.
     turn
         Numbers of tiles.
     tiles
@@ -494,9 +541,11 @@ def paint_runs(
     tally
         (T, 4) numbers of splats painted by the tiles that hold their centers, and grids.
     """
-    for place in prange(turn.size):
-        _paint_tile(
-            turn[place],
+    counter = np.zeros(1, np.int64)
+    for _ in prange(workers):
+        _work(
+            counter,
+            turn,
             tiles,
             runs,
             start,

@@ -15,7 +15,10 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
+import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -90,11 +93,43 @@ def parallel_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, parallel=True)
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def _add_one(_: Any, counter: Any) -> Any:
+    """Add 1 to the first number of an array (1,) of int64 at one go; gives what it was."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        one = context.get_constant(numba.int64, 1)
+        return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+    return numba.int64(counter), generate
+
+
+def next_task(counter: NDArray[np.int64]) -> int:
+    """Number of the next task that no thread has taken yet; `counter` (1,) starts at 0."""
+    counter[0] += 1
+    return int(counter[0]) - 1
+
+
+@overload(next_task)
+def _next_task(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(counter):  # type: ignore[no-untyped-def]
+        return _add_one(counter)
+
+    return compiled
+
+
+def workers() -> int:
+    """How many threads a parallel kernel runs on now."""
+    return int(numba.get_num_threads())
+
+
 @contextmanager
 def threads(count: int | None) -> Iterator[None]:
     """Run parallel kernels on at most `count` threads; None takes all. Pixels do not depend on it.
 
-    Tasks are handed out one by one: tiles differ too much in cost for equal shares.
+    A `prange` gives threads equal parts of consecutive tasks. Who has tasks of uneven cost starts a
+    worker for each thread, and lets it ask for the `next_task`.
     """
     before = numba.get_num_threads()
     if count is not None:

@@ -14,7 +14,7 @@ from resample.kernels.canvas import (
     resolve,
 )
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import kernel, next_task, parallel_kernel
 from resample.kernels.points import MOST_TAPS, add_point, composite_sheet
 from resample.kernels.sorting import put_in_order
 from resample.kernels.splats import paint_cut_splat, paint_splat
@@ -137,8 +137,9 @@ def _paint_tile(
     resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, frame)
 
 
-@parallel_kernel
-def paint_tiles(
+@kernel
+def _work(
+    counter: NDArray[np.int64],
     turn: NDArray[np.int64],
     tiles: Tiles,
     footprints: Records,
@@ -152,10 +153,48 @@ def paint_tiles(
     frame: Floats,
     tally: Tally,
 ) -> None:
-    """Paint the tiles listed in `turn`. Tiles share no pixel, so no two threads meet."""
-    for place in prange(turn.size):
+    """Paint tiles until no thread finds another."""
+    place = next_task(counter)
+    while place < turn.size:
         _paint_tile(
             turn[place],
+            tiles,
+            footprints,
+            sheets,
+            key_bits,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            frame,
+            tally,
+        )
+        place = next_task(counter)
+
+
+@parallel_kernel
+def paint_tiles(
+    workers: int,
+    turn: NDArray[np.int64],
+    tiles: Tiles,
+    footprints: Records,
+    sheets: Sheets,
+    key_bits: NDArray[np.uint32],
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    frame: Floats,
+    tally: Tally,
+) -> None:
+    """Paint the tiles listed in `turn` by `workers` threads. No pixel is shared, so none meet."""
+    counter = np.zeros(1, np.int64)
+    for _ in prange(workers):
+        _work(
+            counter,
+            turn,
             tiles,
             footprints,
             sheets,

@@ -16,7 +16,7 @@ from resample.kernels.canvas import (
 )
 from resample.kernels.fields import develop, resolve_value, take_in_slab
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import kernel, next_task, parallel_kernel
 from resample.kernels.lookup import absorbed
 from resample.kernels.over import VISIBLE
 from resample.kernels.points import MOST_TAPS, add_point
@@ -334,8 +334,9 @@ def _paint_tile(
     resolve(canvas.pixel, subpixels, weight, home, frame)
 
 
-@parallel_kernel
-def paint_sheet_tiles(
+@kernel
+def _work(
+    counter: NDArray[np.int64],
     turn: NDArray[np.int64],
     tiles: Tiles,
     footprints: Records,
@@ -354,10 +355,61 @@ def paint_sheet_tiles(
     value: Floats,
     tally: Tally,
 ) -> None:
-    """Paint the tiles listed in `turn`; `value` (H, W) is what projections of fields measure."""
-    for place in prange(turn.size):
+    """Paint tiles until no thread finds another."""
+    place = next_task(counter)
+    while place < turn.size:
         _paint_tile(
             turn[place],
+            tiles,
+            footprints,
+            sheets,
+            key_bits,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            look,
+            lamp,
+            is_field,
+            is_cutting,
+            frame,
+            value,
+            tally,
+        )
+        place = next_task(counter)
+
+
+@parallel_kernel
+def paint_sheet_tiles(
+    workers: int,
+    turn: NDArray[np.int64],
+    tiles: Tiles,
+    footprints: Records,
+    sheets: Sheets,
+    key_bits: NDArray[np.uint32],
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    look: Palette,
+    lamp: Lamp,
+    is_field: bool,
+    is_cutting: bool,
+    frame: Floats,
+    value: Floats,
+    tally: Tally,
+) -> None:
+    """Paint the tiles listed in `turn`; `value` (H, W) is what projections of fields measure.
+
+    There are `workers` threads.
+    """
+    counter = np.zeros(1, np.int64)
+    for _ in prange(workers):
+        _work(
+            counter,
+            turn,
             tiles,
             footprints,
             sheets,

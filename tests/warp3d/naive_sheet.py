@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample_warp3d.cameras import Camera, pixel_centers
-from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, DepthImage
 
 EMPTY = np.empty((0, 0, 2))
 BENT = 0.65  # share of the last step by which the step beyond a surface's end may differ
@@ -120,6 +120,12 @@ def _shows(things, camera, shape, point):
     distance = np.min([thing.hit(eye, point - eye) for thing in things], axis=0)
     inside = (seen[..., 2] > 0) & (x > 0) & (x < shape[1]) & (y > 0) & (y < shape[0])
     return inside & (distance > 1 - 1e-6)
+
+
+def colors_of(sheet):
+    """Colors of a sheet's cells, (H, W, C) with C a multiple of three."""
+    inside = sheet.color[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
+    return np.moveaxis(inside.reshape(-1, *inside.shape[2:]), 0, 2)
 
 
 def corner_nearness(nearness, links, corner, member, place):

@@ -4,7 +4,14 @@ import pytest
 from resample_warp3d.preparation import prepare
 from resample_warp3d.sheets import sheet_of
 from resample_warp3d.types import DepthImage
-from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, flat, plane
+from tests.warp3d.naive_sheet import (
+    EMPTY,
+    camera_at,
+    colors_of,
+    depth_image,
+    flat,
+    plane,
+)
 
 SIZE = 24
 RED, BLUE = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.4, 0.9])
@@ -58,7 +65,7 @@ def test_flat_colors_are_unmixed(position, is_left_near):
     image = side_by_side(position, RED, BLUE, is_left_near=is_left_near)
     is_left = np.arange(SIZE) + 0.5 < position
     pure = np.where(is_left[:, None], RED, BLUE) + NOTHING
-    np.testing.assert_allclose(sheet_of(prepare(image)).color[0], pure, atol=1e-3)
+    np.testing.assert_allclose(colors_of(sheet_of(prepare(image))), pure, atol=1e-3)
 
 
 @pytest.mark.parametrize("position", [12.1, 12.3, 12.7, 12.9])
@@ -69,7 +76,7 @@ def test_gradients_are_unmixed_to_the_colors_of_the_samples_beside(position):
     image = side_by_side(position, left, right)
     pure = np.where((np.arange(SIZE) + 0.5 < position)[:, None], left, right)
     # Mixed ones err by up to 0.28. The colors beside are a step of the ramp off, the position too.
-    np.testing.assert_allclose(sheet_of(prepare(image)).color[0], pure, atol=2 * rise)
+    np.testing.assert_allclose(colors_of(sheet_of(prepare(image))), pure, atol=2 * rise)
 
 
 @pytest.mark.parametrize("position", [12.1, 12.3, 12.7, 12.9])
@@ -80,7 +87,7 @@ def test_colors_by_the_area_they_fill_add_up_to_what_was_measured(position, rise
     sheet = sheet_of(prepare(image))
     column = last_left(position)
     width = found(sheet, position)[:, None] - column
-    color = sheet.color[0]
+    color = colors_of(sheet)
     given = width * color[:, column] + (2 - width) * color[:, column + 1]
     measured = image.color[:, column] + image.color[:, column + 1]
     # What is put in is the color of the sample beside: a step of the ramp off, on both sides.
@@ -91,7 +98,7 @@ def test_the_only_colors_that_change_are_beside_silhouettes(rng):
     texture = rng.random((SIZE, SIZE, 3))
     image = side_by_side(12.3, texture, 1 - texture)
     is_far = np.abs(np.arange(SIZE) - 11.5) > 1
-    given = sheet_of(prepare(image)).color[0]
+    given = colors_of(sheet_of(prepare(image)))
     np.testing.assert_array_equal(given[:, is_far], image.color[:, is_far])
 
 
@@ -105,7 +112,7 @@ def test_equal_colors_leave_it_in_the_middle():
     image = side_by_side(12.4, RED, RED)
     sheet = sheet_of(prepare(image))
     np.testing.assert_array_equal(found(sheet, 12.4), 12)
-    np.testing.assert_array_equal(sheet.color[0], image.color)
+    np.testing.assert_array_equal(colors_of(sheet), image.color)
 
 
 @pytest.mark.parametrize("shift", np.arange(0, 1, 0.125))
@@ -145,7 +152,7 @@ def test_labels_have_their_silhouettes_in_the_middle_and_stay_unmixed():
     image = side_by_side(12.3, RED, BLUE)
     sheet = sheet_of(prepare(image), is_label=True)
     np.testing.assert_array_equal(found(sheet, 12.3), 12)
-    np.testing.assert_array_equal(sheet.color[0], image.color)
+    np.testing.assert_array_equal(colors_of(sheet), image.color)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 4, 7])
@@ -163,4 +170,4 @@ def test_beside_what_is_unknown_there_is_no_silhouette():
     image.nearness[:, 12:] = 0
     sheet = sheet_of(prepare(image))
     np.testing.assert_array_equal(found(sheet, 12.0), 12)
-    np.testing.assert_array_equal(sheet.color[0], image.color)
+    np.testing.assert_array_equal(colors_of(sheet), image.color)

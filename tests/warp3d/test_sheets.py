@@ -116,11 +116,11 @@ def test_nearness_stays_above_0(rng):
 def test_channels_come_in_groups_of_three_filled_up_with_zeros(channels):
     things = [plane((0, 0, 1), 3.0, pattern(channels=channels))]
     image = depth_image(things, camera_at(), (16, 16), rays=1)
-    color = sheet_of(prepare(image)).color
-    together = np.concatenate(list(color), axis=2)
+    sheet = sheet_of(prepare(image))
+    together = naive_sheet.colors_of(sheet)
     np.testing.assert_array_equal(together[..., :channels], image.color)
     assert not together[..., channels:].any()
-    assert color.shape[0] == -(-channels // 3)
+    assert sheet.color.shape == (-(-channels // 3), 3, 20, 20)  # a margin of 2 around
 
 
 def test_a_lens_that_only_shifts_and_scales_shifts_and_scales_all_corners(rng):

@@ -15,12 +15,14 @@ def bridged(rendered: Rendered) -> Rendered:
     covers many pixels, the end of its surface is known to a part of that only. What is given is
     written over.
     """
-    from resample_warp3d.kernels.bridging import bridge_rows
+    from resample_warp3d.kernels.bridging import GROWN, bridge_rows, reach_of_rows
 
     closed = np.zeros(rendered.coverage.shape, np.bool_)
     coverage = rendered.coverage.copy()
+    reach = np.zeros([length + 2 * GROWN for length in coverage.shape], np.uint8)
+    reach_of_rows(rendered.coverage, rendered.magnification, reach)
     bridge_rows(
-        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification,
+        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification, reach,
         coverage, closed,
     )  # fmt: skip
     return rendered._replace(coverage=coverage, bridged=closed)

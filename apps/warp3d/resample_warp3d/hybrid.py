@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_warp3d.holes import bridged
@@ -17,14 +18,15 @@ from resample_warp3d.sheets import Sheets
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
 
 BAND = 32  # rows of the target that one thread paints at a time
+LARGEST_BAND = 1 << 30  # px; kernels count them in 32 bits
 
 
 class Projected(NamedTuple):
     """A sheet on the target's screen, as `kernels.screen` writes it."""
 
-    vertex: Floats  # (H + 1, W + 1, 3)
+    vertex: Floats  # (3, H + 1, W + 1)
     torn: Floats  # (N, 4, 3)
-    bounds: Floats  # (H, segments, 4)
+    bounds: NDArray[np.int32]  # (H, segments, 4)
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class Hybrid:
         blank = empty(shape, source.color.shape[2])
         paint_bands(
             *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
-            BAND, self.quality, float(np.sign(np.linalg.det(matrix))), self.labels, *blank[:4],
+            band_of(shape), self.quality, float(np.sign(np.linalg.det(matrix))), self.labels,
+            *blank[:4],
         )  # fmt: skip
         blank.nearness[:] /= np.float32(scale)
         return blank if self.labels else bridged(blank)
@@ -88,7 +91,7 @@ class Preview:
         blank = empty(shape, source.color.shape[2])
         look_in_bands(
             *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
-            BAND, float(np.sign(np.linalg.det(matrix))), *blank[:4],
+            band_of(shape), float(np.sign(np.linalg.det(matrix))), *blank[:4],
         )  # fmt: skip
         blank.nearness[:] /= np.float32(scale)
         return blank
@@ -100,16 +103,21 @@ def normalised(equation: Equation) -> tuple[Doubles, Doubles, float]:
     return equation.matrix / scale, equation.epipole / scale, scale
 
 
+def band_of(shape: tuple[int, int]) -> int:
+    """Rows of the target that one thread paints at a time."""
+    return max(1, min(BAND, LARGEST_BAND // shape[1]))
+
+
 def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> Projected:
     """Sheet on the screen of a target."""
     from resample_warp3d.kernels import screen
 
     height, width = sheet.torn.shape
-    vertices = np.empty((height + 1, width + 1, 3), np.float32)
+    vertices = np.empty((3, height + 1, width + 1), np.float32)
     screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
     torn = np.empty_like(sheet.corner)
     screen.project_corners(sheet.corner, matrix, epipole, torn)
-    bounds = np.empty((height, screen.segment_count(width), 4), np.float32)
+    bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
     screen.bound_segments(vertices, torn, sheet.torn, bounds)
     return Projected(vertices, torn, bounds)
 

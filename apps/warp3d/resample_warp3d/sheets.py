@@ -3,7 +3,7 @@
 import numpy as np
 
 from resample.types import Doubles, Floats
-from resample_warp3d.types import Sheet, Source
+from resample_warp3d.types import MARGIN, Sheet, Source
 
 KEPT = 4  # sheets
 PRECISION = 1e-6  # relative error of a float's nearness
@@ -53,21 +53,20 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     index = np.empty((height, width), np.int32)
     corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
     corners.fill_torn(nearness, links, edge, index, corner)
-    marked = np.empty_like(links)
-    corners.mark_inner(links, marked)
     place = corner_places(source.place)
     if place.size:
         bend(corner, place)
-    return Sheet(grouped(color), vertex, place, index, corner, marked)
+    return Sheet(grouped(color), vertex, place, index, corner, np.pad(links, MARGIN))
 
 
 def grouped(color: Floats) -> Floats:
-    """Channels in groups of three, (G, H, W, 3); the last group is filled up with zeros."""
+    """Channels in groups of three, (G, 3, H + 4, W + 4); zeros fill the last group and a margin."""
     height, width, channels = color.shape
-    count = -(-channels // 3)
-    groups = np.zeros((count, height, width, 3), np.float32)
+    shape = -(-channels // 3), 3, height + 2 * MARGIN, width + 2 * MARGIN
+    groups = np.zeros(shape, np.float32)
+    inside = slice(MARGIN, MARGIN + height), slice(MARGIN, MARGIN + width)
     for c in range(channels):
-        groups[c // 3, ..., c % 3] = color[..., c]
+        groups[c // 3, c % 3][inside] = color[..., c]
     return groups
 
 

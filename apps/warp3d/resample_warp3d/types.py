@@ -23,7 +23,7 @@ Links = NDArray[np.uint8]
 
 # Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
-INNER = 16  # set in a sheet: all samples that a color is interpolated from are on the same surface
+MARGIN = 2  # samples around a sheet that nothing is linked with; colors are interpolated from five
 
 
 class Hole(IntEnum):
@@ -54,14 +54,12 @@ class Equation(NamedTuple):
 class Sheet(NamedTuple):
     """A depth image as a sheet of cells, one around each sample, torn where surfaces end."""
 
-    color: (
-        Floats  # (G, H, W, 3) channels in groups of three, each surface without the others' light
-    )
+    color: Floats  # (G, 3, H + 4, W + 4) groups of channels; surfaces without the others' light
     vertex: Floats  # (H + 1, W + 1) nearness at the lattice's corners; 0 where the sheet is torn
     place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
     torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
-    links: Links  # (H, W) of the source, and INNER
+    links: Links  # (H + 4, W + 4) of the source; MARGIN of nothing around, as around the colors
 
 
 class Source(NamedTuple):

@@ -10,9 +10,8 @@ from resample.kernels.jit import kernel, parallel_kernel
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Hole
 
-NARROW = 3  # px from a gap's pixel to its farther side, at most
+NARROW = 2  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a rim grows, at most
-BLOCK = 64  # pixels of a row that are skipped together
 FULL = 0.97  # coverage of a side
 RIM = 1.5  # of what a cell is longer than a pixel: how uncertain the end of its surface is
 SAME = 0.01  # of the nearness: sides closer together than this are one surface
@@ -40,7 +39,7 @@ def _side(coverage: Floats, row: int, column: int, dr: int, dc: int) -> int:
 @kernel
 def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]:
     """Rows and columns of the two sides of the narrowest gap that a pixel lies in; −1: none."""
-    best, found = NARROW + 1, (-1, -1, -1, -1)
+    best, found = NARROW + 2, (-1, -1, -1, -1)
     for k in range(4):
         dr, dc = (0, 1) if k == 0 else (1, 0) if k == 1 else (1, 1) if k == 2 else (1, -1)
         ahead = _side(coverage, row, column, dr, dc)
@@ -52,38 +51,24 @@ def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]
 
 
 @kernel
-def _rim(coverage: Floats, magnification: Floats, row: int, column: int) -> tuple[int, int]:
+def _rim(reach: Kinds, row: int, column: int) -> tuple[int, int]:
     """Row and column of the nearest full pixel whose surface may well reach this one; −1: none."""
     for n in range(1, GROWN + 1):
         for k in range(4):
             dr, dc = (0, n) if k == 0 else (n, 0) if k == 1 else (0, -n) if k == 2 else (-n, 0)
-            r, c = row + dr, column + dc
-            if not (0 <= r < coverage.shape[0] and 0 <= c < coverage.shape[1]):
-                continue
-            if coverage[r, c] >= FULL and n <= RIM * (math.sqrt(magnification[r, c]) - 1.0):
-                return r, c
+            if reach[row + dr + GROWN, column + dc + GROWN] > n:
+                return row + dr, column + dc
     return -1, -1
 
 
 @kernel
-def _is_far(coverage: Floats, row: int, start: int) -> bool:
-    """Whether nothing is covered within reach of `BLOCK` pixels of a row."""
-    height, width = coverage.shape
-    for r in range(max(0, row - GROWN), min(height, row + GROWN + 1)):
-        for c in range(max(0, start - GROWN), min(width, start + BLOCK + GROWN)):
-            if coverage[r, c] > 0:
-                return False
-    return True
-
-
-@kernel
 def _bridge_pixel(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
     row: int, column: int, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
     r, k, s, m = _sides(coverage, row, column)
     if r < 0:
-        r, k = _rim(coverage, magnification, row, column)
+        r, k = _rim(reach, row, column)
         s, m = r, k
     if r < 0:
         return
@@ -104,29 +89,78 @@ def _bridge_pixel(
 
 
 @kernel
+def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kinds) -> None:
+    for column in range(coverage.shape[1]):
+        grown = RIM * (math.sqrt(magnification[row, column]) - 1.0)
+        steps = 1 + int(max(0.0, min(grown, float(GROWN))))
+        is_full = coverage[row, column] >= FULL
+        reach[row + GROWN, column + GROWN] = steps if is_full else 0
+
+
+@parallel_kernel
+def reach_of_rows(coverage: Floats, magnification: Floats, reach: Kinds) -> None:
+    """Write how far pixels' surfaces may go on beyond them, px + 1; 0 where they are not full.
+
+    Parameters
+    ----------
+    coverage, magnification
+        (H, W) of a picture.
+    reach
+        (H + 2 GROWN, W + 2 GROWN) zeros; all but a margin of `GROWN` is filled.
+    """
+    for row in prange(coverage.shape[0]):
+        _reach_of_row(coverage, magnification, int(np.int64(row)), reach)
+
+
+@kernel
+def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
+    """Mark the pixels of a row that gaps or rims reach; no branches, so many at a time."""
+    reached[:] = 0
+    r, first = np.uint64(row + GROWN), GROWN
+    for k in range(4):
+        dr, dc = (0, 1) if k == 0 else (1, 0) if k == 1 else (1, 1) if k == 2 else (1, -1)
+        ahead, far_ahead = np.uint64(row + GROWN + dr), np.uint64(row + GROWN + 2 * dr)
+        back, far_back = np.uint64(row + GROWN - dr), np.uint64(row + GROWN - 2 * dr)
+        for column in range(reached.size):
+            c = column + first
+            is_ahead = reach[ahead, np.uint64(c + dc)] > 0
+            is_back = reach[back, np.uint64(c - dc)] > 0
+            is_narrow = is_ahead & is_back
+            is_narrow |= is_ahead & (reach[far_back, np.uint64(c - 2 * dc)] > 0)
+            is_narrow |= is_back & (reach[far_ahead, np.uint64(c + 2 * dc)] > 0)
+            reached[np.uint64(column)] |= np.uint8(is_narrow)
+    for n in range(1, GROWN + 1):
+        above, below = np.uint64(row + GROWN - n), np.uint64(row + GROWN + n)
+        for column in range(reached.size):
+            c = column + first
+            is_rim = (reach[above, np.uint64(c)] > n) | (reach[below, np.uint64(c)] > n)
+            is_rim |= (reach[r, np.uint64(c - n)] > n) | (reach[r, np.uint64(c + n)] > n)
+            reached[np.uint64(column)] |= np.uint8(is_rim)
+
+
+@kernel
 def _bridge_row(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, row: int,
-    new_coverage: Floats, bridged: Flags,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
+    row: int, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
     width = coverage.shape[1]
-    for start in range(0, width, BLOCK):
-        end = min(width, start + BLOCK)
-        missing, covered = 0, 0
-        for column in range(start, end):
-            missing += int(coverage[row, column] < FULL)
-            covered += int(coverage[row, column] > 0)
-        if missing == 0 or (covered == 0 and _is_far(coverage, row, start)):
-            continue
-        for column in range(start, end):
-            if coverage[row, column] < FULL:
-                _bridge_pixel(
-                    image, coverage, nearness, magnification, row, column, new_coverage, bridged,
-                )  # fmt: skip
+    missing = 0
+    for column in range(width):
+        missing += int(coverage[row, column] < FULL)
+    if missing == 0:
+        return
+    reached = np.empty(width, np.uint8)
+    _find_reached(reach, row, reached)
+    for column in range(width):
+        if reached[column] and coverage[row, column] < FULL:
+            _bridge_pixel(
+                image, coverage, nearness, magnification, reach, row, column, new_coverage, bridged,
+            )  # fmt: skip
 
 
 @parallel_kernel
 def bridge_rows(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
     new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
     """Close narrow gaps, and let magnified surfaces grow by as little as their ends are known.
@@ -135,6 +169,8 @@ def bridge_rows(
     ----------
     image, coverage, nearness, magnification
         (H, W[, C]) of a picture. All but the coverage are changed, where it is below `FULL`.
+    reach
+        As `reach_of_rows` writes it.
     new_coverage
         Copy of the coverage, which is changed.
     bridged
@@ -142,7 +178,8 @@ def bridge_rows(
     """
     for row in prange(coverage.shape[0]):
         _bridge_row(
-            image, coverage, nearness, magnification, int(np.int64(row)), new_coverage, bridged,
+            image, coverage, nearness, magnification, reach, int(np.int64(row)), new_coverage,
+            bridged,
         )  # fmt: skip
 
 
@@ -162,22 +199,41 @@ def _on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def _reason(
-    back: Doubles, origin: Doubles, place: Doubles, known: Flags, x: float, y: float, near: float
-) -> int:
-    """Why the source shows nothing at a place of the target, if it is as near as `near`."""
+def _looked_back(
+    back: Doubles, origin: Doubles, x: float, y: float, near: float
+) -> tuple[float, float]:
+    """Place in the source of what the target sees at x, y; not a number behind the source's eye."""
     scale = back[2, 0] * x + back[2, 1] * y + back[2, 2] + near * origin[2]
-    if not scale > 0:
-        return OUTSIDE
     u = (back[0, 0] * x + back[0, 1] * y + back[0, 2] + near * origin[0]) / scale
     v = (back[1, 0] * x + back[1, 1] * y + back[1, 2] + near * origin[1]) / scale
-    if not (abs(u) < 1e6 and abs(v) < 1e6):
-        return OUTSIDE
-    if place.size > 0:
-        u, v = _on_lattice(place, u, v)
-    if not (0 <= u < known.shape[1] and 0 <= v < known.shape[0]):
-        return OUTSIDE
-    return DISOCCLUDED if known[math.floor(v), math.floor(u)] else NO_DEPTH
+    return u if scale > 0 else math.nan, v
+
+
+@kernel
+def _reason(known: Flags, u: float, v: float) -> int:
+    """Why the source shows nothing of what it sees at u, v."""
+    is_inside = (u >= 0) & (u < known.shape[1]) & (v >= 0) & (v < known.shape[0])
+    column, row = np.int32(u if is_inside else 0.0), np.int32(v if is_inside else 0.0)
+    reason = DISOCCLUDED if known[np.uint64(row), np.uint64(column)] else NO_DEPTH
+    return reason if is_inside else OUTSIDE
+
+
+@kernel
+def _explain_hole(
+    back: Doubles, origin: Doubles, place: Doubles, known: Flags, near: float,
+    row: int, begin: int, end: int, holes: Kinds,
+) -> None:  # fmt: skip
+    """Type the pixels of a row's hole, which is taken to be as near as `near`."""
+    if place.size == 0:
+        for column in range(begin, end):
+            u, v = _looked_back(back, origin, column + 0.5, row + 0.5, near)
+            holes[row, column] = _reason(known, u, v)
+        return
+    for column in range(begin, end):
+        u, v = _looked_back(back, origin, column + 0.5, row + 0.5, near)
+        if abs(u) < 1e6 and abs(v) < 1e6:
+            u, v = _on_lattice(place, u, v)
+        holes[row, column] = _reason(known, u, v)
 
 
 @kernel
@@ -187,9 +243,9 @@ def _explain_row(
 ) -> None:  # fmt: skip
     """Type a row's holes; each is taken to be as far as the farther of its two sides in the row."""
     width = coverage.shape[1]
+    holes[row, :] = 0
     column = 0
     while column < width:
-        holes[row, column] = 0
         if coverage[row, column] > 0:
             column += 1
             continue
@@ -201,8 +257,7 @@ def _explain_row(
         near = float(min(before, after))
         if not math.isfinite(near):
             near = float(farthest[row])
-        for c in range(column, end):
-            holes[row, c] = _reason(back, origin, place, known, c + 0.5, row + 0.5, near)
+        _explain_hole(back, origin, place, known, near, row, column, end, holes)
         column = end
 
 

@@ -12,9 +12,9 @@ from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.jit import kernel, parallel_kernel
-from resample.types import Floats, Single
+from resample.types import Floats
 from resample_warp3d.kernels.outlines import limb
-from resample_warp3d.types import DOWN, INNER, LEFT, RIGHT, UP, Links
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
 Indices = NDArray[np.int32]
 
@@ -83,39 +83,33 @@ def _extended(nearness: Floats, links: Links, row: int, column: int, x: float, y
 
 
 @kernel
-def _is_smooth(links: Links, row: int, column: int) -> bool:
-    """Whether all samples around a corner of the lattice are linked to all their neighbours."""
+def _smooth_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
+    """Corners whose four samples are linked to all their neighbours; 0 for others.
+
+    Means of what the four extrapolate by central differences; many at a time.
+    """
     whole = LEFT | RIGHT | UP | DOWN
-    height, width = links.shape
-    return bool(
-        0 < row < height
-        and 0 < column < width
-        and links[row - 1, column - 1] == whole
-        and links[row - 1, column] == whole
-        and links[row, column - 1] == whole
-        and links[row, column] == whole
-    )
-
-
-@kernel
-def _smooth_vertex(nearness: Floats, row: int, column: int) -> Single:
-    """Mean of what the four samples around a corner extrapolate by central differences."""
-    inner = nearness[row - 1, column - 1] + nearness[row - 1, column]
-    inner += nearness[row, column - 1] + nearness[row, column]
-    outer = nearness[row - 2, column - 1] + nearness[row - 2, column]
-    outer += nearness[row + 1, column - 1] + nearness[row + 1, column]
-    outer += nearness[row - 1, column - 2] + nearness[row, column - 2]
-    outer += nearness[row - 1, column + 1] + nearness[row, column + 1]
-    return np.float32(0.375) * inner - np.float32(0.0625) * outer
+    r, one, two = np.uint64(row), np.uint64(1), np.uint64(2)
+    for column in range(2, nearness.shape[1] - 1):
+        c = np.uint64(column)
+        bits = links[r - one, c - one] & links[r - one, c] & links[r, c - one] & links[r, c]
+        inner = nearness[r - one, c - one] + nearness[r - one, c]
+        inner += nearness[r, c - one] + nearness[r, c]
+        outer = nearness[r - two, c - one] + nearness[r - two, c]
+        outer += nearness[r + one, c - one] + nearness[r + one, c]
+        outer += nearness[r - one, c - two] + nearness[r, c - two]
+        outer += nearness[r - one, c + one] + nearness[r, c + one]
+        smooth = np.float32(0.375) * inner - np.float32(0.0625) * outer
+        vertex[r, c] = smooth if bits == whole else np.float32(0)
 
 
 @kernel
 def _fill_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
+    vertex[row, :] = 0
+    if 2 <= row < nearness.shape[0] - 1:
+        _smooth_vertices(nearness, links, row, vertex)
     for column in range(vertex.shape[1]):
-        vertex[row, column] = 0
-        if _is_smooth(links, row, column):
-            vertex[row, column] = _smooth_vertex(nearness, row, column)
-        elif _is_inner(links, row, column):
+        if vertex[row, column] == 0 and _is_inner(links, row, column):
             vertex[row, column] = np.float32(
                 0.25
                 * (
@@ -158,27 +152,6 @@ def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
             else:
                 index[row, column] = -1
     return count
-
-
-@kernel
-def _mark_row(links: Links, row: int, marked: Links) -> None:
-    whole, sideways = LEFT | RIGHT | UP | DOWN, LEFT | RIGHT
-    height, width = links.shape
-    for column in range(width):
-        marked[row, column] = links[row, column]
-        if links[row, column] != whole or not (1 < row < height - 2 and 1 < column < width - 2):
-            continue
-        along = links[row, column - 1] & links[row, column + 1] & sideways == sideways
-        across = links[row - 1, column] & links[row + 1, column] == whole
-        if along and across:
-            marked[row, column] = whole | INNER
-
-
-@parallel_kernel
-def mark_inner(links: Links, marked: Links) -> None:
-    """Write links (H, W) with INNER where no interpolation meets a tear."""
-    for row in prange(links.shape[0]):
-        _mark_row(links, int(np.int64(row)), marked)
 
 
 @kernel

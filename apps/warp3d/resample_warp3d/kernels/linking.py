@@ -14,6 +14,10 @@ from resample.types import Doubles, Floats, Single
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
 EXPLAINED: Single = np.float32(0.5)  # share of a step that the step beside it has to account for
+HALF: Single = np.float32(0.5)
+ONE: Single = np.float32(1)
+NO_STEP: Single = np.float32(0)
+OPEN = 128  # of a sample's links for a while: neither a small step nor surely an edge
 STEEPEST: Single = np.float32(0.3)  # of the nearness: a larger step is an edge in any case
 
 
@@ -44,18 +48,10 @@ def _at(nearness: Floats, row: int, column: int) -> Single:
 
 
 @kernel
-def _is_linked(nearness: Floats, row: int, column: int, down: bool, tolerance: Doubles) -> bool:
-    """Whether a sample and the next one along an axis are on one surface."""
+def _is_linked(nearness: Floats, row: int, column: int, down: bool, allowed: Single) -> bool:
+    """Whether a step to the next sample along an axis is explained by those beside it."""
     dr, dc = (1, 0) if down else (0, 1)
-    here, there = nearness[row, column], _at(nearness, row + dr, column + dc)
-    if not (here > 0 and there > 0):
-        return False
-    most = max(here, there)
-    allowed = np.float32(tolerance[0] + tolerance[1] * most)
-    if abs(there - here) <= allowed:
-        return True
-    if abs(there - here) > STEEPEST * most:
-        return False
+    here, there = nearness[row, column], nearness[row + dr, column + dc]
     before, after = (
         _at(nearness, row - dr, column - dc),
         _at(nearness, row + 2 * dr, column + 2 * dc),
@@ -68,14 +64,36 @@ def _is_linked(nearness: Floats, row: int, column: int, down: bool, tolerance: D
 
 
 @kernel
+def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links: Links) -> None:
+    """Links of a row's samples to the right, or downward.
+
+    Steps that are small or large are told many at a time, those between one by one.
+    """
+    dr, dc, bit = (1, 0, DOWN) if down else (0, 1, RIGHT)
+    absolute, relative = tolerance[0], tolerance[1]
+    for column in range(nearness.shape[1] - dc):
+        here, there = nearness[row, column], nearness[row + dr, column + dc]
+        most, jump = max(here, there), abs(there - here)
+        is_there = (here > 0) & (there > 0)
+        is_close = is_there & (jump <= np.float32(absolute + relative * most))
+        is_open = is_there & (jump <= STEEPEST * most)
+        found = bit if is_close else OPEN if is_open else 0
+        links[row, column] |= np.uint8(found)
+    for column in range(nearness.shape[1] - dc):
+        if links[row, column] & OPEN:
+            most = max(nearness[row, column], nearness[row + dr, column + dc])
+            allowed = np.float32(absolute + relative * most)
+            links[row, column] &= ~OPEN
+            if _is_linked(nearness, row, column, down, allowed):
+                links[row, column] |= bit
+
+
+@kernel
 def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> None:
-    """Links of a row's samples to the right and downward."""
-    for column in range(nearness.shape[1]):
-        links[row, column] = 0
-        if _is_linked(nearness, row, column, False, tolerance):
-            links[row, column] |= RIGHT
-        if _is_linked(nearness, row, column, True, tolerance):
-            links[row, column] |= DOWN
+    links[row, :] = 0
+    _link_axis(nearness, row, False, tolerance, links)
+    if row + 1 < nearness.shape[0]:
+        _link_axis(nearness, row, True, tolerance, links)
 
 
 @parallel_kernel
@@ -118,8 +136,7 @@ def _line(
 ) -> tuple[float, float, int]:
     """Line through a sample's neighbours on its surface: value at the sample, slope, neighbours.
 
-    Least squares over up to `reach` linked samples on each side; with 1 on each side the value is
-    the sample's own.
+    Least squares over up to `reach` linked samples on each side.
     """
     forward, backward = (DOWN, UP) if down else (RIGHT, LEFT)
     dr, dc = (1, 0) if down else (0, 1)
@@ -141,8 +158,6 @@ def _line(
     if count == 1:
         return here, 0.0, 1
     slope = (count * moment - first * total) / (count * second - first * first)
-    if reach == 1:
-        return here, slope, count
     return here + (total - slope * first) / count, slope, count
 
 
@@ -166,6 +181,31 @@ def fit_rows(
     """Fit lines along rows (or, `down`, columns) of every surface; all arrays are (H, W)."""
     for row in prange(values.shape[0]):
         _fit_row(values, links, int(np.int64(row)), down, reach, fitted, slope)
+
+
+@kernel
+def _slope_row(nearness: Floats, links: Links, row: int, slope: Floats) -> None:
+    """Slopes along both axes of a row's samples; no branches, so many at a time."""
+    last_row, last_column = nearness.shape[0] - 1, nearness.shape[1] - 1
+    above, below = max(row - 1, 0), min(row + 1, last_row)
+    for column in range(nearness.shape[1]):
+        before, after = max(column - 1, 0), min(column + 1, last_column)
+        bits, here = links[row, column], nearness[row, column]
+        ahead = nearness[row, after] - here if bits & RIGHT != 0 else NO_STEP
+        back = here - nearness[row, before] if bits & LEFT != 0 else NO_STEP
+        is_both = (bits & RIGHT != 0) & (bits & LEFT != 0)
+        slope[row, column, 0] = (HALF if is_both else ONE) * (ahead + back)
+        ahead = nearness[below, column] - here if bits & DOWN != 0 else NO_STEP
+        back = here - nearness[above, column] if bits & UP != 0 else NO_STEP
+        is_both = (bits & DOWN != 0) & (bits & UP != 0)
+        slope[row, column, 1] = (HALF if is_both else ONE) * (ahead + back)
+
+
+@parallel_kernel
+def slope_rows(nearness: Floats, links: Links, slope: Floats) -> None:
+    """Write the slopes (H, W, 2) between samples and their neighbours on the surface."""
+    for row in prange(nearness.shape[0]):
+        _slope_row(nearness, links, int(np.int64(row)), slope)
 
 
 @kernel

@@ -28,22 +28,16 @@ ROUND = 0.93  # ratio of the last two steps of nearness from which on a surface 
 def limb(ratio: float) -> float:
     """Samples from the last one to where a surface turns away, by the ratio of its last two steps.
 
-    Near a limb nearness falls like a square root, √(T − t); the ratio of the steps before the last
-    sample (t = 0) tells T. 9 where it falls otherwise.
+    Near a limb nearness falls like a square root, √(T − t); the ratio ρ of the steps before the
+    last sample (t = 0) tells T: with q = √(T + 1) + √(T + 2), q² = (1 + ρ) / (ρ (1 − ρ)) and
+    √(T + 1) = (q − 1 / q) / 2. 9 where it falls otherwise.
     """
     if ratio <= math.sqrt(2.0) - 1.0:
         return 0.0
     if ratio >= ROUND:
         return 9.0
-    low, high = 0.0, 9.0
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        after = math.sqrt(middle + 1.0)
-        if (after + math.sqrt(middle)) / (math.sqrt(middle + 2.0) + after) < ratio:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    square = (1.0 + ratio) / (ratio * (1.0 - ratio))
+    return max(0.0, 0.25 * (square - 2.0 + 1.0 / square) - 1.0)
 
 
 @kernel
