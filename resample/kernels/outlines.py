@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
 from resample.kernels.jit import kernel, parallel_kernel
-from resample.kernels.vectors import combine, multiply
+from resample.kernels.vectors import Vector, combine, cross, dot, multiply
 from resample.types import Doubles, Ellipsoid, Floats, Place, Record, Records, Samples, Screen, View
 
 BATCH = 256  # samples
@@ -25,6 +25,25 @@ EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
 CHUNKS = 64  # fixed, so that runs never depend on the number of threads
 
 Indices = NDArray[np.int64]
+
+
+@kernel
+def _bounds_of(center: Vector, eye: Eye, shape: Shape) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom in px of an ellipsoid in front of the eye."""
+    x, y, z = center
+    v = shape.covariance
+    in_front = z * z - v[2][2] if eye.perspective else 1.0
+    per_front = 1.0 / in_front
+    middle_x = x * z - v[0][2] if eye.perspective else x
+    middle_y = y * z - v[1][2] if eye.perspective else y
+    wide = math.sqrt(max(0.0, middle_x * middle_x - in_front * (x * x - v[0][0])))
+    high = math.sqrt(max(0.0, middle_y * middle_y - in_front * (y * y - v[1][1])))
+    return (
+        eye.fx * ((middle_x - wide) * per_front) + eye.cx,
+        eye.fy * ((middle_y - high) * per_front) + eye.cy,
+        eye.fx * ((middle_x + wide) * per_front) + eye.cx,
+        eye.fy * ((middle_y + high) * per_front) + eye.cy,
+    )
 
 
 @kernel
@@ -44,9 +63,9 @@ def outline_batch(
 
     Samples that the near plane cuts are marked, and have no spacing.
     """
-    r, s, v = eye.rotation, eye.shift, shape.covariance
+    v = shape.covariance
     far, reach, per_radius = eye.perspective, math.sqrt(v[2][2]), 1.0 / shape.radius
-    left, right, top, bottom = area.sides
+    to_left, to_right, to_top, to_bottom = area.sides
     least = reach if far else -np.inf
     for n in range(count):
         k = np.uint64(n)
@@ -54,9 +73,8 @@ def outline_batch(
         x = float(position[np.uint64(3) * sample])
         y = float(position[np.uint64(3) * sample + np.uint64(1)])
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        cx = s[0] + (r[0][0] * x + r[0][1] * y + r[0][2] * z)
-        cy = s[1] + (r[1][0] * x + r[1][1] * y + r[1][2] * z)
-        cz = s[2] + (r[2][0] * x + r[2][1] * y + r[2][2] * z)
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
         x = cx * per_z if far else 0.0
         y = cy * per_z if far else 0.0
@@ -66,17 +84,12 @@ def outline_batch(
         xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
         mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
         major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
-        in_front = cz * cz - v[2][2] if far else 1.0
-        per_front = 1.0 / in_front
-        middle_x = cx * cz - v[0][2] if far else cx
-        middle_y = cy * cz - v[1][2] if far else cy
-        wide = math.sqrt(max(0.0, middle_x * middle_x - in_front * (cx * cx - v[0][0])))
-        high = math.sqrt(max(0.0, middle_y * middle_y - in_front * (cy * cy - v[1][1])))
+        left, top, right, bottom = _bounds_of(center, eye, shape)
         beside = max(
-            left[0] * cx + left[1] * cy + left[2] * cz + left[3],
-            right[0] * cx + right[1] * cy + right[2] * cz + right[3],
-            top[0] * cx + top[1] * cy + top[2] * cz + top[3],
-            bottom[0] * cx + bottom[1] * cy + bottom[2] * cz + bottom[3],
+            to_left[0] * cx + to_left[1] * cy + to_left[2] * cz + to_left[3],
+            to_right[0] * cx + to_right[1] * cy + to_right[2] * cz + to_right[3],
+            to_top[0] * cx + to_top[1] * cy + to_top[2] * cz + to_top[3],
+            to_bottom[0] * cx + to_bottom[1] * cy + to_bottom[2] * cz + to_bottom[3],
         )
         is_seen = (
             (beside <= 0.0) & (cz + reach > eye.near) & (extinction[sample] > np.float32(faintest))
@@ -84,14 +97,12 @@ def outline_batch(
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_around = cz <= least  # the sphere reaches behind the eye
         key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
-        first = -EVERYWHERE if is_around else eye.fx * ((middle_x - wide) * per_front) + eye.cx
-        last = EVERYWHERE if is_around else eye.fx * ((middle_x + wide) * per_front) + eye.cx
-        upper = -EVERYWHERE if is_around else eye.fy * ((middle_y - high) * per_front) + eye.cy
-        lower = EVERYWHERE if is_around else eye.fy * ((middle_y + high) * per_front) + eye.cy
-        room[k + LEFT] = np.float32(first) if is_seen else np.float32(np.inf)
-        room[k + RIGHT] = np.float32(last) if is_seen else np.float32(-np.inf)
-        room[k + TOP] = np.float32(upper)
-        room[k + BOTTOM] = np.float32(lower)
+        left, right = (-EVERYWHERE, EVERYWHERE) if is_around else (left, right)
+        top, bottom = (-EVERYWHERE, EVERYWHERE) if is_around else (top, bottom)
+        room[k + LEFT] = np.float32(left) if is_seen else np.float32(np.inf)
+        room[k + RIGHT] = np.float32(right) if is_seen else np.float32(-np.inf)
+        room[k + TOP] = np.float32(top)
+        room[k + BOTTOM] = np.float32(bottom)
         room[k + KEY] = np.float32(key)
         room[k + SPACING] = np.float32(np.inf) if is_cut else np.float32(major * per_radius)
         room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
@@ -115,11 +126,9 @@ def form_batch(
     Bounds are the first and last sub-pixels, as whole numbers, of a canvas with `height` rows and
     `width` columns. Samples that the near plane cuts have their centers in place of forms.
     """
-    r, s, v, t = eye.rotation, eye.shift, shape.covariance, shape.to_unit
-    far, per_px, reach = eye.perspective, float(place.subpixels), math.sqrt(v[2][2])
+    t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
+    far, per_px = eye.perspective, float(place.subpixels)
     least = reach if far else -np.inf
-    a0, a1, a2 = shape.across
-    d0, d1, d2 = shape.down
     last_column, last_row = width - 1.0, height - 1.0
     for n in range(count):
         k = np.uint64(n)
@@ -127,35 +136,23 @@ def form_batch(
         x = float(position[np.uint64(3) * sample])
         y = float(position[np.uint64(3) * sample + np.uint64(1)])
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        cx = s[0] + (r[0][0] * x + r[0][1] * y + r[0][2] * z)
-        cy = s[1] + (r[1][0] * x + r[1][1] * y + r[1][2] * z)
-        cz = s[2] + (r[2][0] * x + r[2][1] * y + r[2][2] * z)
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
-        in_front = cz * cz - v[2][2] if far else 1.0
-        per_front = 1.0 / in_front
-        middle_x = cx * cz - v[0][2] if far else cx
-        middle_y = cy * cz - v[1][2] if far else cy
-        wide = math.sqrt(max(0.0, middle_x * middle_x - in_front * (cx * cx - v[0][0])))
-        high = math.sqrt(max(0.0, middle_y * middle_y - in_front * (cy * cy - v[1][1])))
-        left = eye.fx * ((middle_x - wide) * per_front) + eye.cx - place.x
-        right = eye.fx * ((middle_x + wide) * per_front) + eye.cx - place.x
-        top = eye.fy * ((middle_y - high) * per_front) + eye.cy - place.y
-        bottom = eye.fy * ((middle_y + high) * per_front) + eye.cy - place.y
+        left, top, right, bottom = _bounds_of(center, eye, shape)
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_around = cz <= least
-        unit_x = t[0][0] * cx + t[0][1] * cy + t[0][2] * cz
-        unit_y = t[1][0] * cx + t[1][1] * cy + t[1][2] * cz
-        unit_z = t[2][0] * cx + t[2][1] * cy + t[2][2] * cz
-        ux = unit_x if far else t[0][2]
-        uy = unit_y if far else t[1][2]
-        uz = unit_z if far else t[2][2]
-        ax, ay, az = uy * a2 - uz * a1, uz * a0 - ux * a2, ux * a1 - uy * a0
-        dx, dy, dz = uy * d2 - uz * d1, uz * d0 - ux * d2, ux * d1 - uy * d0
+        unit = multiply(t, center)
+        ray_x, ray_y = unit[0] if far else t[0][2], unit[1] if far else t[1][2]
+        ray = (ray_x, ray_y, unit[2] if far else t[2][2])
+        across, down = cross(ray, shape.across), cross(ray, shape.down)
         key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
-        left = 0.0 if is_around else max(0.0, np.ceil(left * per_px - 0.5))
-        right = last_column if is_around else min(last_column, np.floor(right * per_px - 0.5))
-        top = 0.0 if is_around else max(0.0, np.ceil(top * per_px - 0.5))
-        bottom = last_row if is_around else min(last_row, np.floor(bottom * per_px - 0.5))
+        left = max(0.0, np.ceil((left - place.x) * per_px - 0.5))
+        right = min(last_column, np.floor((right - place.x) * per_px - 0.5))
+        top = max(0.0, np.ceil((top - place.y) * per_px - 0.5))
+        bottom = min(last_row, np.floor((bottom - place.y) * per_px - 0.5))
+        left, right = (0.0, last_column) if is_around else (left, right)
+        top, bottom = (0.0, last_row) if is_around else (top, bottom)
         room[k + LEFT] = np.float32(left)
         room[k + RIGHT] = np.float32(right)
         room[k + TOP] = np.float32(top)
@@ -165,9 +162,9 @@ def form_batch(
         room[k + X] = np.float32(eye.fx * (cx * per_z) + eye.cx)
         room[k + Y] = np.float32(eye.fy * (cy * per_z) + eye.cy)
         room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
-        room[k + A] = np.float32(unit_x if is_cut else ax * ax + ay * ay + az * az)
-        room[k + B] = np.float32(unit_y if is_cut else ax * dx + ay * dy + az * dz)
-        room[k + C] = np.float32(unit_z if is_cut else dx * dx + dy * dy + dz * dz)
+        room[k + A] = np.float32(unit[0] if is_cut else dot(across, across))
+        room[k + B] = np.float32(unit[1] if is_cut else dot(across, down))
+        room[k + C] = np.float32(unit[2] if is_cut else dot(down, down))
 
 
 @kernel
