@@ -1,6 +1,6 @@
 """A workload and those who do it, and the table that becomes of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +23,11 @@ class Options:
     data: str | None = None  # folder with the folder `volumes`
     scratch: str = "."  # folder for what one process leaves for another
     sides: tuple[int, ...] = (400, 1024)  # px, of pictures of volumes
+
+    @classmethod
+    def of(cls, known: Mapping[str, Any]) -> "Options":
+        """Options that went to another process as JSON, which has no tuples."""
+        return cls(**{**known, "sides": tuple(known.get("sides", cls.sides))})
 
     @property
     def volumes(self) -> Path:
@@ -182,7 +187,7 @@ def in_child(group: str, title: str, name: str, options: dict[str, Any]) -> dict
     """Peak memory of one contender of one workload; without a group, of importing alone."""
     import_module("resample.resampler")
     if group:
-        workloads = import_module(group).workloads(Options(**options))
+        workloads = import_module(group).workloads(Options.of(options))
         workload = next(each for each in workloads if each.title == title)
         contender = next(each for each in workload.contenders if each.name == name)
         contender.prepare()()

@@ -1,0 +1,122 @@
+"""Splats that tiles project for themselves are those that are painted from records."""
+
+import numpy as np
+import pytest
+
+from resample import deferred, resampler
+from resample.cameras import Orthographic, Pinhole, look_at
+from resample.filters import Gaussian
+from resample.kernels.jit import next_task
+from resample.orders import EverySample
+from resample.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
+from resample.resampler import Primitive, Resampler
+from resample.types import Samples
+
+SIZE = {"height": 44, "width": 57}
+ARRAYS = ("rgba", "depth", "first_depth", "coverage")
+CLOSE = Pinhole(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
+CAMERAS = {
+    "close": CLOSE,
+    "far": Pinhole(90.0, 90.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
+    "inside": Pinhole(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
+    "near plane": Pinhole(90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0),
+    "parallel": Orthographic(1.9, 1.7, 26.0, 21.0, look_at((30, 20, -30), (0, 0, 0)), -60.0),
+}
+PLANE = [[0.3, 1.0, 0.2, 2.0]]
+# Line integrals are within 3e-6 of the peak by either way; so a sub-pixel may count as opaque, at a
+# transmittance of 1e-4, one splat sooner.
+TOLERANCE = 1e-4
+
+
+def box(rng, extinction=0.4, side=15):
+    """Samples of a sheared lattice, z slowest."""
+    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
+    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
+    return Samples(
+        (index @ lattice.T).astype(np.float32),
+        rng.uniform(0, 1, index.shape).astype(np.float32),
+        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
+        lattice,
+    )
+
+
+def from_records(monkeypatch, *args, **choices):
+    """The same picture by the other way."""
+    with monkeypatch.context() as patch:
+        patch.setattr(resampler, "can_defer", lambda *_: False)
+        return Resampler(**choices)(*args, **SIZE)
+
+
+def assert_same(first, second):
+    for name in ARRAYS:
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+@pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
+def test_pictures_are_those_painted_from_records(rng, monkeypatch, camera, extinction):
+    samples = box(rng, extinction)
+    frame, other = Resampler()(samples, camera, **SIZE), from_records(monkeypatch, samples, camera)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+    np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
+    np.testing.assert_array_equal(np.isfinite(frame.depth), np.isfinite(other.depth))
+    assert frame.statistics.splats == other.statistics.splats
+    assert frame.statistics.subpixels == other.statistics.subpixels
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_a_plane_cuts_as_it_cuts_records(rng, monkeypatch, camera):
+    samples = box(rng)
+    frame = Resampler()(samples, camera, clip=PLANE, **SIZE)
+    with monkeypatch.context() as patch:
+        patch.setattr(resampler, "can_defer", lambda *_: False)
+        other = Resampler()(samples, camera, clip=PLANE, **SIZE)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+    assert frame.statistics.splats == other.statistics.splats
+
+
+@pytest.mark.parametrize("longest", [1, 7, 256])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
+    samples = box(rng)
+    frame = Resampler()(samples, camera, **SIZE)
+    monkeypatch.setattr(deferred, "LONGEST_RUN", longest)
+    assert_same(frame, Resampler()(samples, camera, **SIZE))
+
+
+@pytest.mark.parametrize("key", ["depth", "distance"])
+def test_the_order_of_samples_changes_no_bit(rng, key):
+    samples, resample = box(rng), Resampler(order=EverySample(key=key))
+    mixed = rng.permutation(samples.extinction.size)
+    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
+
+
+def test_filters_reach_into_other_tiles(rng, monkeypatch):
+    samples, pixel = box(rng), Gaussian(0.7, 2.0)
+    frame = Resampler(pixel_filter=pixel)(samples, CLOSE, **SIZE)
+    other = from_records(monkeypatch, samples, CLOSE, pixel_filter=pixel)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+
+
+def test_many_rays_per_pixel_fit_the_rows(rng, monkeypatch):
+    samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
+    frame = Resampler(**choice)(samples, CLOSE, **SIZE)
+    other = from_records(monkeypatch, samples, CLOSE, **choice)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("kernel", [GaussianKernel(), GaussianKernel(0.5, 1.5)])
+def test_integrals_of_gaussians_have_a_formula(kernel):
+    assert footprint_profile(kernel) is not None
+
+
+def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
+    spline = BSplineKernel()
+    assert footprint_profile(spline) is None
+    assert Resampler(reconstruction=spline)(box(rng), CLOSE, **SIZE).rgba.max() > 0.1
+
+
+def test_no_task_is_given_twice():
+    counter = np.zeros(1, np.int64)
+    assert [next_task(counter) for _ in range(4)] == [0, 1, 2, 3]
