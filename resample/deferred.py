@@ -163,7 +163,7 @@ def paint_deferred(
     tiles, load = _dealt(scene, runs)
     clock.lap("bin")
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
-    taken = np.zeros(runs.known.size, np.uint8)
+    taken, peak = np.zeros(runs.known.size, np.uint8), _peak(scene)
     for turn, done in in_steps(load):
         paint_runs(
             workers(),
@@ -179,7 +179,7 @@ def paint_deferred(
             scene.style,
             scene.tables,
             profile,
-            _peak(scene),
+            peak,
             painted.frame,
             taken,
             painted.tally,
@@ -207,9 +207,9 @@ def _counted(
         return statistics._replace(splats=splats, hidden=splats - shown)
     count = np.diff(blocks.start)
     first = np.searchsorted(runs.start, blocks.start[:-1])
-    is_outside = np.add.reduceat(seen, first) == 0
-    is_occluded = (np.add.reduceat(taken, first) == 0) & ~is_outside
     of_block = np.add.reduceat(seen, first)
+    is_outside = of_block == 0
+    is_occluded = (np.maximum.reduceat(taken, first) == 0) & ~is_outside
     splats = int(of_block[~is_occluded].sum())
     return statistics._replace(
         splats=splats,
