@@ -450,50 +450,6 @@ def _paint_tile(
     resolve_rows(rows, n, pixel_weights(tables, n), home, frame)
 
 
-@kernel
-def _work(
-    counter: NDArray[np.int64],
-    turn: Indices,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    by_distance: bool,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    profile: Profile,
-    peak: float,
-    frame: Floats,
-    taken: Flags,
-    tally: Tally,
-) -> None:
-    """Paint tiles until no thread finds another."""
-    place = next_task(counter)
-    while place < turn.size:
-        _paint_tile(
-            turn[place],
-            tiles,
-            runs,
-            start,
-            samples,
-            by_distance,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            profile,
-            peak,
-            frame,
-            taken,
-            tally,
-        )
-        place = next_task(counter)
-
-
 @parallel_kernel
 def paint_runs(
     workers: int,
@@ -543,22 +499,24 @@ def paint_runs(
     """
     counter = np.zeros(1, np.int64)
     for _ in prange(workers):
-        _work(
-            counter,
-            turn,
-            tiles,
-            runs,
-            start,
-            samples,
-            by_distance,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            profile,
-            peak,
-            frame,
-            taken,
-            tally,
-        )
+        place = next_task(counter)
+        while place < turn.size:
+            _paint_tile(
+                turn[place],
+                tiles,
+                runs,
+                start,
+                samples,
+                by_distance,
+                view,
+                ellipsoid,
+                screen,
+                style,
+                tables,
+                profile,
+                peak,
+                frame,
+                taken,
+                tally,
+            )
+            place = next_task(counter)

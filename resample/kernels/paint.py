@@ -137,42 +137,6 @@ def _paint_tile(
     resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, frame)
 
 
-@kernel
-def _work(
-    counter: NDArray[np.int64],
-    turn: NDArray[np.int64],
-    tiles: Tiles,
-    footprints: Records,
-    sheets: Sheets,
-    key_bits: NDArray[np.uint32],
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    frame: Floats,
-    tally: Tally,
-) -> None:
-    """Paint tiles until no thread finds another."""
-    place = next_task(counter)
-    while place < turn.size:
-        _paint_tile(
-            turn[place],
-            tiles,
-            footprints,
-            sheets,
-            key_bits,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            frame,
-            tally,
-        )
-        place = next_task(counter)
-
-
 @parallel_kernel
 def paint_tiles(
     workers: int,
@@ -192,18 +156,20 @@ def paint_tiles(
     """Paint the tiles listed in `turn` by `workers` threads. No pixel is shared, so none meet."""
     counter = np.zeros(1, np.int64)
     for _ in prange(workers):
-        _work(
-            counter,
-            turn,
-            tiles,
-            footprints,
-            sheets,
-            key_bits,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            frame,
-            tally,
-        )
+        place = next_task(counter)
+        while place < turn.size:
+            _paint_tile(
+                turn[place],
+                tiles,
+                footprints,
+                sheets,
+                key_bits,
+                view,
+                ellipsoid,
+                screen,
+                style,
+                tables,
+                frame,
+                tally,
+            )
+            place = next_task(counter)

@@ -334,52 +334,6 @@ def _paint_tile(
     resolve(canvas.pixel, subpixels, weight, home, frame)
 
 
-@kernel
-def _work(
-    counter: NDArray[np.int64],
-    turn: NDArray[np.int64],
-    tiles: Tiles,
-    footprints: Records,
-    sheets: Sheets,
-    key_bits: NDArray[np.uint32],
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    look: Palette,
-    lamp: Lamp,
-    is_field: bool,
-    is_cutting: bool,
-    frame: Floats,
-    value: Floats,
-    tally: Tally,
-) -> None:
-    """Paint tiles until no thread finds another."""
-    place = next_task(counter)
-    while place < turn.size:
-        _paint_tile(
-            turn[place],
-            tiles,
-            footprints,
-            sheets,
-            key_bits,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            look,
-            lamp,
-            is_field,
-            is_cutting,
-            frame,
-            value,
-            tally,
-        )
-        place = next_task(counter)
-
-
 @parallel_kernel
 def paint_sheet_tiles(
     workers: int,
@@ -407,23 +361,25 @@ def paint_sheet_tiles(
     """
     counter = np.zeros(1, np.int64)
     for _ in prange(workers):
-        _work(
-            counter,
-            turn,
-            tiles,
-            footprints,
-            sheets,
-            key_bits,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            look,
-            lamp,
-            is_field,
-            is_cutting,
-            frame,
-            value,
-            tally,
-        )
+        place = next_task(counter)
+        while place < turn.size:
+            _paint_tile(
+                turn[place],
+                tiles,
+                footprints,
+                sheets,
+                key_bits,
+                view,
+                ellipsoid,
+                screen,
+                style,
+                tables,
+                look,
+                lamp,
+                is_field,
+                is_cutting,
+                frame,
+                value,
+                tally,
+            )
+            place = next_task(counter)
