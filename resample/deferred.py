@@ -153,7 +153,6 @@ def paint_deferred(
         Of which it is to be said how many were outside the view, or hidden.
     """
     from resample.kernels.deferred import paint_runs
-    from resample.kernels.jit import workers
 
     clock = Clock()
     runs = runs_of(scene, samples, order, blocks)
@@ -166,7 +165,6 @@ def paint_deferred(
     taken, peak = np.zeros(runs.known.size, np.uint8), _peak(scene)
     for turn, done in in_steps(load):
         paint_runs(
-            workers(),
             turn,
             tiles,
             runs.known,

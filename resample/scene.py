@@ -296,10 +296,8 @@ class Scene:
     def _paint_tiles(
         self, turn: NDArray[np.int64], sheets: Sheets, tiles: Tiles, painted: Painted
     ) -> None:
-        from resample.kernels.jit import workers
 
         common = (
-            workers(),
             turn,
             tiles,
             self.footprints,

@@ -3,10 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numba import prange, types
+from numba import types
 from numba.extending import intrinsic
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 
 CHAIN = 16  # multiply-adds in turn on each number
@@ -35,7 +35,9 @@ def _multiply_add_often(numbers: Floats, factor: float, summand: float, times: i
 
 
 @parallel_kernel
-def multiply_add(numbers: Floats, factor: float, summand: float, times: int) -> None:
+def multiply_add(
+    counter: Counter, numbers: Floats, factor: float, summand: float, times: int
+) -> None:
     """`CHAIN` × `times` multiply-adds on each number of the rows (threads, count)."""
-    for row in prange(numbers.shape[0]):
+    for row in tasks(counter, numbers.shape[0]):
         _multiply_add_often(numbers[row], factor, summand, times)

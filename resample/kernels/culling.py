@@ -10,13 +10,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import cast_rays, laid_out, pixel_weights, resolve
 from resample.kernels.footprints import Eye, Shape, eye_of, shape_of
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.paint import Tally, paint_members
 from resample.kernels.sorting import put_in_order
 from resample.kernels.tiles import tiles_met
@@ -418,6 +417,7 @@ def _note_light(pixel: Floats, n: int, light: Floats) -> None:
 
 @parallel_kernel
 def paint_pass(
+    counter: Counter,
     turn: Indices,
     tiles: Tiles,
     footprints: Records,
@@ -434,7 +434,7 @@ def paint_pass(
     tally: Tally,
 ) -> None:
     """Go on with the tiles listed in `turn`, by the sheets from `first` to before `last`."""
-    for place in prange(turn.size):
+    for place in tasks(counter, turn.size):
         _go_on(
             turn[place],
             tiles,
@@ -476,6 +476,7 @@ def _resolve_tile(
 
 @parallel_kernel
 def resolve_tiles(
+    counter: Counter,
     spacing: Floats,
     size: int,
     columns: int,
@@ -486,9 +487,9 @@ def resolve_tiles(
     frame: Floats,
 ) -> None:
     """Filter the canvases of tiles (T,) of some spacing and size to the frame (H, W, 7)."""
-    for tile in prange(spacing.size):
+    for tile in tasks(counter, spacing.size):
         _resolve_tile(
-            int(np.int64(tile)),
+            tile,
             spacing,
             size,
             columns,

@@ -9,13 +9,12 @@ occlusion map.
 """
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import Home, laid_out, pixel_weights
 from resample.kernels.footprints import area_of, eye_of, shape_of
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, next_task, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.outlines import (
     BOTTOM,
     CUT,
@@ -159,6 +158,7 @@ def _find_spacing(
 
 @parallel_kernel
 def find_spacings(
+    counter: Counter,
     tiles: Tiles,
     runs: Records,
     start: Indices,
@@ -169,9 +169,9 @@ def find_spacings(
     style: Style,
 ) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
-    for tile in prange(tiles.spacing.size):
+    for tile in tasks(counter, tiles.spacing.size):
         _find_spacing(
-            int(np.int64(tile)),
+            tile,
             tiles,
             runs,
             start,
@@ -452,7 +452,7 @@ def _paint_tile(
 
 @parallel_kernel
 def paint_runs(
-    workers: int,
+    counter: Counter,
     turn: Indices,
     tiles: Tiles,
     runs: Records,
@@ -474,8 +474,6 @@ def paint_runs(
 
     Parameters
     ----------
-    workers
-        How many threads there are.
     turn
         Numbers of tiles.
     tiles
@@ -497,26 +495,22 @@ def paint_runs(
     tally
         (T, 4) numbers of splats painted by the tiles that hold their centers, and grids.
     """
-    counter = np.zeros(1, np.int64)
-    for _ in prange(workers):
-        place = next_task(counter)
-        while place < turn.size:
-            _paint_tile(
-                turn[place],
-                tiles,
-                runs,
-                start,
-                samples,
-                by_distance,
-                view,
-                ellipsoid,
-                screen,
-                style,
-                tables,
-                profile,
-                peak,
-                frame,
-                taken,
-                tally,
-            )
-            place = next_task(counter)
+    for place in tasks(counter, turn.size):
+        _paint_tile(
+            turn[place],
+            tiles,
+            runs,
+            start,
+            samples,
+            by_distance,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            profile,
+            peak,
+            frame,
+            taken,
+            tally,
+        )

@@ -24,10 +24,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from resample.kernels.grid import grid, is_surely_point, point_width
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import (
     Matrix,
     Vector,
@@ -478,6 +477,7 @@ def _project_chunk(
 
 @parallel_kernel
 def project(
+    counter: Counter,
     footprints: Records,
     samples: Samples,
     view: View,
@@ -486,5 +486,5 @@ def project(
     style: Style,
 ) -> None:
     """Fill in the footprints (N,) of all samples."""
-    for chunk in prange((footprints.size + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (footprints.size + CHUNK - 1) // CHUNK):
         _project_chunk(footprints, samples, view, ellipsoid, screen, style, chunk)

@@ -8,11 +8,14 @@ whether bounds are checked.
 
 import hashlib
 import inspect
+import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from functools import cache
+from contextvars import ContextVar
+from functools import cache, wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numba
 import numpy as np
@@ -22,6 +25,8 @@ from numpy.typing import NDArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+Counter = NDArray[np.int64]  # (1,) how many tasks threads have taken
 
 
 def _digest(other: Path | None = None) -> str:
@@ -60,17 +65,30 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
         )
 
 
-def _compile(
-    function: Callable[P, R], *, parallel: bool = False, fastmath: bool | set[str] = False
-) -> Callable[P, R]:
-    # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
-    compiled = numba.njit(
-        function, nogil=True, parallel=parallel, error_model="numpy", fastmath=fastmath
-    )
-    if hasattr(compiled, "enable_caching"):
-        with suppress(RuntimeError):  # no folder can be written to: compile in every process
-            compiled._cache = _SourceAwareCache(function)
-    return compiled  # type: ignore[no-any-return]
+# error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    """Make a function that Python calls by machine code, which is kept on disk, and kernels inline.
+
+    What kernels call is compiled with them, without the code that unpacks Python's arguments: that
+    would take a fifth of the time.
+    """
+    if numba.config.DISABLE_JIT:
+        return function
+    compiled = numba.njit(function, **_OPTIONS, **options)
+    with suppress(RuntimeError):  # no folder can be written to: compile in every process
+        compiled._cache = _SourceAwareCache(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        return compiled(*args, **kwargs)  # type: ignore[no-any-return]
+
+    call.compiled = compiled  # type: ignore[attr-defined]
+    inner = {**_OPTIONS, **options, "no_cpython_wrapper": True}
+    overload(call, jit_options=inner, strict=False)(lambda *_: function)
+    return call
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -88,9 +106,45 @@ def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, fastmath={"contract", "nsz"})
 
 
-def parallel_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile one `prange` around one kernel call (numba loses writes to bundles inside a body)."""
-    return _compile(function, parallel=True)
+def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
+    """Compile a function that all threads run at once, each with other `tasks`.
+
+    Its first argument counts the tasks that are taken; callers leave it out.
+    """
+    compiled = _compile(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> None:
+        counter, others = np.zeros(1, np.int64), workers() - 1
+        started = [_pool().submit(compiled, counter, *args, **kwargs) for _ in range(others)]
+        try:
+            compiled(counter, *args, **kwargs)
+        finally:
+            for other in started:  # those that could not begin yet would find nothing to do
+                if not other.cancel():
+                    other.result()
+
+    call.compiled = getattr(compiled, "compiled", compiled)  # type: ignore[attr-defined]
+    return call
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for tasks; a forked process, which has none of them, gets its own."""
+    return ThreadPoolExecutor(max(1, numba.config.NUMBA_NUM_THREADS - 1), "resample")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+@kernel
+def tasks(counter: Counter, count: int) -> Iterator[int]:
+    """Numbers below `count`, each for the first thread to ask for one."""
+    task = _next_of(counter)
+    while task < count:
+        yield task
+        task = _next_of(counter)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -105,44 +159,50 @@ def _add_one(_: Any, counter: Any) -> Any:
     return numba.int64(counter), generate
 
 
-def next_task(counter: NDArray[np.int64]) -> int:
-    """Number of the next task that no thread has taken yet; `counter` (1,) starts at 0."""
+def _next_of(counter: Counter) -> int:
+    """How many tasks had been taken, of which this is one more."""
     counter[0] += 1
     return int(counter[0]) - 1
 
 
-@overload(next_task)
-def _next_task(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
+@overload(_next_of)
+def _compiled_next_of(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
     def compiled(counter):  # type: ignore[no-untyped-def]
         return _add_one(counter)
 
     return compiled
 
 
+_limit: ContextVar[int | None] = ContextVar("limit", default=None)
+
+
 def workers() -> int:
-    """How many threads a parallel kernel runs on now."""
-    return int(numba.get_num_threads())
+    """How many threads a parallel kernel runs on now; plain Python has no atomic counter."""
+    most = 1 if numba.config.DISABLE_JIT else numba.config.NUMBA_NUM_THREADS
+    limit = _limit.get()
+    return int(most if limit is None else max(1, min(limit, most)))
 
 
 @contextmanager
 def threads(count: int | None) -> Iterator[None]:
     """Run parallel kernels on at most `count` threads; None takes all. Pixels do not depend on it.
 
-    A `prange` gives threads equal parts of consecutive tasks. Who has tasks of uneven cost starts a
-    worker for each thread, and lets it ask for the `next_task`.
+    Holds for the thread, or task, that asks for it.
     """
-    before = numba.get_num_threads()
-    if count is not None:
-        numba.set_num_threads(max(1, min(count, numba.config.NUMBA_NUM_THREADS)))
+    token = _limit.set(count)
     try:
-        with numba.parallel_chunksize(1):
-            yield
+        yield
     finally:
-        numba.set_num_threads(before)
+        _limit.reset(token)
 
 
-def is_stored(compiled: Callable[..., Any]) -> bool:
+def is_stored(called: Callable[..., Any]) -> bool:
     """Whether machine code of this version of a kernel is on disk, so that it starts at once."""
-    cache = getattr(compiled, "_cache", None)
-    index = getattr(getattr(cache, "_cache_file", None), "_index_path", None)
-    return not hasattr(compiled, "_cache") or (index is not None and Path(index).exists())
+    index = index_of(called)
+    return not hasattr(called, "compiled") or (index is not None and index.exists())
+
+
+def index_of(called: Callable[..., Any]) -> Path | None:
+    """File that says which machine code of a kernel is on disk; None if none can be kept."""
+    cache_file = getattr(called.compiled._cache, "_cache_file", None)  # type: ignore[attr-defined]
+    return None if cache_file is None else Path(cache_file._index_path)

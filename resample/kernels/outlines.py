@@ -8,11 +8,10 @@ numbers at fixed distances, for the same reason as in `resample.kernels.rows`.
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Vector, combine, cross, dot, multiply
 from resample.types import Doubles, Ellipsoid, Floats, Place, Record, Records, Samples, Screen, View
 
@@ -217,13 +216,15 @@ def _break_chunk(
 
 
 @parallel_kernel
-def break_runs(position: Floats, extent: float, most: int, start: Indices, count: Indices) -> None:
+def break_runs(
+    counter: Counter, position: Floats, extent: float, most: int, start: Indices, count: Indices
+) -> None:
     """Where runs of at most `most` samples begin that lie within `extent` scene units.
 
     Positions are flat (3 N,). Each chunk n of the samples writes `count` (CHUNKS,)[n] numbers to
     `start` (N,) from its own first sample on.
     """
-    for chunk in prange(CHUNKS):
+    for chunk in tasks(counter, CHUNKS):
         _break_chunk(position, extent, most, start, count, chunk)
 
 
@@ -279,6 +280,7 @@ def _outline_chunk(
 
 @parallel_kernel
 def outline_runs(
+    counter: Counter,
     runs: Records,
     start: Indices,
     samples: Samples,
@@ -289,7 +291,7 @@ def outline_runs(
     by_distance: bool,
 ) -> None:
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
-    for chunk in prange(CHUNKS):
+    for chunk in tasks(counter, CHUNKS):
         _outline_chunk(
             runs,
             start,

@@ -1,7 +1,6 @@
 """Paint the tiles of a frame: each tile alone, front to back, until it is opaque."""
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import (
@@ -14,7 +13,7 @@ from resample.kernels.canvas import (
     resolve,
 )
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, next_task, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.points import MOST_TAPS, add_point, composite_sheet
 from resample.kernels.sorting import put_in_order
 from resample.kernels.splats import paint_cut_splat, paint_splat
@@ -139,7 +138,7 @@ def _paint_tile(
 
 @parallel_kernel
 def paint_tiles(
-    workers: int,
+    counter: Counter,
     turn: NDArray[np.int64],
     tiles: Tiles,
     footprints: Records,
@@ -153,23 +152,19 @@ def paint_tiles(
     frame: Floats,
     tally: Tally,
 ) -> None:
-    """Paint the tiles listed in `turn` by `workers` threads. No pixel is shared, so none meet."""
-    counter = np.zeros(1, np.int64)
-    for _ in prange(workers):
-        place = next_task(counter)
-        while place < turn.size:
-            _paint_tile(
-                turn[place],
-                tiles,
-                footprints,
-                sheets,
-                key_bits,
-                view,
-                ellipsoid,
-                screen,
-                style,
-                tables,
-                frame,
-                tally,
-            )
-            place = next_task(counter)
+    """Paint the tiles listed in `turn`. No pixel is shared, so none meet."""
+    for place in tasks(counter, turn.size):
+        _paint_tile(
+            turn[place],
+            tiles,
+            footprints,
+            sheets,
+            key_bits,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            frame,
+            tally,
+        )

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import (
@@ -16,7 +15,7 @@ from resample.kernels.canvas import (
 )
 from resample.kernels.fields import develop, resolve_value, take_in_slab
 from resample.kernels.grid import grid
-from resample.kernels.jit import kernel, next_task, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.lookup import absorbed
 from resample.kernels.over import VISIBLE
 from resample.kernels.points import MOST_TAPS, add_point
@@ -336,7 +335,7 @@ def _paint_tile(
 
 @parallel_kernel
 def paint_sheet_tiles(
-    workers: int,
+    counter: Counter,
     turn: NDArray[np.int64],
     tiles: Tiles,
     footprints: Records,
@@ -355,31 +354,24 @@ def paint_sheet_tiles(
     value: Floats,
     tally: Tally,
 ) -> None:
-    """Paint the tiles listed in `turn`; `value` (H, W) is what projections of fields measure.
-
-    There are `workers` threads.
-    """
-    counter = np.zeros(1, np.int64)
-    for _ in prange(workers):
-        place = next_task(counter)
-        while place < turn.size:
-            _paint_tile(
-                turn[place],
-                tiles,
-                footprints,
-                sheets,
-                key_bits,
-                view,
-                ellipsoid,
-                screen,
-                style,
-                tables,
-                look,
-                lamp,
-                is_field,
-                is_cutting,
-                frame,
-                value,
-                tally,
-            )
-            place = next_task(counter)
+    """Paint the tiles listed in `turn`; `value` (H, W) is what projections of fields measure."""
+    for place in tasks(counter, turn.size):
+        _paint_tile(
+            turn[place],
+            tiles,
+            footprints,
+            sheets,
+            key_bits,
+            view,
+            ellipsoid,
+            screen,
+            style,
+            tables,
+            look,
+            lamp,
+            is_field,
+            is_cutting,
+            frame,
+            value,
+            tally,
+        )

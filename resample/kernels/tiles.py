@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Records, Screen, Tiles
 
 CHUNKS = 64  # fixed, so that the members' order never depends on the number of threads
@@ -70,22 +69,32 @@ def _deal_chunk(
 
 @parallel_kernel
 def count_members(
-    footprints: Records, screen: Screen, size: int, tile_columns: int, count: Counts
+    counter: Counter,
+    footprints: Records,
+    screen: Screen,
+    size: int,
+    tile_columns: int,
+    count: Counts,
 ) -> None:
     """Number of samples of each chunk in each tile, added to `count` (CHUNKS, T)."""
-    for chunk in prange(CHUNKS):
+    for chunk in tasks(counter, CHUNKS):
         _count_chunk(footprints, screen, size, tile_columns, count, chunk)
 
 
 @parallel_kernel
 def deal_members(
-    footprints: Records, screen: Screen, tiles: Tiles, position: Counts, smallest: Floats
+    counter: Counter,
+    footprints: Records,
+    screen: Screen,
+    tiles: Tiles,
+    position: Counts,
+    smallest: Floats,
 ) -> None:
     """Write each tile's samples, and the smallest spacing among each chunk's own (CHUNKS, T).
 
     `position` (CHUNKS, T) says where each chunk's samples begin.
     """
-    for chunk in prange(CHUNKS):
+    for chunk in tasks(counter, CHUNKS):
         _deal_chunk(footprints, screen, tiles, position, smallest, chunk)
 
 

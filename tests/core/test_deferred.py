@@ -6,7 +6,6 @@ import pytest
 from resample import deferred, resampler
 from resample.cameras import Orthographic, Pinhole, look_at
 from resample.filters import Gaussian
-from resample.kernels.jit import next_task
 from resample.orders import EverySample
 from resample.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
 from resample.resampler import Primitive, Resampler
@@ -115,8 +114,3 @@ def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None
     assert Resampler(reconstruction=spline)(box(rng), CLOSE, **SIZE).rgba.max() > 0.1
-
-
-def test_no_task_is_given_twice():
-    counter = np.zeros(1, np.int64)
-    assert [next_task(counter) for _ in range(4)] == [0, 1, 2, 3]

@@ -1,4 +1,7 @@
+import multiprocessing
+import os
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
@@ -16,7 +19,7 @@ compiled_only = pytest.mark.skipif(
 @compiled_only
 @pytest.mark.parametrize("compiled", [paint.paint_tiles, lookup.unit_lookup])
 def test_the_name_of_a_cache_file_holds_the_digest_of_all_kernels(compiled):
-    assert jit.SOURCES[:12] in Path(compiled._cache._cache_file._index_path).name
+    assert jit.SOURCES[:12] in jit.index_of(compiled).name
 
 
 @pytest.fixture
@@ -52,7 +55,7 @@ def test_a_new_kernel_changes_the_digest(copied):
 @compiled_only
 def test_bounds_checks_have_a_cache_of_their_own(monkeypatch):
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
-    cache = jit._SourceAwareCache(lookup.unit_lookup.py_func)
+    cache = jit._SourceAwareCache(lookup.unit_lookup.__wrapped__)
     assert "-checked" in Path(cache._cache_file._index_path).name
 
 
@@ -64,7 +67,7 @@ def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch):
     monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
     doubled = jit.kernel(double)
     assert doubled(3.0) == 6.0
-    assert not isinstance(doubled._cache, jit._SourceAwareCache)
+    assert jit.index_of(doubled) is None
 
 
 def double(number):
@@ -82,16 +85,63 @@ def inverse(array):
 
 @pytest.mark.parametrize("count", [0, 1, 2, 10_000, None])
 def test_the_number_of_threads_is_put_back(count):
-    before = numba.get_num_threads()
+    before = jit.workers()
     with jit.threads(count):
-        assert 1 <= numba.get_num_threads() <= numba.config.NUMBA_NUM_THREADS
+        assert 1 <= jit.workers() <= numba.config.NUMBA_NUM_THREADS
         if count == 1:
-            assert numba.get_num_threads() == 1
-    assert numba.get_num_threads() == before
+            assert jit.workers() == 1
+    assert jit.workers() == before
 
 
 def test_the_number_of_threads_is_put_back_after_an_error():
-    before = numba.get_num_threads()
+    before = jit.workers()
     with pytest.raises(KeyError), jit.threads(1):
         raise KeyError
-    assert numba.get_num_threads() == before
+    assert jit.workers() == before
+
+
+def count_up(counter, done):
+    for task in jit.tasks(counter, done.size):
+        done[task] += 1
+
+
+@pytest.mark.parametrize("count", [1, 2, None])
+@pytest.mark.parametrize("size", [0, 1, 1000])
+def test_every_task_is_done_once(count, size):
+    done = np.zeros(size, np.int64)
+    with jit.threads(count):
+        jit.parallel_kernel(count_up)(done)
+    assert (done == 1).all()
+
+
+def test_parallel_kernels_can_be_called_from_many_threads():
+    counted = jit.parallel_kernel(count_up)
+    arrays = [np.zeros(100, np.int64) for _ in range(20)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(counted, arrays))
+    assert all((done == 1).all() for done in arrays)
+
+
+def fail_at_seven(counter, done):
+    for task in jit.tasks(counter, done.size):
+        if task == 7:
+            raise ValueError("the seventh")
+        done[task] = 1
+
+
+def test_an_error_in_a_task_reaches_the_caller():
+    with pytest.raises(ValueError, match="the seventh"):
+        jit.parallel_kernel(fail_at_seven)(np.zeros(20))
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_parallel_kernels_work_after_a_fork():
+    counted = jit.parallel_kernel(count_up)
+    counted(np.zeros(9, np.int64))
+    child = multiprocessing.get_context("fork").Process(
+        target=counted, args=(np.zeros(9, np.int64),)
+    )
+    child.start()
+    child.join(60)
+    assert child.exitcode == 0

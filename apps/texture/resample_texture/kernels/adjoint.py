@@ -6,10 +6,9 @@ gather side by side into patches of their own, which are then added one after th
 bits for any number of threads.
 """
 
-import numba
 import numpy as np
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_texture.kernels.adding import phase_of
 from resample_texture.kernels.blocks import BOTTOM, CUT, LEFT, LEVEL, RIGHT, START, TOP, Integers
@@ -210,6 +209,7 @@ def _gather_block(
 
 @parallel_kernel
 def gather_blocks(
+    counter: Counter,
     gradient: Floats,
     matrix: Doubles,
     map_x: Doubles,
@@ -235,7 +235,7 @@ def gather_blocks(
     patches
         Filled: (C, rows, columns) of each block.
     """
-    for n in numba.prange(axes.shape[0]):
+    for n in tasks(counter, axes.shape[0]):
         _gather_block(
             gradient,
             matrix,

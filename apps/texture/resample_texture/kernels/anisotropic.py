@@ -9,10 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 
 TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
@@ -193,6 +192,7 @@ def _homography_row(
 
 @parallel_kernel
 def read_homography(
+    counter: Counter,
     texel: Floats,
     levels: NDArray[np.int64],
     inverse: Doubles,
@@ -201,7 +201,7 @@ def read_homography(
     coverage: Floats,
 ) -> None:
     """Fill an empty picture through a matrix from target to source, positive before the eye."""
-    for row in prange(coverage.shape[0]):
+    for row in tasks(counter, coverage.shape[0]):
         _homography_row(texel, levels, inverse, reading, image, coverage, row)
 
 
@@ -224,6 +224,7 @@ def _map_row(
 
 @parallel_kernel
 def read_map(
+    counter: Counter,
     texel: Floats,
     levels: NDArray[np.int64],
     places: Doubles,
@@ -232,5 +233,5 @@ def read_map(
     coverage: Floats,
 ) -> None:
     """Fill an empty picture by a map (6, h, w) of what `_read_row` reads in (w, 6)."""
-    for row in prange(coverage.shape[0]):
+    for row in tasks(counter, coverage.shape[0]):
         _map_row(texel, levels, places, reading, image, coverage, row)

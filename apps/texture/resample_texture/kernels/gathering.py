@@ -6,10 +6,9 @@ part reads the source where the map, linear between pixel centers, leads, and is
 
 import math
 
-import numba
 import numpy as np
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_texture.kernels.adding import add
 from resample_texture.kernels.blocks import BOTTOM, LEFT, RIGHT, TOP, Integers
@@ -194,6 +193,7 @@ def _gather_tile(
 
 @parallel_kernel
 def gather_tiles(
+    counter: Counter,
     source: Floats,
     edge: int,
     channels: tuple[int, int],
@@ -225,7 +225,7 @@ def gather_tiles(
     taps, profile, spread, start, sums
         As `paint_blocks` takes them.
     """
-    for n in numba.prange(tiles.shape[0]):
+    for n in tasks(counter, tiles.shape[0]):
         _gather_tile(
             source,
             edge,

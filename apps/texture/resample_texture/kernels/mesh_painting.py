@@ -9,9 +9,8 @@ Filtering to pixels comes last.
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_texture.kernels.mesh_color import Skin, evaluate, lit
 from resample_texture.kernels.mesh_dicing import dice
@@ -166,6 +165,7 @@ def _paint_tile(
 
 @parallel_kernel
 def paint(
+    counter: Counter,
     members: Members,
     surfaces: Surfaces,
     skin: Skin,
@@ -186,5 +186,5 @@ def paint(
     picture
         Filled; transparent before.
     """
-    for tile in prange(len(members.start) - 1):
+    for tile in tasks(counter, len(members.start) - 1):
         _paint_tile(tile, members, surfaces, skin, lens, grid, profile, picture)

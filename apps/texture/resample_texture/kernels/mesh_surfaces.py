@@ -8,10 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Matrix, Vector, column, cross, dot, multiply
 from resample.types import Doubles
 
@@ -146,7 +145,13 @@ def _see_chunk(
 
 @parallel_kernel
 def see(
-    point: Doubles, depth: Doubles, corner: Ints, uv: Doubles, lens: Lens, surfaces: Surfaces
+    counter: Counter,
+    point: Doubles,
+    depth: Doubles,
+    corner: Ints,
+    uv: Doubles,
+    lens: Lens,
+    surfaces: Surfaces,
 ) -> None:
     """Project triangles.
 
@@ -163,7 +168,7 @@ def see(
     surfaces
         Filled; all 0 before.
     """
-    for chunk in prange((len(corner) + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (len(corner) + CHUNK - 1) // CHUNK):
         _see_chunk(chunk, point, depth, corner, uv, lens, surfaces)
 
 

@@ -7,10 +7,9 @@ number of threads.
 
 import math
 
-import numba
 import numpy as np
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_texture.kernels.adding import add
 from resample_texture.kernels.blocks import BOTTOM, CUT, LEFT, RIGHT, START, TOP, Integers
@@ -107,6 +106,7 @@ def _paint_block(
 
 @parallel_kernel
 def paint_blocks(
+    counter: Counter,
     plain: Floats,
     along_u: Floats,
     along_v: Floats,
@@ -150,7 +150,7 @@ def paint_blocks(
     sums
         Space for all blocks' pixels, interleaved channels and weight.
     """
-    for n in numba.prange(axes.shape[0]):
+    for n in tasks(counter, axes.shape[0]):
         _paint_block(
             plain,
             along_u,
@@ -190,9 +190,11 @@ def _collect_band(
 
 
 @parallel_kernel
-def collect(bounds: Integers, start: Integers, sums: Floats, picture: Floats) -> None:
+def collect(
+    counter: Counter, bounds: Integers, start: Integers, sums: Floats, picture: Floats
+) -> None:
     """Add all blocks' pixels to the picture's (height, width, lanes)."""
-    for band in numba.prange((picture.shape[0] + BAND - 1) // BAND):
+    for band in tasks(counter, (picture.shape[0] + BAND - 1) // BAND):
         _collect_band(
             bounds, start, sums, picture, band * BAND, min((band + 1) * BAND, picture.shape[0])
         )
@@ -243,6 +245,7 @@ def _finish_band(
 
 @parallel_kernel
 def finish(
+    counter: Counter,
     picture: Floats,
     lines: Doubles,
     reach: float,
@@ -271,7 +274,7 @@ def finish(
     coverage
         (height, width), filled.
     """
-    for band in numba.prange((picture.shape[0] + BAND - 1) // BAND):
+    for band in tasks(counter, (picture.shape[0] + BAND - 1) // BAND):
         rows = band * BAND, min((band + 1) * BAND, picture.shape[0])
         _finish_band(picture, lines, reach, full, is_sum, image, coverage, rows, first)
 

@@ -8,10 +8,9 @@ it weighs |det J| exp(−q / 2) / (2π √det V) in the centers of pixels, as fa
 
 import math
 
-import numba
 import numpy as np
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 from resample_texture.kernels.adding import add_points_color, add_points_gray
 from resample_texture.kernels.blocks import (
@@ -270,6 +269,7 @@ def _splat_block(
 
 @parallel_kernel
 def splat_blocks(
+    counter: Counter,
     plain: Floats,
     coefficient: Floats,
     edge: int,
@@ -305,7 +305,7 @@ def splat_blocks(
     sums
         Space for all blocks' pixels, interleaved channels and weight.
     """
-    for n in numba.prange(axes.shape[0]):
+    for n in tasks(counter, axes.shape[0]):
         _splat_block(
             plain,
             coefficient,

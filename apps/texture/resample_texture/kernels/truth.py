@@ -6,9 +6,8 @@ Looks from the target into the source and shares no code with the methods that i
 import math
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 
 
@@ -61,7 +60,13 @@ def _cast_row(
 
 @parallel_kernel
 def cast_rows(
-    source: Floats, inverse: Doubles, y: Doubles, tap: Doubles, rays: int, rows: Doubles
+    counter: Counter,
+    source: Floats,
+    inverse: Doubles,
+    y: Doubles,
+    tap: Doubles,
+    rays: int,
+    rows: Doubles,
 ) -> None:
     """Rays along the lines `y` of the target.
 
@@ -80,5 +85,5 @@ def cast_rows(
     rows
         (L, w, C) results, zero before.
     """
-    for n in prange(y.size):
+    for n in tasks(counter, y.size):
         _cast_row(source, inverse, y[n], tap, rays, rows[n])

@@ -8,10 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Vector, combine, dot, matrix_of, multiply, scaled
 from resample.types import ADDITIVE, COMPOSITE, FIRST_HIT, MAXIMUM, Doubles, Floats, Lamp, View
 
@@ -390,6 +389,7 @@ def _cast_row(
 
 @parallel_kernel
 def cast_rows(
+    counter: Counter,
     first: int,
     count: int,
     view: View,
@@ -400,5 +400,5 @@ def cast_rows(
     picture: Doubles,
 ) -> None:
     """Fill `count` rows of a picture (H, W, 7) with what rays give."""
-    for row in prange(count):
-        _cast_row(first + int(np.int64(row)), view, grid, look, lamp, plan, picture)
+    for row in tasks(counter, count):
+        _cast_row(first + row, view, grid, look, lamp, plan, picture)

@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Lamp
 
 CHUNK = 4096  # voxels that a thread takes at a time
@@ -85,8 +84,8 @@ def _shade_chunk(
 
 @parallel_kernel
 def shade_voxels(
-    position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
+    counter: Counter, position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
 ) -> None:
     """Lit colors of voxels. All arrays are flat and hold three numbers for each."""
-    for chunk in prange((len(position) // 3 + CHUNK - 1) // CHUNK):
-        _shade_chunk(position, color, gradient, lamp, shaded, 3 * CHUNK * int(np.int64(chunk)))
+    for chunk in tasks(counter, (len(position) // 3 + CHUNK - 1) // CHUNK):
+        _shade_chunk(position, color, gradient, lamp, shaded, 3 * CHUNK * chunk)

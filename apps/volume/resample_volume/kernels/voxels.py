@@ -4,10 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Matrix, Vector, matrix_of, multiply
 from resample.types import Doubles, Floats
 
@@ -160,8 +159,8 @@ def _sobel_chunk(
 
 @parallel_kernel
 def sobel_gradients(
-    values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
+    counter: Counter, values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
 ) -> None:
     """Like `central_gradients`, with slopes smoothed across as by Sobel."""
-    for chunk in prange((index.size + CHUNK - 1) // CHUNK):
-        _sobel_chunk(values, index, to_scene, gradient, int(np.int64(chunk)) * CHUNK)
+    for chunk in tasks(counter, (index.size + CHUNK - 1) // CHUNK):
+        _sobel_chunk(values, index, to_scene, gradient, chunk * CHUNK)

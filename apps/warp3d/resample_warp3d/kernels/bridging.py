@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Hole
 
@@ -98,7 +97,7 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
 
 
 @parallel_kernel
-def reach_of_rows(coverage: Floats, magnification: Floats, reach: Kinds) -> None:
+def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
     """Write how far pixels' surfaces may go on beyond them, px + 1; 0 where they are not full.
 
     Parameters
@@ -108,8 +107,8 @@ def reach_of_rows(coverage: Floats, magnification: Floats, reach: Kinds) -> None
     reach
         (H + 2 GROWN, W + 2 GROWN) zeros; all but a margin of `GROWN` is filled.
     """
-    for row in prange(coverage.shape[0]):
-        _reach_of_row(coverage, magnification, int(np.int64(row)), reach)
+    for row in tasks(counter, coverage.shape[0]):
+        _reach_of_row(coverage, magnification, row, reach)
 
 
 @kernel
@@ -160,8 +159,8 @@ def _bridge_row(
 
 @parallel_kernel
 def bridge_rows(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
-    new_coverage: Floats, bridged: Flags,
+    counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+    reach: Kinds, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
     """Close narrow gaps, and let magnified surfaces grow by as little as their ends are known.
 
@@ -176,9 +175,9 @@ def bridge_rows(
     bridged
         (H, W) all False; set where pixels have most of their color from there.
     """
-    for row in prange(coverage.shape[0]):
+    for row in tasks(counter, coverage.shape[0]):
         _bridge_row(
-            image, coverage, nearness, magnification, reach, int(np.int64(row)), new_coverage,
+            image, coverage, nearness, magnification, reach, row, new_coverage,
             bridged,
         )  # fmt: skip
 
@@ -263,8 +262,8 @@ def _explain_row(
 
 @parallel_kernel
 def explain_holes(
-    coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    known: Flags, farthest: Floats, holes: Kinds,
+    counter: Counter, coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles,
+    place: Doubles, known: Flags, farthest: Floats, holes: Kinds,
 ) -> None:  # fmt: skip
     """Say why pixels are empty.
 
@@ -283,7 +282,5 @@ def explain_holes(
     holes
         (H, W) filled with values of `Hole`; 0 where something is.
     """
-    for row in prange(coverage.shape[0]):
-        _explain_row(
-            coverage, nearness, back, origin, place, known, farthest, int(np.int64(row)), holes
-        )
+    for row in tasks(counter, coverage.shape[0]):
+        _explain_row(coverage, nearness, back, origin, place, known, farthest, row, holes)

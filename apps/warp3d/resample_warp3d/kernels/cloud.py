@@ -12,9 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Vector, cross, dot
 from resample.types import Doubles, Floats, Record, Records
 
@@ -246,7 +245,9 @@ def _see_chunk(
 
 
 @parallel_kernel
-def see(position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records) -> None:
+def see(
+    counter: Counter, position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records
+) -> None:
     """Project all discs.
 
     Parameters
@@ -258,5 +259,5 @@ def see(position: Floats, axes: Floats, color: Floats, eye: Eye, records: Record
     records
         (N,) of `SURFEL`, filled.
     """
-    for chunk in prange((position.shape[0] + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (position.shape[0] + CHUNK - 1) // CHUNK):
         _see_chunk(position, axes, color, eye, records, chunk)

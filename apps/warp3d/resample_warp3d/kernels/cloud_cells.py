@@ -7,10 +7,9 @@ that contain the cells of their points leave no gap on a surface, however irregu
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.vectors import Vector, cross, dot
 from resample.types import Doubles, Floats
 
@@ -290,6 +289,7 @@ def _measure(
 
 @parallel_kernel
 def measure(
+    counter: Counter,
     position: Floats,
     neighbour: Indices,
     is_last: bool,
@@ -314,7 +314,7 @@ def measure(
     is_open
         (M,) filled: there are not enough neighbours all around the point, or it lies at a rim.
     """
-    for chunk in prange((neighbour.shape[0] + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (neighbour.shape[0] + CHUNK - 1) // CHUNK):
         _measure(position, neighbour, is_last, chunk, normal, axes, is_open)
 
 
@@ -333,13 +333,13 @@ def _limit(nearest: Indices, size: Floats, most: float, axes: Floats, chunk: int
 
 
 @parallel_kernel
-def limit(nearest: Indices, size: Floats, most: float, axes: Floats) -> None:
+def limit(counter: Counter, nearest: Indices, size: Floats, most: float, axes: Floats) -> None:
     """Shrink discs that are more than `most` times as large as those around them.
 
     A stray point far from a surface would else cover it. `nearest` (N, k) holds neighbours, `size`
     (N,) the sizes of discs before, `axes` (N, 2, 3) what is changed.
     """
-    for chunk in prange((nearest.shape[0] + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
         _limit(nearest, size, most, axes, chunk)
 
 
@@ -359,7 +359,7 @@ def _lay(normal: Floats, radius: Floats, axes: Floats, chunk: int) -> None:
 
 
 @parallel_kernel
-def lay(normal: Floats, radius: Floats, axes: Floats) -> None:
+def lay(counter: Counter, normal: Floats, radius: Floats, axes: Floats) -> None:
     """Round discs of known radius (N,); `axes` (N, 2, 3) is filled, normals get unit length."""
-    for chunk in prange((radius.size + CHUNK - 1) // CHUNK):
+    for chunk in tasks(counter, (radius.size + CHUNK - 1) // CHUNK):
         _lay(normal, radius, axes, chunk)

@@ -9,10 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Record, Records, Single, Tiles
 from resample_warp3d.kernels.cloud import REACH
 
@@ -367,7 +366,9 @@ def _paint_tile(
 
 
 @parallel_kernel
-def paint(records: Records, tiles: Tiles, subpixels: int, picture: Picture) -> None:
+def paint(
+    counter: Counter, records: Records, tiles: Tiles, subpixels: int, picture: Picture
+) -> None:
     """Paint every tile.
 
     Parameters
@@ -381,5 +382,5 @@ def paint(records: Records, tiles: Tiles, subpixels: int, picture: Picture) -> N
     picture
         Filled; transparent before, with infinite depths.
     """
-    for tile in prange(tiles.start.size - 1):
+    for tile in tasks(counter, tiles.start.size - 1):
         _paint_tile(records, tiles, tile, subpixels, picture)

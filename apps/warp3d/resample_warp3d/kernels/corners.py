@@ -8,10 +8,9 @@ samples say.
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.kernels.outlines import limb
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
@@ -122,10 +121,10 @@ def _fill_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> 
 
 
 @parallel_kernel
-def fill_vertices(nearness: Floats, links: Links, vertex: Floats) -> None:
+def fill_vertices(counter: Counter, nearness: Floats, links: Links, vertex: Floats) -> None:
     """Write the nearness at the lattice's corners (H + 1, W + 1); 0 where the sheet is torn."""
-    for row in prange(vertex.shape[0]):
-        _fill_vertices(nearness, links, int(np.int64(row)), vertex)
+    for row in tasks(counter, vertex.shape[0]):
+        _fill_vertices(nearness, links, row, vertex)
 
 
 @kernel
@@ -245,7 +244,9 @@ def _fill_torn(
 
 
 @parallel_kernel
-def fill_torn(nearness: Floats, links: Links, edge: Floats, index: Indices, corner: Floats) -> None:
+def fill_torn(
+    counter: Counter, nearness: Floats, links: Links, edge: Floats, index: Indices, corner: Floats
+) -> None:
     """Write the corners of the cells that have their own.
 
     Parameters
@@ -258,5 +259,5 @@ def fill_torn(nearness: Floats, links: Links, edge: Floats, index: Indices, corn
         (N, 4, 3) filled: x and y in px of the source and the nearness there; top left, top right,
         bottom left, bottom right.
     """
-    for row in prange(nearness.shape[0]):
-        _fill_torn(nearness, links, edge, index, int(np.int64(row)), corner)
+    for row in tasks(counter, nearness.shape[0]):
+        _fill_torn(nearness, links, edge, index, row, corner)

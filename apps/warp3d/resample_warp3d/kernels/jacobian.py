@@ -10,10 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Equation, Source
 
@@ -78,7 +77,6 @@ def project_row(
         (N, FIELDS, W) of which `line` is filled.
     """
     m, e = equation.matrix, equation.epipole
-    row = int(row)  # a loop index of prange is unsigned
     is_placed = source.place.shape[0] > 0
     y, xu, yu, xv, yv = row + 0.5, 1.0, 0.0, 0.0, 1.0
     for column in range(source.nearness.shape[1]):
@@ -157,6 +155,7 @@ def _place_row(
 
 @parallel_kernel
 def project_rows(
+    counter: Counter,
     source: Source,
     equation: Equation,
     back: Doubles,
@@ -173,5 +172,5 @@ def project_rows(
     placed
         Filled.
     """
-    for row in prange(source.nearness.shape[0]):
+    for row in tasks(counter, source.nearness.shape[0]):
         _place_row(source, (equation, back), footprint, shape, placed, row)

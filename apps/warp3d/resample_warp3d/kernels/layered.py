@@ -4,10 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.kernels.mcmillan import (
     Homogeneous,
@@ -83,6 +82,7 @@ def _move_row(
 
 @parallel_kernel
 def move_rows(
+    counter: Counter,
     source: Source,
     equation: Equation,
     shape: tuple[int, int],
@@ -100,7 +100,7 @@ def move_rows(
     moved
         (H, W, 3) filled, where there is one: NEARNESS at the pixel's center, SLOPE_X and SLOPE_Y.
     """
-    for row in prange(pixel.shape[0]):
+    for row in tasks(counter, pixel.shape[0]):
         _move_row(source, equation, shape, row, pixel, moved)
 
 

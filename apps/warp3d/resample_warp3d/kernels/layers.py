@@ -9,9 +9,8 @@ Calls are made per run of cells, never per cell: to hand over ten arrays costs a
 """
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Single
 from resample_warp3d.kernels.colors import write_colors, write_means
 from resample_warp3d.kernels.fragments import (
@@ -314,8 +313,8 @@ def _paint_band(
 
 @parallel_kernel
 def paint_bands(
-    screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats, links: Links,
-    band: int, quality: float, orientation: float, is_label: bool,
+    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
+    links: Links, band: int, quality: float, orientation: float, is_label: bool,
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
 ) -> None:  # fmt: skip
     """Paint a source's cells; each band of rows belongs to one thread.
@@ -339,11 +338,8 @@ def paint_bands(
     """
     height, width = coverage.shape
     count = (height + band - 1) // band
-    half = (count + 1) // 2
-    for n in prange(count):
-        k = int(np.int64(n))
-        # Every other band first: threads take consecutive ones, and their shares are then alike.
-        first = band * (2 * k if k < half else 2 * (k - half) + 1)
+    for n in tasks(counter, count):
+        first = band * n
         frame = Frame(
             first, min(height, first + band), width,
             np.float32(orientation), np.float32(quality), is_label,

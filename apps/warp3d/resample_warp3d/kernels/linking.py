@@ -7,9 +7,8 @@ second differences vanish, so a jump that the slope beside it explains is no edg
 import math
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
@@ -97,7 +96,7 @@ def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> N
 
 
 @parallel_kernel
-def link_rows(nearness: Floats, tolerance: Doubles, links: Links) -> None:
+def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Links) -> None:
     """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
 
     Parameters
@@ -109,8 +108,8 @@ def link_rows(nearness: Floats, tolerance: Doubles, links: Links) -> None:
     links
         (H, W) filled.
     """
-    for row in prange(nearness.shape[0]):
-        _link_row(nearness, int(np.int64(row)), tolerance, links)
+    for row in tasks(counter, nearness.shape[0]):
+        _link_row(nearness, row, tolerance, links)
 
 
 @kernel
@@ -124,10 +123,10 @@ def _join_row(links: Links, row: int) -> None:
 
 
 @parallel_kernel
-def join_rows(links: Links) -> None:
+def join_rows(counter: Counter, links: Links) -> None:
     """Give all links their other ends; reads the bits RIGHT and DOWN, which stay."""
-    for row in prange(links.shape[0]):
-        _join_row(links, int(np.int64(row)))
+    for row in tasks(counter, links.shape[0]):
+        _join_row(links, row)
 
 
 @kernel
@@ -176,11 +175,17 @@ def _fit_row(
 
 @parallel_kernel
 def fit_rows(
-    values: Floats, links: Links, down: bool, reach: int, fitted: Floats, slope: Floats
+    counter: Counter,
+    values: Floats,
+    links: Links,
+    down: bool,
+    reach: int,
+    fitted: Floats,
+    slope: Floats,
 ) -> None:
     """Fit lines along rows (or, `down`, columns) of every surface; all arrays are (H, W)."""
-    for row in prange(values.shape[0]):
-        _fit_row(values, links, int(np.int64(row)), down, reach, fitted, slope)
+    for row in tasks(counter, values.shape[0]):
+        _fit_row(values, links, row, down, reach, fitted, slope)
 
 
 @kernel
@@ -202,10 +207,10 @@ def _slope_row(nearness: Floats, links: Links, row: int, slope: Floats) -> None:
 
 
 @parallel_kernel
-def slope_rows(nearness: Floats, links: Links, slope: Floats) -> None:
+def slope_rows(counter: Counter, nearness: Floats, links: Links, slope: Floats) -> None:
     """Write the slopes (H, W, 2) between samples and their neighbours on the surface."""
-    for row in prange(nearness.shape[0]):
-        _slope_row(nearness, links, int(np.int64(row)), slope)
+    for row in tasks(counter, nearness.shape[0]):
+        _slope_row(nearness, links, row, slope)
 
 
 @kernel

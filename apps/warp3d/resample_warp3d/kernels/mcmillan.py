@@ -1,10 +1,9 @@
 """McMillan's warping equation sample by sample: places, changes and nearest pixels."""
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Equation, Rendered, Source
 
@@ -181,8 +180,12 @@ def _copy_row(
 
 @parallel_kernel
 def copy_rows(
-    source: Source, equation: Equation, owner: NDArray[np.int32], rendered: Rendered
+    counter: Counter,
+    source: Source,
+    equation: Equation,
+    owner: NDArray[np.int32],
+    rendered: Rendered,
 ) -> None:
     """Fill a picture with the samples that own its pixels (−1: none)."""
-    for row in prange(owner.shape[0]):
+    for row in tasks(counter, owner.shape[0]):
         _copy_row(source, equation, owner, row, rendered)

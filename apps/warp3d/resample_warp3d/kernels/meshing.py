@@ -8,10 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.kernels.mcmillan import place_of, seen
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Equation, Rendered, Source
@@ -80,9 +79,9 @@ def _project_row(source: Source, equation: Equation, row: int, vertex: Floats) -
 
 
 @parallel_kernel
-def project_rows(source: Source, equation: Equation, vertex: Floats) -> None:
+def project_rows(counter: Counter, source: Source, equation: Equation, vertex: Floats) -> None:
     """Place all samples in the target: (H, W, 4) of U, V, INVERSE and NEARNESS."""
-    for row in prange(vertex.shape[0]):
+    for row in tasks(counter, vertex.shape[0]):
         _project_row(source, equation, row, vertex)
 
 
@@ -184,7 +183,6 @@ def _divide_row(
     parts: Parts,
     box: Floats,
 ) -> None:
-    row = int(row)  # a loop index of prange is unsigned
     for column in range(parts.shape[1]):
         parts[row, column] = _divide_quad(source, vertex, row, column, rule)
         box[row, column, 0], box[row, column, 2] = np.inf, -np.inf
@@ -196,7 +194,12 @@ def _divide_row(
 
 @parallel_kernel
 def divide_rows(
-    source: Source, vertex: Floats, rule: tuple[float, float], parts: Parts, box: Floats
+    counter: Counter,
+    source: Source,
+    vertex: Floats,
+    rule: tuple[float, float],
+    parts: Parts,
+    box: Floats,
 ) -> None:
     """Divide the quads between samples into triangles.
 
@@ -212,7 +215,7 @@ def divide_rows(
     box
         (H − 1, W − 1, 4) filled: left, top, right, bottom of them in the target, px.
     """
-    for row in prange(parts.shape[0]):
+    for row in tasks(counter, parts.shape[0]):
         _divide_row(source, vertex, rule, row, parts, box)
 
 
@@ -337,7 +340,7 @@ def resolve(fine: Fine, rendered: Rendered) -> None:
 def _draw_band(
     source: Source, vertex: Floats, parts: Parts, bands: Bands, band: int, rendered: Rendered
 ) -> None:
-    band, width = int(band), vertex.shape[1]  # a loop index of prange is unsigned
+    width = vertex.shape[1]
     fine = new_fine(bands, band, rendered)
     for n in range(bands.start[band], bands.start[band + 1]):
         row, column = divmod(bands.item[n], width)
@@ -350,8 +353,8 @@ def _draw_band(
 
 @parallel_kernel
 def draw_bands(
-    source: Source, vertex: Floats, parts: Parts, bands: Bands, rendered: Rendered
+    counter: Counter, source: Source, vertex: Floats, parts: Parts, bands: Bands, rendered: Rendered
 ) -> None:
     """Draw the triangles of `divide_rows` into a picture."""
-    for band in prange(len(bands.start) - 1):
+    for band in tasks(counter, len(bands.start) - 1):
         _draw_band(source, vertex, parts, bands, band, rendered)

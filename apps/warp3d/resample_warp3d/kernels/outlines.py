@@ -10,9 +10,8 @@ other surface left in a pixel is replaced by more of its own.
 import math
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
@@ -134,7 +133,7 @@ def _find_in_row(
 
 @parallel_kernel
 def find_silhouettes(
-    color: Floats, nearness: Floats, links: Links, error: Doubles, edge: Floats
+    counter: Counter, color: Floats, nearness: Floats, links: Links, error: Doubles, edge: Floats
 ) -> None:
     """Find where silhouettes run after each sample, toward its right and lower neighbours.
 
@@ -151,8 +150,8 @@ def find_silhouettes(
     edge
         (H, W, 2) filled: px from the center of the nearer of the two, 0..1; −1 where there is none.
     """
-    for row in prange(nearness.shape[0]):
-        _find_in_row(color, nearness, links, error, int(np.int64(row)), edge)
+    for row in tasks(counter, nearness.shape[0]):
+        _find_in_row(color, nearness, links, error, row, edge)
 
 
 @kernel
@@ -222,7 +221,9 @@ def _pure_in_row(
 
 
 @parallel_kernel
-def unmix(color: Floats, nearness: Floats, links: Links, edge: Floats, result: Floats) -> None:
+def unmix(
+    counter: Counter, color: Floats, nearness: Floats, links: Links, edge: Floats, result: Floats
+) -> None:
     """Write the colors (H, W, C) that the surfaces have without those behind or before them."""
-    for row in prange(color.shape[0]):
-        _pure_in_row(color, nearness, links, edge, int(np.int64(row)), result)
+    for row in tasks(counter, color.shape[0]):
+        _pure_in_row(color, nearness, links, edge, row, result)

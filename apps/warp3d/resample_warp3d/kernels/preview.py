@@ -1,9 +1,8 @@
 """One look per pixel: the nearest cell over its center, and that cell's color there."""
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Single
 from resample_warp3d.kernels.fragments import NONE
 from resample_warp3d.kernels.screen import SEGMENT, Indices
@@ -191,8 +190,8 @@ def _look_in_band(
 
 @parallel_kernel
 def look_in_bands(
-    screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats, links: Links,
-    band: int, orientation: float,
+    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
+    links: Links, band: int, orientation: float,
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
 ) -> None:  # fmt: skip
     """Give each pixel the color of the nearest cell over its center.
@@ -200,8 +199,8 @@ def look_in_bands(
     Parameters are those of `layers.paint_bands`, without a quality.
     """
     height, width = coverage.shape
-    for n in prange((height + band - 1) // band):
-        first = int(np.int64(n)) * band
+    for n in tasks(counter, (height + band - 1) // band):
+        first = n * band
         frame = Frame(
             first, min(height, first + band), width, np.float32(orientation), ONE, False
         )  # fmt: skip

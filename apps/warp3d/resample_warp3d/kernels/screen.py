@@ -4,10 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 
 Indices = NDArray[np.int32]
@@ -61,7 +60,12 @@ def _project_row(
 
 @parallel_kernel
 def project_vertices(
-    vertex: Floats, place: Doubles, matrix: Doubles, epipole: Doubles, screen: Floats
+    counter: Counter,
+    vertex: Floats,
+    place: Doubles,
+    matrix: Doubles,
+    epipole: Doubles,
+    screen: Floats,
 ) -> None:
     """Project the lattice's corners by the warping equation.
 
@@ -77,8 +81,8 @@ def project_vertices(
         (3, H + 1, W + 1) filled: x and y in px of the target, and the nearness there, negative
         where there is nothing.
     """
-    for row in prange(vertex.shape[0]):
-        _project_row(vertex, place, matrix, epipole, int(np.int64(row)), screen)
+    for row in tasks(counter, vertex.shape[0]):
+        _project_row(vertex, place, matrix, epipole, row, screen)
 
 
 @kernel
@@ -92,10 +96,12 @@ def _project_corners(
 
 
 @parallel_kernel
-def project_corners(corner: Floats, matrix: Doubles, epipole: Doubles, screen: Floats) -> None:
+def project_corners(
+    counter: Counter, corner: Floats, matrix: Doubles, epipole: Doubles, screen: Floats
+) -> None:
     """Project the corners (N, 4, 3) of torn cells; `screen` (N, 4, 3) holds x, y and nearness."""
-    for block in prange((corner.shape[0] + BLOCK - 1) // BLOCK):
-        _project_corners(corner, matrix, epipole, int(np.int64(block)), screen)
+    for block in tasks(counter, (corner.shape[0] + BLOCK - 1) // BLOCK):
+        _project_corners(corner, matrix, epipole, block, screen)
 
 
 @kernel
@@ -137,7 +143,9 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
 
 
 @parallel_kernel
-def bound_segments(screen: Floats, torn: Floats, index: Indices, bounds: Indices) -> None:
+def bound_segments(
+    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices
+) -> None:
     """Bound what segments of rows of cells meet on the screen.
 
     Parameters
@@ -150,8 +158,8 @@ def bound_segments(screen: Floats, torn: Floats, index: Indices, bounds: Indices
         (H, segments, 4) filled: first and last pixels, left, top, right, bottom; left > right where
         nothing is.
     """
-    for row in prange(index.shape[0]):
-        _bound_row(screen, torn, index, int(np.int64(row)), bounds)
+    for row in tasks(counter, index.shape[0]):
+        _bound_row(screen, torn, index, row, bounds)
 
 
 @kernel

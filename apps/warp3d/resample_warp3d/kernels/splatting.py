@@ -9,9 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Single
 from resample_warp3d.kernels.jacobian import (
     ACROSS,
@@ -256,11 +255,13 @@ def _paint_band(source: Source, placed: Placed, brush: Brush, picture: Rendered,
 
 
 @parallel_kernel
-def paint_bands(source: Source, placed: Placed, brush: Brush, picture: Rendered) -> None:
+def paint_bands(
+    counter: Counter, source: Source, placed: Placed, brush: Brush, picture: Rendered
+) -> None:
     """Paint the samples of a source of C > 0 channels that were placed in a frame.
 
     All of `picture` is filled. Image and coverage are those of the nearest surface: whole where any
     of its samples reach, else 0.
     """
-    for band in prange(-(-picture.nearness.shape[0] // ROWS)):
+    for band in tasks(counter, -(-picture.nearness.shape[0] // ROWS)):
         _paint_band(source, placed, brush, picture, int(band))

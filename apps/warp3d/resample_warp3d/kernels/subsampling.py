@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats, Single
 from resample_warp3d.kernels.mcmillan import expansion, tangents
 from resample_warp3d.kernels.meshing import (
@@ -76,7 +75,7 @@ def _sort_row(
     kind: Kinds,
     box: Floats,
 ) -> None:
-    row, links = int(row), source.links  # a loop index of prange is unsigned
+    links = source.links
     for column in range(kind.shape[1]):
         kind[row, column] = 0
         box[row, column, 0], box[row, column, 2] = np.inf, -np.inf
@@ -94,6 +93,7 @@ def _sort_row(
 
 @parallel_kernel
 def sort_rows(
+    counter: Counter,
     source: Source,
     equation: Equation,
     vertex: Floats,
@@ -114,7 +114,7 @@ def sort_rows(
     box
         (H, W, 4) filled: left, top, right, bottom of what is drawn in the target, px.
     """
-    for row in prange(kind.shape[0]):
+    for row in tasks(counter, kind.shape[0]):
         _sort_row(source, equation, vertex, orientation, row, kind, box)
 
 
@@ -233,7 +233,7 @@ def _fill_band(
     rendered: Rendered,
     most: int,
 ) -> None:
-    band, width = int(band), vertex.shape[1]  # a loop index of prange is unsigned
+    width = vertex.shape[1]
     fine = new_fine(bands, band, rendered)
     for n in range(bands.start[band], bands.start[band + 1]):
         row, column = divmod(bands.item[n], width)
@@ -246,6 +246,7 @@ def _fill_band(
 
 @parallel_kernel
 def fill_bands(
+    counter: Counter,
     source: Source,
     equation: Equation,
     vertex: Floats,
@@ -255,5 +256,5 @@ def fill_bands(
     rendered: Rendered,
 ) -> None:
     """Draw what `sort_rows` found, with at most `most` × `most` subsamples per quad."""
-    for band in prange(len(bands.start) - 1):
+    for band in tasks(counter, len(bands.start) - 1):
         _fill_band(source, equation, vertex, kind, bands, band, rendered, most)

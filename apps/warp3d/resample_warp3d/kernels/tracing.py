@@ -8,10 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from resample.kernels.jit import kernel, parallel_kernel
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 
 PHOTO, CHECKER, STRIPES, TEXT, CLOTH = range(5)
@@ -254,7 +253,9 @@ def _render_row(
 
 
 @parallel_kernel
-def render_rows(objects: Objects, eye: Eye, rays: int, color: Floats, depth: Doubles) -> None:
+def render_rows(
+    counter: Counter, objects: Objects, eye: Eye, rays: int, color: Floats, depth: Doubles
+) -> None:
     """Picture of a scene, every pixel the mean of rays × rays, and z at the pixels' centers.
 
     Parameters
@@ -268,7 +269,7 @@ def render_rows(objects: Objects, eye: Eye, rays: int, color: Floats, depth: Dou
     depth
         (H, W) filled with z; inf where nothing is.
     """
-    for row in prange(color.shape[0]):
+    for row in tasks(counter, color.shape[0]):
         _render_row(objects, eye, row, rays, color, depth)
 
 
@@ -317,7 +318,9 @@ def _look_row(objects: Objects, eye: Eye, other: Eye, row: int, rays: int, sight
 
 
 @parallel_kernel
-def look_rows(objects: Objects, eye: Eye, other: Eye, rays: int, sight: Sight) -> None:
+def look_rows(
+    counter: Counter, objects: Objects, eye: Eye, other: Eye, rays: int, sight: Sight
+) -> None:
     """Which share of each pixel another camera sees, and the depths in it; `sight` is filled."""
-    for row in prange(sight.fraction.shape[0]):
+    for row in tasks(counter, sight.fraction.shape[0]):
         _look_row(objects, eye, other, row, rays, sight)
