@@ -325,7 +325,7 @@ class _Canvases:
             scene.style,
             scene.tables,
             self.canvases,
-            self.painted.frame,
+            self.painted.film,
         )
         return self.painted
 

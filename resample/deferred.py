@@ -178,7 +178,7 @@ def paint_deferred(
             scene.tables,
             profile,
             peak,
-            painted.frame,
+            painted.film,
             taken,
             painted.tally,
         )

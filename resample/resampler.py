@@ -220,7 +220,8 @@ class Resampler:
         self._check_field(isinstance(samples, Field))
         checked, look = _checked(samples)
         if checked.extinction.size == 0:
-            return self._developed(nothing_painted(height, width), Statistics(0, 0, 0, 0, 1, {}))
+            nothing = nothing_painted(height, width, has_values=True)
+            return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
         with _kernels(threads):
             scene = self._scene(checked.lattice, camera.view(), (height, width), look, clip)
             if look is None:
@@ -309,15 +310,11 @@ class Resampler:
         return self._developed(painted, painted.statistics(samples.extinction.size, seconds))
 
     def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
-        depth, first_depth, coverage = np.ascontiguousarray(
-            painted.frame[..., 4:].transpose(2, 0, 1)
-        )
-        rgba = np.ascontiguousarray(painted.frame[..., :4])
-        value = painted.value if self.projection in MEASURING else None
+        film, value = painted.film, painted.value if self.projection in MEASURING else None
         if self.projection is Projection.ADDITIVE:
             value = np.nan_to_num(painted.value, nan=0.0)
-            rgba = _as_gray(value)
-        return Frame(rgba, depth, first_depth, coverage, statistics, value)
+            film = film._replace(rgba=_as_gray(value))
+        return Frame(*film, statistics, value)
 
     def _project(self, scene: Scene, samples: Samples) -> Scene:
         """Scene with the footprints of samples."""

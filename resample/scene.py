@@ -15,6 +15,7 @@ from resample.types import (
     Doubles,
     Ellipsoid,
     Field,
+    Film,
     Floats,
     Lamp,
     Palette,
@@ -211,8 +212,8 @@ def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
 class Painted(NamedTuple):
     """What the painters write to."""
 
-    frame: Floats  # (H, W, 7) RGBA, depth, first depth, coverage
-    value: Floats  # (H, W) what projections of fields measure; NaN where nothing is
+    film: Film
+    value: Floats  # (H, W) what projections of fields measure; NaN where nothing is; or (0, 0)
     tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
 
     def statistics(self, samples: int, seconds: dict[str, float]) -> Statistics:
@@ -221,12 +222,19 @@ class Painted(NamedTuple):
         return Statistics(samples, points, splats, hidden, int(self.tally[:, 3].max()), seconds)
 
 
-def nothing_painted(height: int, width: int, tiles: int = 1) -> Painted:
+def nothing_painted(
+    height: int, width: int, tiles: int = 1, *, has_values: bool = False
+) -> Painted:
     """A picture of nothing, and counts for so many tiles."""
-    frame = np.zeros((height, width, 7), np.float32)
-    frame[..., 4:6] = np.inf
-    value = np.full((height, width), np.nan, np.float32)
-    return Painted(frame, value, np.zeros((tiles, 4), np.int64))
+    size = height, width
+    film = Film(
+        np.zeros((*size, 4), np.float32),
+        np.full(size, np.inf, np.float32),
+        np.full(size, np.inf, np.float32),
+        np.zeros(size, np.float32),
+    )
+    value = np.full(size if has_values else (0, 0), np.nan, np.float32)
+    return Painted(film, value, np.zeros((tiles, 4), np.int64))
 
 
 class Clock:
@@ -281,7 +289,8 @@ class Scene:
 
     def blank(self, tiles: int) -> Painted:
         """A picture of nothing, and counts for so many tiles."""
-        return nothing_painted(self.screen.height, self.screen.width, tiles)
+        has_values = self.summing is not Summing.POINTS
+        return nothing_painted(self.screen.height, self.screen.width, tiles, has_values=has_values)
 
     def paint(self, sheets: Sheets, tiles: Tiles, progress: Progress | None) -> Painted:
         """Tiles painted in steps that can be watched."""
@@ -312,7 +321,7 @@ class Scene:
         if self.summing is Summing.POINTS:
             from resample.kernels.paint import paint_tiles
 
-            paint_tiles(*common, painted.frame, painted.tally)
+            paint_tiles(*common, painted.film, painted.tally)
             return
         from resample.kernels.sheets import paint_sheet_tiles
 

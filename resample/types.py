@@ -287,6 +287,15 @@ class Place(NamedTuple):
     subpixels: int  # per side of a pixel
 
 
+class Film(NamedTuple):
+    """A picture that is being painted; see `Frame`."""
+
+    rgba: Floats  # (H, W, 4)
+    depth: Floats  # (H, W)
+    first_depth: Floats  # (H, W)
+    coverage: Floats  # (H, W)
+
+
 class Statistics(NamedTuple):
     """What a rendering did."""
 

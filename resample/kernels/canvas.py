@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.kernels.jit import kernel
 from resample.kernels.lookup import radial
-from resample.types import Canvas, Ellipsoid, Floats, Place, Record, Screen, Tables, View
+from resample.types import Canvas, Ellipsoid, Film, Floats, Place, Record, Screen, Tables, View
 
 
 class Home(NamedTuple):
@@ -75,13 +75,14 @@ def pixel_weights(tables: Tables, n: int) -> Floats:
 
 
 @kernel
-def resolve(pixel: Floats, n: int, weight: Floats, home: Home, frame: Floats) -> None:
-    """Filter the sub-pixels of a tile to its pixels of the frame (H, W, 7)."""
+def resolve(pixel: Floats, n: int, weight: Floats, home: Home, film: Film) -> None:
+    """Filter the sub-pixels of a tile to its pixels of a film (H, W)."""
+    height, width = film.depth.shape
     one, zero = np.float32(1.0), np.float32(0.0)
     sums = np.zeros(6, np.float32)
     beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
-    for row in range(home.top, min(home.top + home.size, frame.shape[0])):
-        for column in range(home.left, min(home.left + home.size, frame.shape[1])):
+    for row in range(home.top, min(home.top + home.size, height)):
+        for column in range(home.left, min(home.left + home.size, width)):
             sums[:] = zero
             first = np.inf
             for down in range(weight.size):
@@ -99,12 +100,12 @@ def resolve(pixel: Floats, n: int, weight: Floats, home: Home, frame: Floats) ->
                     if beside <= down < beside + n and beside <= right < beside + n:
                         first = min(first, pixel[r, c, 6])
             for channel in range(3):
-                frame[row, column, channel] = max(zero, sums[channel])
-            frame[row, column, 3] = min(one, max(zero, sums[3]))
+                film.rgba[row, column, channel] = max(zero, sums[channel])
+            film.rgba[row, column, 3] = min(one, max(zero, sums[3]))
             if sums[3] > zero:
-                frame[row, column, 4] = sums[4] / sums[3]
-            frame[row, column, 5] = first
-            frame[row, column, 6] = min(one, max(zero, sums[5]))
+                film.depth[row, column] = sums[4] / sums[3]
+            film.first_depth[row, column] = first
+            film.coverage[row, column] = min(one, max(zero, sums[5]))
 
 
 @kernel

@@ -28,6 +28,7 @@ from resample.types import (
     Canvas,
     Doubles,
     Ellipsoid,
+    Film,
     Floats,
     Records,
     Screen,
@@ -463,7 +464,7 @@ def _resolve_tile(
     style: Style,
     tables: Tables,
     canvases: Canvases,
-    frame: Floats,
+    film: Film,
 ) -> None:
     if canvases.still_open[tile] < 0:
         return
@@ -471,7 +472,7 @@ def _resolve_tile(
     home, _, rows, across = laid_out(tile, size, columns, subpixels, tables.pixel_margin, screen)
     part = canvases.pixel[canvases.start[tile] : canvases.start[tile + 1]]
     pixel = part.reshape((rows, across, 8))
-    resolve(pixel, subpixels, pixel_weights(tables, subpixels), home, frame)
+    resolve(pixel, subpixels, pixel_weights(tables, subpixels), home, film)
 
 
 @parallel_kernel
@@ -484,9 +485,9 @@ def resolve_tiles(
     style: Style,
     tables: Tables,
     canvases: Canvases,
-    frame: Floats,
+    film: Film,
 ) -> None:
-    """Filter the canvases of tiles (T,) of some spacing and size to the frame (H, W, 7)."""
+    """Filter the canvases of tiles (T,) of some spacing and size to a film (H, W)."""
     for tile in tasks(counter, spacing.size):
         _resolve_tile(
             tile,
@@ -497,7 +498,7 @@ def resolve_tiles(
             style,
             tables,
             canvases,
-            frame,
+            film,
         )
 
 

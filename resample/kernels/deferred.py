@@ -54,6 +54,7 @@ from resample.kernels.tiles import tiles_met
 from resample.types import (
     Doubles,
     Ellipsoid,
+    Film,
     Floats,
     Place,
     Profile,
@@ -371,7 +372,7 @@ def _paint_tile(
     tables: Tables,
     profile: Profile,
     peak: float,
-    frame: Floats,
+    film: Film,
     taken: Flags,
     tally: Tally,
 ) -> None:
@@ -447,7 +448,7 @@ def _paint_tile(
         )
         waiting = stay
         is_any_open = close_rows(open_groups, rows, width, limits.opaque)
-    resolve_rows(rows, n, pixel_weights(tables, n), home, frame)
+    resolve_rows(rows, n, pixel_weights(tables, n), home, film)
 
 
 @parallel_kernel
@@ -466,7 +467,7 @@ def paint_runs(
     tables: Tables,
     profile: Profile,
     peak: float,
-    frame: Floats,
+    film: Film,
     taken: Flags,
     tally: Tally,
 ) -> None:
@@ -488,8 +489,8 @@ def paint_runs(
         As for all painters.
     profile, peak
         Line integrals of the kernel, and the largest of all, scene units.
-    frame
-        (H, W, 7) written to.
+    film
+        (H, W) written to.
     taken
         (R,) set to 1 for runs whose samples were looked at.
     tally
@@ -510,7 +511,7 @@ def paint_runs(
             tables,
             profile,
             peak,
-            frame,
+            film,
             taken,
             tally,
         )

@@ -23,7 +23,7 @@ from resample.types import (
     Canvas,
     Doubles,
     Ellipsoid,
-    Floats,
+    Film,
     Place,
     Records,
     Screen,
@@ -103,7 +103,7 @@ def _paint_tile(
     screen: Screen,
     style: Style,
     tables: Tables,
-    frame: Floats,
+    film: Film,
     tally: Tally,
 ) -> None:
     members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
@@ -133,7 +133,7 @@ def _paint_tile(
         rows * columns,
         tally[tile],
     )
-    resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, frame)
+    resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, film)
 
 
 @parallel_kernel
@@ -149,7 +149,7 @@ def paint_tiles(
     screen: Screen,
     style: Style,
     tables: Tables,
-    frame: Floats,
+    film: Film,
     tally: Tally,
 ) -> None:
     """Paint the tiles listed in `turn`. No pixel is shared, so none meet."""
@@ -165,6 +165,6 @@ def paint_tiles(
             screen,
             style,
             tables,
-            frame,
+            film,
             tally,
         )

@@ -16,7 +16,7 @@ from resample.kernels.jit import kernel, lane_kernel
 from resample.kernels.lookup import absorbed
 from resample.kernels.over import VISIBLE
 from resample.kernels.splats import cut_integral, seen_span
-from resample.types import Doubles, Ellipsoid, Floats, Place, Profile, Single, View
+from resample.types import Doubles, Ellipsoid, Film, Floats, Place, Profile, Single, View
 
 LANES = 8
 MOST_COLUMNS = 200  # sub-pixels in a row of a tile with the margins of its filter
@@ -273,12 +273,13 @@ def is_open(open_groups: Groups, top: int, bottom: int, left: int, right: int) -
 
 
 @kernel
-def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, frame: Floats) -> None:
-    """Filter the sub-pixels of a tile to its pixels of the frame (H, W, 7)."""
+def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, film: Film) -> None:
+    """Filter the sub-pixels of a tile to its pixels of a film (H, W)."""
+    height, width = film.depth.shape
     one, zero = np.float32(1.0), np.float32(0.0)
     beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
-    for row in range(home.top, min(home.top + home.size, frame.shape[0])):
-        for column in range(home.left, min(home.left + home.size, frame.shape[1])):
+    for row in range(home.top, min(home.top + home.size, height)):
+        for column in range(home.left, min(home.left + home.size, width)):
             red = green = blue = alpha = far = cover = zero
             first = np.float32(np.inf)
             for down in range(weight.size):
@@ -294,11 +295,11 @@ def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, frame: Floats
                     cover += share * max(rows[k + ALPHA], min(one, rows[k + WEIGHT]))
                     if beside <= down < beside + n and beside <= right < beside + n:
                         first = min(first, rows[k + FIRST])
-            frame[row, column, 0] = max(zero, red)
-            frame[row, column, 1] = max(zero, green)
-            frame[row, column, 2] = max(zero, blue)
-            frame[row, column, 3] = min(one, max(zero, alpha))
+            film.rgba[row, column, 0] = max(zero, red)
+            film.rgba[row, column, 1] = max(zero, green)
+            film.rgba[row, column, 2] = max(zero, blue)
+            film.rgba[row, column, 3] = min(one, max(zero, alpha))
             if alpha > zero:
-                frame[row, column, 4] = far / alpha
-            frame[row, column, 5] = first
-            frame[row, column, 6] = min(one, max(zero, cover))
+                film.depth[row, column] = far / alpha
+            film.first_depth[row, column] = first
+            film.coverage[row, column] = min(one, max(zero, cover))

@@ -38,6 +38,7 @@ from resample.types import (
     MAXIMUM,
     Canvas,
     Ellipsoid,
+    Film,
     Floats,
     Lamp,
     Palette,
@@ -290,7 +291,7 @@ def _paint_tile(
     lamp: Lamp,
     is_field: bool,
     is_cutting: bool,
-    frame: Floats,
+    film: Film,
     value: Floats,
     tally: Tally,
 ) -> None:
@@ -330,7 +331,7 @@ def _paint_tile(
         voxel = ellipsoid.volume ** (1.0 / 3.0)
         develop(state, canvas.pixel, voxel, style, look)
         resolve_value(state, subpixels, weight, home, style.projection == ADDITIVE, value)
-    resolve(canvas.pixel, subpixels, weight, home, frame)
+    resolve(canvas.pixel, subpixels, weight, home, film)
 
 
 @parallel_kernel
@@ -350,7 +351,7 @@ def paint_sheet_tiles(
     lamp: Lamp,
     is_field: bool,
     is_cutting: bool,
-    frame: Floats,
+    film: Film,
     value: Floats,
     tally: Tally,
 ) -> None:
@@ -371,7 +372,7 @@ def paint_sheet_tiles(
             lamp,
             is_field,
             is_cutting,
-            frame,
+            film,
             value,
             tally,
         )
