@@ -48,62 +48,6 @@ def _as_densities(values: Floats, mass: Floats, texels: float) -> None:
             values[c, n] *= density
 
 
-@kernel
-def _paint_block(
-    plain: Floats,
-    along_u: Floats,
-    along_v: Floats,
-    both: Floats,
-    totals: Doubles,
-    edge: int,
-    channels: tuple[int, int],
-    matrix: Doubles,
-    map_x: Doubles,
-    map_y: Doubles,
-    block: Integers,
-    bounds: Integers,
-    taps: Floats,
-    profile: Floats,
-    spread: Spread,
-    start: int,
-    sums: Floats,
-) -> None:
-    """Add all cells of one block to its pixels, from `start` on."""
-    first, count = channels
-    width = bounds[RIGHT] - bounds[LEFT]
-    for n in range(start, start + width * (bounds[BOTTOM] - bounds[TOP]) * (count + 1)):
-        sums[n] = np.float32(0)
-    reach = taps.shape[0] // 2
-    pad = reach * (block[0, CUT] > 1), reach * (block[1, CUT] > 1)
-    texels_u, texels_v = texels_along(block, 0), texels_along(block, 1)
-    patch = np.empty((count, texels_v + 2 * pad[1], texels_u + 2 * pad[0]), np.float32)
-    fetch(_chosen(block, plain, along_u, along_v, both), totals, block, pad, edge, patch, first)
-    (size_u, _), (size_v, joined_v) = extents(block, 0), extents(block, 1)
-    parts_u, (first_v, last_v) = parts_along(block, 0), parts_along(block, 1)
-    offset = cell_offsets(block)
-    cells = offset.size
-    line = np.empty((count, patch.shape[2]), np.float32)
-    values, pixel = np.empty((count, cells), np.float32), np.empty(cells, np.int32)
-    along_x, along_y = np.empty(cells, np.float32), np.empty(cells, np.float32)
-    mass = np.empty(cells, np.float32)
-    for row in range(texels_v):
-        for part in range(first_v, last_v):
-            filter_rows(patch, row, part, block[1, CUT], taps, line)
-            filter_row(line, block, parts_u, taps, values)
-            v = block[1, START] + (row + (part + 0.5) / block[1, CUT]) * joined_v
-            if map_x.size > 0:
-                place_on_map(
-                    map_x, map_y, block, bounds, v, offset, spread, pixel, along_x, along_y, mass
-                )
-            else:
-                place_on_plane(
-                    matrix, block, bounds, v, offset, spread, pixel, along_x, along_y, mass
-                )
-            if spread.is_sum:
-                _as_densities(values, mass, size_u * size_v)
-            add(sums, start, width, values, pixel, along_x, along_y, mass, profile, spread.taps)
-
-
 @parallel_kernel
 def paint_blocks(
     counter: Counter,
@@ -150,26 +94,41 @@ def paint_blocks(
     sums
         Space for all blocks' pixels, interleaved channels and weight.
     """
+    first, count = channels
     for n in tasks(counter, axes.shape[0]):
-        _paint_block(
-            plain,
-            along_u,
-            along_v,
-            both,
-            totals,
-            edge,
-            channels,
-            matrix,
-            map_x,
-            map_y,
-            axes[n],
-            bounds[n],
-            taps,
-            profile,
-            spread,
-            start[n],
-            sums,
-        )
+        block, box, begin = axes[n], bounds[n], start[n]
+        width = box[RIGHT] - box[LEFT]
+        for k in range(begin, begin + width * (box[BOTTOM] - box[TOP]) * (count + 1)):
+            sums[k] = np.float32(0)
+        reach = taps.shape[0] // 2
+        pad = reach * (block[0, CUT] > 1), reach * (block[1, CUT] > 1)
+        texels_u, texels_v = texels_along(block, 0), texels_along(block, 1)
+        patch = np.empty((count, texels_v + 2 * pad[1], texels_u + 2 * pad[0]), np.float32)
+        fetch(_chosen(block, plain, along_u, along_v, both), totals, block, pad, edge, patch, first)
+        (size_u, _), (size_v, joined_v) = extents(block, 0), extents(block, 1)
+        parts_u, (first_v, last_v) = parts_along(block, 0), parts_along(block, 1)
+        offset = cell_offsets(block)
+        cells = offset.size
+        line = np.empty((count, patch.shape[2]), np.float32)
+        values, pixel = np.empty((count, cells), np.float32), np.empty(cells, np.int32)
+        along_x, along_y = np.empty(cells, np.float32), np.empty(cells, np.float32)
+        mass = np.empty(cells, np.float32)
+        for row in range(texels_v):
+            for part in range(first_v, last_v):
+                filter_rows(patch, row, part, block[1, CUT], taps, line)
+                filter_row(line, block, parts_u, taps, values)
+                v = block[1, START] + (row + (part + 0.5) / block[1, CUT]) * joined_v
+                if map_x.size > 0:
+                    place_on_map(
+                        map_x, map_y, block, box, v, offset, spread, pixel, along_x, along_y, mass
+                    )
+                else:
+                    place_on_plane(
+                        matrix, block, box, v, offset, spread, pixel, along_x, along_y, mass
+                    )
+                if spread.is_sum:
+                    _as_densities(values, mass, size_u * size_v)
+                add(sums, begin, width, values, pixel, along_x, along_y, mass, profile, spread.taps)
 
 
 @kernel
