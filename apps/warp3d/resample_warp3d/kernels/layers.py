@@ -284,33 +284,6 @@ def _add_colors(
             _add_run(k, frame, numbers, places, front, behind, sums, voted)
 
 
-@kernel
-def _paint_band(
-    screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats, links: Links,
-    frame: Frame,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
-    size = (frame.last - frame.first) * frame.width
-    front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
-    area = np.zeros(size, np.float32)
-    numbers, places = np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32)
-    met = _segments_met(bounds, frame)
-    _find_layers(
-        screen, torn, index, bounds, met, frame, numbers, places, front, behind, area
-    )  # fmt: skip
-    for group in range(color.shape[0]):
-        sums = np.zeros(size * 8, np.float32)
-        voted = np.zeros(2 * size if frame.is_label else 0, np.float32)
-        _add_colors(
-            screen, torn, index, met, color, links, group, frame, numbers, places,
-            front, behind, sums, voted,
-        )  # fmt: skip
-        _resolve(
-            sums, voted, group, front, behind, area, frame,
-            image, coverage, nearness, magnification,
-        )  # fmt: skip
-
-
 @parallel_kernel
 def paint_bands(
     counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
@@ -344,7 +317,22 @@ def paint_bands(
             first, min(height, first + band), width,
             np.float32(orientation), np.float32(quality), is_label,
         )  # fmt: skip
-        _paint_band(
-            screen, torn, index, bounds, color, links, frame,
-            image, coverage, nearness, magnification,
+        size = (frame.last - frame.first) * width
+        front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
+        area = np.zeros(size, np.float32)
+        numbers, places = np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32)
+        met = _segments_met(bounds, frame)
+        _find_layers(
+            screen, torn, index, bounds, met, frame, numbers, places, front, behind, area
         )  # fmt: skip
+        for group in range(color.shape[0]):
+            sums = np.zeros(size * 8, np.float32)
+            voted = np.zeros(2 * size if is_label else 0, np.float32)
+            _add_colors(
+                screen, torn, index, met, color, links, group, frame, numbers, places,
+                front, behind, sums, voted,
+            )  # fmt: skip
+            _resolve(
+                sums, voted, group, front, behind, area, frame,
+                image, coverage, nearness, magnification,
+            )  # fmt: skip
