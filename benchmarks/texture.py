@@ -36,7 +36,7 @@ RIVALS: dict[str, dict[str, Any]] = {
 # Pairs of quality and time that the texture issue asked for; Gaussian ones against Gaussian truth.
 GOALS = {
     "hybrid, quality 1": Goal(share=0.2, decibels=56.8),
-    "hybrid": Goal(12, decibels=60),
+    "hybrid, quality 1.05": Goal(12, decibels=60),
     "hybrid, quality 2": Goal(27, decibels=66),
     "hybrid, Gaussian, quality 1": Goal(26, decibels=71),
     "hybrid, Gaussian, quality 2": Goal(42, decibels=82),
@@ -72,7 +72,8 @@ def _rivals() -> Iterator[Contender]:
 
 
 def _ours() -> Iterator[Contender]:
-    for name, choices in floor.OURS:
+    cheapest = [("hybrid, quality 1.05", {"quality": 1.05})]  # that has 60 dB
+    for name, choices in [*cheapest, *floor.OURS]:
         yield Contender(name, _warp(choices), _quality(choices), GOALS.get(name))
 
 
