@@ -1,4 +1,4 @@
-"""The one place with compiler flags and the kernels' cache on disk.
+"""The one place with compiler flags, the kernels' cache on disk, and threads.
 
 numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
 kernel in another file, a caller would keep running the old machine code. Here the name of a cache
@@ -124,7 +124,8 @@ def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callab
                 if not other.cancel():
                     other.result()
 
-    call.compiled = getattr(compiled, "compiled", compiled)  # type: ignore[attr-defined]
+    if hasattr(compiled, "compiled"):
+        call.compiled = compiled.compiled  # type: ignore[attr-defined]
     return call
 
 
@@ -198,8 +199,10 @@ def threads(count: int | None) -> Iterator[None]:
 
 def is_stored(called: Callable[..., Any]) -> bool:
     """Whether machine code of this version of a kernel is on disk, so that it starts at once."""
+    if not hasattr(called, "compiled"):  # plain Python
+        return True
     index = index_of(called)
-    return not hasattr(called, "compiled") or (index is not None and index.exists())
+    return index is not None and index.exists()
 
 
 def index_of(called: Callable[..., Any]) -> Path | None:

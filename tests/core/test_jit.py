@@ -100,6 +100,10 @@ def test_the_number_of_threads_is_put_back_after_an_error():
     assert jit.workers() == before
 
 
+def test_plain_python_counts_as_stored():
+    assert jit.is_stored(double)
+
+
 def count_up(counter, done):
     for task in jit.tasks(counter, done.size):
         done[task] += 1
