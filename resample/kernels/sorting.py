@@ -8,17 +8,18 @@ from resample.types import Floats, Records, Single
 
 Indices = NDArray[np.int32]
 Keys = NDArray[np.uint32]
+Pairs = NDArray[np.uint64]  # a key's bits above a number of 32 bits
 
 FEW = 48  # up to here insertion beats counting digits
-DIGIT = 2048  # 11 bits: three passes over 32
+MOST_BITS = 11  # of a digit: at most three passes over 32
+HALF = np.uint64(32)  # bits
+LOWER = np.uint64(0xFFFFFFFF)
 
 
 @kernel
 def _ascending(bits: np.uint32) -> np.uint32:
     """Map a float32's bits to an integer that sorts as the float does."""
-    if bits >> np.uint32(31):
-        return np.uint32(~bits)
-    return np.uint32(bits | np.uint32(0x80000000))
+    return np.uint32(~bits) if bits >> np.uint32(31) else np.uint32(bits | np.uint32(0x80000000))
 
 
 @kernel
@@ -61,34 +62,65 @@ def settle(run: Indices, looks: Floats) -> None:
 
 
 @kernel
-def _insert(key: Keys, member: Indices) -> None:
-    for n in range(1, key.size):
-        k, m = key[n], member[n]
-        place = n
-        while place > 0 and key[place - 1] > k:
-            key[place], member[place] = key[place - 1], member[place - 1]
+def _insert(pair: Pairs) -> None:
+    for n in range(1, pair.size):
+        moved, place = pair[n], n
+        while place > 0 and pair[place - 1] >> HALF > moved >> HALF:
+            pair[place] = pair[place - 1]
             place -= 1
-        key[place], member[place] = k, m
+        pair[place] = moved
 
 
 @kernel
-def _count_digits(key: Keys, member: Indices) -> None:
-    """Stable sort by 11-bit digits, least significant first."""
-    other_key, other_member = np.empty(key.size, np.uint32), np.empty(key.size, np.int32)
-    for shift in (0, 11, 22):
-        position = np.zeros(DIGIT + 1, np.int64)
-        for n in range(key.size):
-            position[((key[n] >> np.uint32(shift)) & np.uint32(DIGIT - 1)) + 1] += 1
-        if position[((key[0] >> np.uint32(shift)) & np.uint32(DIGIT - 1)) + 1] < key.size:
-            for digit in range(DIGIT):
-                position[digit + 1] += position[digit]
-            for n in range(key.size):
-                digit = (key[n] >> np.uint32(shift)) & np.uint32(DIGIT - 1)
-                other_key[position[digit]] = key[n]
-                other_member[position[digit]] = member[n]
-                position[digit] += 1
-            for n in range(key.size):
-                key[n], member[n] = other_key[n], other_member[n]
+def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
+    """Put pairs in the order of one digit, of which `position` has one place more than values."""
+    mask = np.uint64(position.size - 2)
+    for digit in range(position.size):
+        position[digit] = 0
+    for n in range(pair.size):
+        position[(((pair[n] - low) >> shift) & mask) + np.uint64(1)] += 1
+    for digit in range(1, position.size):
+        position[digit] += position[digit - 1]
+    for n in range(pair.size):
+        digit = ((pair[n] - low) >> shift) & mask
+        to[np.uint64(position[digit])] = pair[n]
+        position[digit] += 1
+
+
+@kernel
+def sort_pairs(pair: Pairs, other: Pairs) -> None:
+    """Sort by the upper 32 bits, stably; `other` is room, just as large, to work in.
+
+    By digits of a width that fits the span of these bits, least significant first.
+    """
+    if pair.size <= FEW:
+        _insert(pair)
+        return
+    low = high = pair[0]
+    for n in range(1, pair.size):
+        low, high = min(low, pair[n]), max(high, pair[n])
+    low >>= HALF
+    span, bits = (high >> HALF) - low, 1
+    while span >> np.uint64(bits):
+        bits += 1
+    passes = (bits + MOST_BITS - 1) // MOST_BITS
+    width = (bits + passes - 1) // passes
+    position = np.empty((1 << width) + 1, np.int32)
+    for digit in range(passes):
+        shift = HALF + np.uint64(digit * width)
+        if digit % 2 == 0:
+            _move(pair, other, low << HALF, shift, position)
+        else:
+            _move(other, pair, low << HALF, shift, position)
+    if passes % 2 == 1:
+        for n in range(pair.size):
+            pair[n] = other[n]
+
+
+@kernel
+def paired(bits: np.uint32, member: int) -> np.uint64:
+    """A key and whose it is, as one number."""
+    return np.uint64(bits) << HALF | np.uint64(np.uint32(member))
 
 
 @kernel
@@ -98,12 +130,20 @@ def bits_of(key: Single) -> np.uint32:
 
 
 @kernel
+def member_of(pair: np.uint64) -> np.int64:
+    """Whose the key is."""
+    return np.int64(pair & LOWER)
+
+
+@kernel
 def sort_by_key(key: Keys, member: Indices) -> None:
     """Sort `member` by `key`, and `key` with it."""
-    if member.size <= FEW:
-        _insert(key, member)
-    else:
-        _count_digits(key, member)
+    pair, other = np.empty(key.size, np.uint64), np.empty(key.size, np.uint64)
+    for n in range(key.size):
+        pair[n] = paired(key[n], member[n])
+    sort_pairs(pair, other)
+    for n in range(key.size):
+        key[n], member[n] = pair[n] >> HALF, member_of(pair[n])
 
 
 @kernel
