@@ -8,47 +8,45 @@ cache. This is occlusion culling (Zhang, Manocha, Hudson and Hoff 1997) with the
 occlusion map.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import Home, laid_out, pixel_weights
-from resample.kernels.footprints import area_of, eye_of, shape_of
+from resample.kernels.footprints import Eye, Shape, area_of, eye_of, shape_of
 from resample.kernels.grid import grid
 from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.outlines import (
+    BATCH,
     BOTTOM,
-    CUT,
-    DEPTH,
-    KEY,
     LEFT,
     RIGHT,
     ROOM,
     SPACING,
     TOP,
-    A,
-    B,
-    C,
-    X,
-    Y,
+    Bounds,
     clip_batch,
     form_batch,
+    meet_batch,
     outline_batch,
+    sides_of,
 )
+from resample.kernels.pool import ask_for, enlarged, gather, part, put_in_order, take
 from resample.kernels.rows import (
     Groups,
     Limits,
-    Span,
-    Splat,
+    Members,
     cast_rays_of_rows,
     close_rows,
     is_open,
     new_rows,
     open_rows,
     paint_cut_splat_on_rows,
-    paint_splat_on_rows,
+    paint_splats_on_rows,
     resolve_rows,
 )
-from resample.kernels.sorting import bits_of, end_of_ties, settle, sort_by_key
+from resample.kernels.sorting import HALF, Pairs, bits_of, sort_by_key, sort_pairs
 from resample.kernels.splats import first_inside, last_inside
 from resample.kernels.tiles import tiles_met
 from resample.types import (
@@ -62,7 +60,6 @@ from resample.types import (
     Records,
     Samples,
     Screen,
-    Single,
     Style,
     Tables,
     Tiles,
@@ -71,18 +68,12 @@ from resample.types import (
 
 WINDOW = 1024  # samples that a tile takes before it paints those that it can
 SHORT_WINDOW = 64  # likewise where all of them are nearer than what is to come
+AHEAD = 2  # runs after which one is looked at that is asked for
 BETWEEN_LOOKS = 64  # splats painted before it is looked at again what is opaque by now
 
-# A sample that waits to be painted, as a row of numbers; those up to P_BLUE say what comes first of
-# samples that are equally near.
-P_Y, P_X, P_A, P_B, P_C, P_EXTINCTION, P_RED, P_GREEN, P_BLUE, P_DEPTH, P_KEY = range(11)
-P_TOP, P_BOTTOM, P_LEFT, P_RIGHT, P_CUT, NUMBERS = range(11, 17)
-
 Indices = NDArray[np.int64]
-Members = NDArray[np.int32]
 Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
 Flags = NDArray[np.uint8]
-Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
 
 @kernel
@@ -185,62 +176,6 @@ def find_spacings(
 
 
 @kernel
-def _take(
-    pool: Floats,
-    row: Members,
-    waiting: int,
-    room: Floats,
-    begin: int,
-    count: int,
-    extinction: Floats,
-    color: Floats,
-    faintest: Single,
-    farthest: Single,
-) -> tuple[int, Single]:
-    """Put those samples of a batch in the pool that touch the tile.
-
-    Takes and gives how many are in it, and the largest of their keys. They lie in those rows of the
-    pool that the first numbers of `row` say; the others say which rows are free.
-    """
-    for n in range(count):
-        k, sample = np.uint64(n), begin + n
-        left, right, top, bottom = room[k + LEFT], room[k + RIGHT], room[k + TOP], room[k + BOTTOM]
-        if left > right or top > bottom or not extinction[sample] > faintest:
-            continue
-        m = row[waiting]
-        pool[m, P_Y], pool[m, P_X] = room[k + Y], room[k + X]
-        pool[m, P_A] = room[k + A]
-        pool[m, P_B] = room[k + B]
-        pool[m, P_C] = room[k + C]
-        pool[m, P_EXTINCTION] = extinction[sample]
-        pool[m, P_RED] = color[sample, 0]
-        pool[m, P_GREEN] = color[sample, 1]
-        pool[m, P_BLUE] = color[sample, 2]
-        pool[m, P_DEPTH] = room[k + DEPTH]
-        pool[m, P_KEY] = room[k + KEY]
-        pool[m, P_TOP] = top
-        pool[m, P_BOTTOM] = bottom + np.float32(1.0)
-        pool[m, P_LEFT] = left
-        pool[m, P_RIGHT] = right + np.float32(1.0)
-        pool[m, P_CUT] = room[k + CUT]
-        farthest = max(farthest, room[k + KEY])
-        waiting += 1
-    return waiting, farthest
-
-
-@kernel
-def _enlarged(pool: Floats, row: Members) -> tuple[Floats, Members]:
-    """Pool of twice as many rows, the new ones free."""
-    size = row.size
-    larger, more = np.empty((2 * size, NUMBERS), np.float32), np.empty(2 * size, np.int32)
-    for n in range(size):
-        more[n], more[size + n] = row[n], size + n
-        for number in range(NUMBERS):
-            larger[n, number] = pool[n, number]
-    return larger, more
-
-
-@kernel
 def _is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
     """Whether a run may be seen on a canvas of `height` rows and `width` columns."""
     n = place.subpixels
@@ -249,38 +184,6 @@ def _is_run_open(run: Record, place: Place, height: int, width: int, open_groups
     top = first_inside(run["top"], place.y, n)
     bottom = last_inside(run["bottom"], place.y, n, height)
     return left < right and top < bottom and is_open(open_groups, top, bottom, left, right)
-
-
-@kernel
-def _part(pool: Floats, row: Members, waiting: int, limit: Single, number: Members) -> int:
-    """Move samples that are nearer than `limit` from `row` to `number`; gives how many stay."""
-    stay = ready = 0
-    for n in range(waiting):
-        m = row[n]
-        if pool[m, P_KEY] < limit or limit == np.inf:
-            number[ready] = m
-            ready += 1
-        else:
-            row[stay] = m
-            stay += 1
-    for n in range(ready):  # free, once they are painted
-        row[stay + n] = number[n]
-    return stay
-
-
-@kernel
-def _put_in_order(pool: Floats, number: Members) -> None:
-    """Put samples of the pool in painting order."""
-    key, count = np.empty(number.size, np.uint32), number.size
-    for n in range(count):
-        key[n] = bits_of(pool[number[n], P_KEY])
-    sort_by_key(key, number)
-    start = 0
-    while start < count:
-        end = end_of_ties(key, start)
-        if end - start > 1:
-            settle(number[start:end], pool[:, : P_BLUE + 1])
-        start = end
 
 
 @kernel
@@ -297,14 +200,37 @@ def _home_of(home: Home) -> Bounds:
 
 
 @kernel
+def _form(
+    ready: Pairs,
+    room: Floats,
+    samples: Samples,
+    eye: Eye,
+    shape: Shape,
+    place: Place,
+    height: int,
+    width: int,
+    home: Bounds,
+    planes: Doubles,
+) -> None:
+    """Fill in batch after batch of samples."""
+    position = np.empty(3 * BATCH, np.float32)
+    for first in range(0, ready.size, BATCH):
+        count, begin = min(BATCH, ready.size - first), first // BATCH * ROOM
+        batch = room[begin : begin + ROOM]
+        gather(ready[first : first + count], samples, position, batch)
+        form_batch(batch, position, 0, count, eye, shape, place, height, width, home)
+        if planes.shape[0] > 0:
+            clip_batch(batch, position, 0, count, eye, shape, planes)
+
+
+@kernel
 def _paint_samples(
-    number: Members,
-    pool: Floats,
     rows: Floats,
     open_groups: Groups,
+    room: Floats,
+    offset: Members,
     place: Place,
     width: int,
-    bounds: Bounds,
     view: View,
     ellipsoid: Ellipsoid,
     planes: Doubles,
@@ -313,38 +239,32 @@ def _paint_samples(
     peak: float,
     limits: Limits,
 ) -> int:
-    """Paint samples of the pool in their order; gives how many have their center within bounds."""
-    at_home, step, half = 0, np.float32(1.0 / place.subpixels), 0.5 / place.subpixels
-    first_x, last_x, first_y, last_y = bounds
-    for n in range(number.size):
-        if n % BETWEEN_LOOKS == 0 and not close_rows(open_groups, rows, width, limits.opaque):
+    """Paint samples in their order; gives how many are at home in the tile, if not hidden."""
+    at_home, step = 0, np.float32(1.0 / place.subpixels)
+    for first in range(0, offset.size, BETWEEN_LOOKS):
+        if not close_rows(open_groups, rows, width, limits.opaque):
             break
-        m = number[n]
-        top, bottom = int(pool[m, P_TOP]), int(pool[m, P_BOTTOM])
-        left, right = int(pool[m, P_LEFT]), int(pool[m, P_RIGHT])
-        if not is_open(open_groups, top, bottom, left, right):
-            continue
-        x, y = pool[m, P_X], pool[m, P_Y]
-        at_home += 1 if (x >= first_x) & (x < last_x) & (y >= first_y) & (y < last_y) else 0
-        splat = Splat(
-            pool[m, P_A],
-            pool[m, P_B],
-            pool[m, P_C],
-            pool[m, P_EXTINCTION],
-            pool[m, P_RED],
-            pool[m, P_GREEN],
-            pool[m, P_BLUE],
-            pool[m, P_DEPTH],
-        )
-        across, down = np.float32(place.x + half - x), np.float32(place.y + half - y)
-        span = Span(top, bottom, left, right, across, down, step)
-        if pool[m, P_CUT] > 0.0:
-            paint_cut_splat_on_rows(
-                rows, splat, span, place, view, ellipsoid, planes, partial, limits
+        n, last = first, min(first + BETWEEN_LOOKS, offset.size)
+        while n < last:
+            painted, found = paint_splats_on_rows(
+                rows, open_groups, room, offset[n:last], step, profile, peak, limits
             )
-            continue
-        is_thin = splat.extinction * peak <= 1.0
-        paint_splat_on_rows(rows, open_groups, splat, span, profile, limits, is_thin)
+            at_home += found
+            n += painted
+            if n < last:
+                at_home += paint_cut_splat_on_rows(
+                    rows,
+                    open_groups,
+                    room,
+                    offset[n],
+                    place,
+                    view,
+                    ellipsoid,
+                    planes,
+                    partial,
+                    limits,
+                )
+                n += 1
     return at_home
 
 
@@ -385,11 +305,8 @@ def _paint_tile(
         tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
     )
     eye, shape = eye_of(view), shape_of(ellipsoid)
-    position, extinction, color = (
-        samples.position.reshape(-1),
-        samples.extinction,
-        samples.color,
-    )
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    color = samples.color.reshape(-1)
     rows, open_groups = new_rows(height, width), open_rows(height, width)
     least_ray = cast_rays_of_rows(rows, height, width, place, view, ellipsoid)
     limits = Limits(
@@ -399,45 +316,70 @@ def _paint_tile(
     )
     bounds = _home_of(home)
     _in_order(runs, members)
-    room, pool = np.empty(ROOM, np.float32), np.empty((8 * WINDOW, NUMBERS), np.float32)
-    row = np.empty(pool.shape[0], np.int32)
-    for m in range(row.size):
-        row[m] = m
-    far, faintest = np.float32(np.inf), np.float32(style.faintest)
-    waiting, next_run, farthest, is_any_open = 0, 0, -far, True
+    sides = sides_of(eye, shape, place, height, width)
+    reach, faintest = math.sqrt(shape.covariance[2][2]), np.float32(style.faintest)
+    pair, pool = np.empty(BATCH, np.uint64), np.empty(8 * WINDOW, np.uint64)
+    ready, other = np.empty_like(pool), np.empty_like(pool)
+    room, offset = np.empty(pool.size // BATCH * ROOM, np.float32), np.empty(pool.size, np.int32)
+    waiting, next_run, farthest, is_any_open = 0, 0, np.uint64(0), True
     while is_any_open and (next_run < members.size or waiting > 0):
         before = waiting
         while next_run < members.size and waiting < before + WINDOW:
             run = members[next_run]
-            if waiting >= before + SHORT_WINDOW and runs[run]["key"] > farthest:
+            if waiting >= before + SHORT_WINDOW and bits_of(runs[run]["key"]) > farthest >> HALF:
                 break
             next_run += 1
+            if next_run + AHEAD < members.size:
+                soon = members[next_run + AHEAD]
+                ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
             if _is_run_open(runs[run], place, height, width, open_groups):
                 taken[run] = 1
                 begin, count = start[run], start[run + 1] - start[run]
-                if waiting + count > row.size:
-                    pool, row = _enlarged(pool, row)
-                form_batch(
-                    room, position, begin, count, eye, shape, place, height, width, by_distance
+                if waiting + count >= pool.size:
+                    pool = enlarged(pool)
+                meet_batch(
+                    pair,
+                    position,
+                    extinction,
+                    begin,
+                    count,
+                    eye,
+                    reach,
+                    sides,
+                    faintest,
+                    by_distance,
                 )
-                if screen.planes.shape[0] > 0:
-                    clip_batch(room, position, begin, count, eye, shape, screen.planes)
-                waiting, farthest = _take(
-                    pool, row, waiting, room, begin, count, extinction, color, faintest, farthest
-                )
-        limit = far if next_run == members.size else runs[members[next_run]]["key"]
-        number = np.empty(waiting, np.int32)
-        stay = _part(pool, row, waiting, limit, number)
-        number = number[: waiting - stay]
-        _put_in_order(pool, number)
-        tally[tile, 1] += _paint_samples(
-            number,
-            pool,
-            rows,
-            open_groups,
+                waiting, farthest = take(pool, waiting, pair, count, farthest)
+        if ready.size < pool.size:
+            ready, other = np.empty_like(pool), np.empty_like(pool)
+            offset = np.empty(pool.size, np.int32)
+            room = np.empty(pool.size // BATCH * ROOM, np.float32)
+        limit = np.float32(np.inf)
+        if next_run < members.size:
+            limit = runs[members[next_run]]["key"]
+        stay = part(pool, waiting, limit, ready)
+        count = waiting - stay
+        sort_pairs(ready[:count], other[:count])
+        _form(
+            ready[:count],
+            room,
+            samples,
+            eye,
+            shape,
             place,
+            height,
             width,
             bounds,
+            screen.planes,
+        )
+        put_in_order(ready[:count], room, offset)
+        tally[tile, 1] += _paint_samples(
+            rows,
+            open_groups,
+            room,
+            offset[:count],
+            place,
+            width,
             view,
             ellipsoid,
             screen.planes,

@@ -19,6 +19,8 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numba
 import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
@@ -170,6 +172,34 @@ def _next_of(counter: Counter) -> int:
 def _compiled_next_of(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
     def compiled(counter):  # type: ignore[no-untyped-def]
         return _add_one(counter)
+
+    return compiled
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _load_soon(_: Any, array: Any, index: Any) -> Any:
+    """Ask for the cache line of a number of a flat array."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        place = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        of_types = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(builder.module, of_types, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, number(0), number(3), number(1)])  # to read, keep, data
+        return context.get_dummy_value()
+
+    return numba.void(array, index), generate
+
+
+def load_soon(array: NDArray[Any], index: int) -> None:
+    """Begin to load what is around a number of a flat array; changes nothing but time."""
+
+
+@overload(load_soon)
+def _load_soon_compiled(array, index):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(array, index):  # type: ignore[no-untyped-def]
+        _load_soon(array, index)
 
     return compiled
 

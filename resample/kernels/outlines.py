@@ -10,20 +10,38 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.kernels.footprints import Area, Eye, Shape, Side, area_of, eye_of, shape_of
 from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
-from resample.kernels.vectors import Vector, combine, cross, dot, multiply
-from resample.types import Doubles, Ellipsoid, Floats, Place, Record, Records, Samples, Screen, View
+from resample.kernels.sorting import Pairs, bits_of, paired
+from resample.kernels.vectors import Vector, column, combine, cross, dot, multiply
+from resample.types import (
+    Doubles,
+    Ellipsoid,
+    Floats,
+    Place,
+    Record,
+    Records,
+    Samples,
+    Screen,
+    Single,
+    View,
+)
 
 BATCH = 256  # samples
 LEFT, TOP, RIGHT, BOTTOM, DEPTH, KEY, SPACING, CUT, X, Y, A, B, C = (
     np.uint64(number * BATCH) for number in range(13)
 )
-ROOM = 13 * BATCH  # numbers of a batch
+ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
+    np.uint64(number * BATCH) for number in range(13, 20)
+)
+ROOM = 20 * BATCH  # numbers of a batch
 EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
+SLACK = 1e-9  # of an ellipsoid's half extent
 CHUNKS = 64  # fixed, so that runs never depend on the number of threads
 
 Indices = NDArray[np.int64]
+Sides = tuple[Side, Side, Side, Side]
+Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
 
 @kernel
@@ -108,6 +126,74 @@ def outline_batch(
 
 
 @kernel
+def _side(normal: Vector, offset: float, eye: Eye, shape: Shape) -> Side:
+    """Half space of centers of ellipsoids that reach where a product in camera axes is at most 0.
+
+    In axes of the scene, and wider than it need be by more than rounding takes away.
+    """
+    reach = math.sqrt(dot(normal, multiply(shape.covariance, normal)))
+    r = eye.rotation
+    return (
+        dot(column(r, 0), normal),
+        dot(column(r, 1), normal),
+        dot(column(r, 2), normal),
+        dot(normal, eye.shift) + offset - (1.0 + SLACK) * reach,
+    )
+
+
+@kernel
+def sides_of(eye: Eye, shape: Shape, place: Place, height: int, width: int) -> Sides:
+    """Half spaces in which centers lie of samples that touch a canvas."""
+    far, half = eye.perspective, 0.5 / place.subpixels
+    left, right = place.x + half - eye.cx, place.x + width / place.subpixels - half - eye.cx
+    top, bottom = place.y + half - eye.cy, place.y + height / place.subpixels - half - eye.cy
+    along, beside = (1.0, 0.0) if far else (0.0, 1.0)
+    return (
+        _side((-eye.fx, 0.0, along * left), beside * left, eye, shape),
+        _side((eye.fx, 0.0, -along * right), -beside * right, eye, shape),
+        _side((0.0, -eye.fy, along * top), beside * top, eye, shape),
+        _side((0.0, eye.fy, -along * bottom), -beside * bottom, eye, shape),
+    )
+
+
+@kernel
+def meet_batch(
+    pair: Pairs,
+    position: Floats,
+    extinction: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    reach: float,
+    sides: Sides,
+    faintest: Single,
+    by_distance: bool,
+) -> None:
+    """Keys with numbers of `count` samples from `begin` on; 0 for those that touch no sub-pixel.
+
+    `reach` is half an ellipsoid's extent along the view axis.
+    """
+    to_left, to_right, to_top, to_bottom = sides
+    least = reach if eye.perspective else -np.inf
+    for n in range(count):
+        sample = np.uint64(begin) + np.uint64(n)
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        beside = max(
+            to_left[0] * x + to_left[1] * y + to_left[2] * z + to_left[3],
+            to_right[0] * x + to_right[1] * y + to_right[2] * z + to_right[3],
+            to_top[0] * x + to_top[1] * y + to_top[2] * z + to_top[3],
+            to_bottom[0] * x + to_bottom[1] * y + to_bottom[2] * z + to_bottom[3],
+        )
+        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        is_met = ((beside <= 0.0) | (cz <= least)) & (extinction[sample] > faintest)
+        found = paired(bits_of(np.float32(key)), int(sample))
+        pair[np.uint64(n)] = found if is_met else np.uint64(0)
+
+
+@kernel
 def form_batch(
     room: Floats,
     position: Floats,
@@ -118,17 +204,19 @@ def form_batch(
     place: Place,
     height: int,
     width: int,
-    by_distance: bool,
+    home: Bounds,
 ) -> None:
     """All that painting needs of `count` samples from `begin` on.
 
-    Bounds are the first and last sub-pixels, as whole numbers, of a canvas with `height` rows and
-    `width` columns. Samples that the near plane cuts have their centers in place of forms.
+    Bounds are the first sub-pixels and those behind the last, as whole numbers, of a canvas with
+    `height` rows and `width` columns. Samples that the near plane cuts have their centers in place
+    of forms.
     """
     t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
     far, per_px = eye.perspective, float(place.subpixels)
     least = reach if far else -np.inf
-    last_column, last_row = width - 1.0, height - 1.0
+    last_column, last_row, half = width - 1.0, height - 1.0, 0.5 / place.subpixels
+    first_x, last_x, first_y, last_y = home
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
@@ -145,7 +233,9 @@ def form_batch(
         ray_x, ray_y = unit[0] if far else t[0][2], unit[1] if far else t[1][2]
         ray = (ray_x, ray_y, unit[2] if far else t[2][2])
         across, down = cross(ray, shape.across), cross(ray, shape.down)
-        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        on_x = np.float32(eye.fx * (cx * per_z) + eye.cx)
+        on_y = np.float32(eye.fy * (cy * per_z) + eye.cy)
+        is_home = (on_x >= first_x) & (on_x < last_x) & (on_y >= first_y) & (on_y < last_y)
         left = max(0.0, np.ceil((left - place.x) * per_px - 0.5))
         right = min(last_column, np.floor((right - place.x) * per_px - 0.5))
         top = max(0.0, np.ceil((top - place.y) * per_px - 0.5))
@@ -153,13 +243,15 @@ def form_batch(
         left, right = (0.0, last_column) if is_around else (left, right)
         top, bottom = (0.0, last_row) if is_around else (top, bottom)
         room[k + LEFT] = np.float32(left)
-        room[k + RIGHT] = np.float32(right)
+        room[k + RIGHT] = np.float32(right + 1.0)
         room[k + TOP] = np.float32(top)
-        room[k + BOTTOM] = np.float32(bottom)
+        room[k + BOTTOM] = np.float32(bottom + 1.0)
         room[k + DEPTH] = np.float32(cz)
-        room[k + KEY] = np.float32(key)
-        room[k + X] = np.float32(eye.fx * (cx * per_z) + eye.cx)
-        room[k + Y] = np.float32(eye.fy * (cy * per_z) + eye.cy)
+        room[k + X] = on_x
+        room[k + Y] = on_y
+        room[k + ACROSS] = np.float32(place.x + half - on_x)
+        room[k + DOWN] = np.float32(place.y + half - on_y)
+        room[k + HOME] = np.float32(1.0) if is_home else np.float32(0.0)
         room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
         room[k + A] = np.float32(unit[0] if is_cut else dot(across, across))
         room[k + B] = np.float32(unit[1] if is_cut else dot(across, down))

@@ -14,6 +14,24 @@ from numpy.typing import NDArray
 from resample.kernels.canvas import Home
 from resample.kernels.jit import kernel, lane_kernel
 from resample.kernels.lookup import absorbed
+from resample.kernels.outlines import (
+    ACROSS,
+    BOTTOM,
+    CUT,
+    DOWN,
+    EXTINCTION,
+    HOME,
+    LEFT,
+    RIGHT,
+    TOP,
+    A,
+    B,
+    C,
+)
+from resample.kernels.outlines import BLUE as LIT_BLUE
+from resample.kernels.outlines import DEPTH as FAR
+from resample.kernels.outlines import GREEN as LIT_GREEN
+from resample.kernels.outlines import RED as LIT_RED
 from resample.kernels.over import VISIBLE
 from resample.kernels.splats import cut_integral, seen_span
 from resample.types import Doubles, Ellipsoid, Film, Floats, Place, Profile, Single, View
@@ -34,31 +52,7 @@ DEEPEST = np.float32(-16.0)  # optical depth, negated, at which nothing passes
 PER_DEEPEST = np.float32(1.0 / 16.0)
 
 Groups = NDArray[np.uint32]  # (h,) per row, a bit for every eight columns
-
-
-class Splat(NamedTuple):
-    """A splat's quadratic form, extinction and light, as in `FOOTPRINT`."""
-
-    a: Single
-    b: Single
-    c: Single
-    extinction: Single
-    red: Single
-    green: Single
-    blue: Single
-    depth: Single
-
-
-class Span(NamedTuple):
-    """Sub-pixels that a splat may touch, and where their centers lie from its own."""
-
-    top: int
-    bottom: int  # one past the last
-    left: int
-    right: int  # one past the last
-    across: Single  # px from the splat's center to that of column 0
-    down: Single  # px from the splat's center to that of row 0
-    step: Single  # px between sub-pixels
+Members = NDArray[np.int32]
 
 
 class Limits(NamedTuple):
@@ -122,99 +116,145 @@ def groups_between(left: int, right: int) -> np.uint32:
 
 
 @kernel
-def narrowed(splat: Splat, span: Span, dy: Single, widest: Single) -> tuple[int, int]:
-    """First column of a row that the splat may touch, and one past the last."""
-    a, b = float(splat.a), float(splat.b) * dy
-    inside = b * b - a * (float(splat.c) * dy * dy - widest)
+def narrowed(
+    a: float, b: float, rest: float, bounds: tuple[int, int], across: float, step: float
+) -> tuple[int, int]:
+    """First column of a row that a splat may touch, and one past the last.
+
+    Where its form a dx² + 2 b dx + rest is below 0; `bounds` are those of all its rows, and
+    `across` is where column 0 lies.
+    """
+    inside = b * b - a * rest
     if inside <= 0.0:
-        return span.right, span.right
-    half, middle = math.sqrt(inside), -b
-    per_column = 1.0 / (a * span.step)
-    shift = float(span.across) / span.step
-    first = math.floor((middle - half) * per_column - shift)
-    last = math.ceil((middle + half) * per_column - shift) + 1
-    return max(span.left, int(first)), min(span.right, int(last))
+        return bounds[1], bounds[1]
+    half, per_column, shift = math.sqrt(inside), 1.0 / (a * step), across / step
+    first = math.floor((-b - half) * per_column - shift)
+    last = math.ceil((-b + half) * per_column - shift) + 1
+    return max(bounds[0], int(first)), min(bounds[1], int(last))
 
 
 @lane_kernel
-def paint_splat_on_rows(
+def paint_splats_on_rows(
     rows: Floats,
     open_groups: Groups,
-    splat: Splat,
-    span: Span,
+    room: Floats,
+    offset: Members,
+    step: Single,
     profile: Profile,
+    peak: float,
     limits: Limits,
-    is_thin: bool,
-) -> None:
-    """Composite a splat of exact footprint; `is_thin`: none of its optical depths exceeds 1."""
+) -> tuple[int, int]:
+    """Composite splats of exact footprint up to the first one that a plane cuts.
+
+    Gives how many these are, and how many of those that were painted are at home in the tile.
+
+    Parameters
+    ----------
+    rows, open_groups
+        Written to, and what is known of it.
+    room, offset
+        Columns of numbers as `form_batch` fills them, and where in the first one splats are.
+    step
+        Px between sub-pixels.
+    profile, peak
+        Line integrals of the kernel, and the largest of them.
+    limits
+        What all splats of a tile share.
+    """
     zero, one, two = np.float32(0.0), np.float32(1.0), np.float32(2.0)
-    a, b, c, extinction, red, green, blue, depth = splat
     opaque, per_layer, widest = limits
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
-    left, right, step = span.left, span.right, span.step
-    under, is_wide, visible = groups_between(left, right), right - left > LANES, np.float32(VISIBLE)
-    for row in range(span.top, span.bottom):
-        if open_groups[row] & under == np.uint32(0):
+    visible, at_home = np.float32(VISIBLE), 0
+    for n in range(offset.size):
+        s = np.uint64(offset[n])
+        if room[s + CUT] > zero:
+            return n, at_home
+        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
+        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
-        dy = span.down + np.float32(row) * step
-        if is_wide:
-            left, right = narrowed(splat, span, dy, widest)
-        cross, rest = two * b * dy, c * dy * dy
-        base = np.uint64(row) * ROW
-        for start in range(left, right, LANES):
-            eight = base + np.uint64(start)
-            dx_start = span.across + np.float32(start) * step
-            for lane in range(LANES):
-                k = eight + np.uint64(lane)
-                dx = dx_start + np.float32(lane) * step
-                t = max(zero, one - ((a * dx + cross) * dx + rest) * rows[k + RAY])
-                t2 = t * t
-                t4 = t2 * t2
-                shape = (p0 + t * p1) + t2 * (p2 + t * p3)
-                shape += t4 * ((p4 + t * p5) + t2 * (p6 + t * p7)) + t4 * (t4 * p8)
-                integral = max(zero, rows[k + CHORD] * shape * math.sqrt(t))
-                x = -integral * extinction
-                if not is_thin:
-                    x = max(DEEPEST, x) * PER_DEEPEST
-                x2 = x * x
-                fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
-                if not is_thin:  # expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
-                    fall *= fall + two
-                    fall *= fall + two
-                    fall *= fall + two
-                    fall *= fall + two
-                alpha = rows[k + ALPHA]
-                before = one - alpha
-                share = -fall * before if before > opaque else zero
-                after = alpha + share
-                rows[k + RED] += share * red
-                rows[k + GREEN] += share * green
-                rows[k + BLUE] += share * blue
-                rows[k + ALPHA] = after
-                rows[k + DEPTH] += share * depth
-                rows[k + WEIGHT] += integral * per_layer if before > opaque else zero
-                first = rows[k + FIRST]
-                rows[k + FIRST] = depth if (first == np.inf) & (after > visible) else first
+        at_home += int(room[s + HOME])
+        a, b, c = room[s + A], room[s + B], room[s + C]
+        extinction, depth = room[s + EXTINCTION], room[s + FAR]
+        red, green, blue = room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE]
+        across, down = room[s + ACROSS], room[s + DOWN]
+        is_thin, is_wide = extinction * peak <= 1.0, right - left > LANES
+        under, first_column, last_column = groups_between(left, right), left, right
+        for row in range(top, bottom):
+            if open_groups[row] & under == np.uint32(0):
+                continue
+            dy = down + np.float32(row) * step
+            cross, rest = two * b * dy, c * dy * dy
+            if is_wide:
+                first_column, last_column = narrowed(
+                    a, float(b) * dy, float(c) * dy * dy - widest, (left, right), across, step
+                )
+            base = np.uint64(row) * ROW
+            for start in range(first_column, last_column, LANES):
+                eight = base + np.uint64(start)
+                dx_start = across + np.float32(start) * step
+                for lane in range(LANES):
+                    k = eight + np.uint64(lane)
+                    dx = dx_start + np.float32(lane) * step
+                    t = max(zero, one - ((a * dx + cross) * dx + rest) * rows[k + RAY])
+                    t2 = t * t
+                    t4 = t2 * t2
+                    shape = (p0 + t * p1) + t2 * (p2 + t * p3)
+                    shape += t4 * ((p4 + t * p5) + t2 * (p6 + t * p7)) + t4 * (t4 * p8)
+                    integral = max(zero, rows[k + CHORD] * shape * math.sqrt(t))
+                    x = -integral * extinction
+                    if not is_thin:
+                        x = max(DEEPEST, x) * PER_DEEPEST
+                    x2 = x * x
+                    fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
+                    if not is_thin:  # expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
+                        fall *= fall + two
+                        fall *= fall + two
+                        fall *= fall + two
+                        fall *= fall + two
+                    alpha = rows[k + ALPHA]
+                    before = one - alpha
+                    share = -fall * before if before > opaque else zero
+                    after = alpha + share
+                    rows[k + RED] += share * red
+                    rows[k + GREEN] += share * green
+                    rows[k + BLUE] += share * blue
+                    rows[k + ALPHA] = after
+                    rows[k + DEPTH] += share * depth
+                    rows[k + WEIGHT] += integral * per_layer if before > opaque else zero
+                    first = rows[k + FIRST]
+                    rows[k + FIRST] = depth if (first == np.inf) & (after > visible) else first
+    return offset.size, at_home
 
 
 @kernel
 def paint_cut_splat_on_rows(
     rows: Floats,
-    splat: Splat,
-    span: Span,
+    open_groups: Groups,
+    room: Floats,
+    offset: int,
     place: Place,
     view: View,
     ellipsoid: Ellipsoid,
     planes: Doubles,
     partial: Floats,
     limits: Limits,
-) -> None:
-    """Composite what is seen of a sphere that a plane cuts; its form is its center."""
-    n, one, center = place.subpixels, np.float32(1.0), (splat.a, splat.b, splat.c)
-    for row in range(span.top, span.bottom):
+) -> int:
+    """Composite what is seen of a sphere that a plane cuts; its form is its center.
+
+    Gives 1 if it is at home in the tile and not hidden.
+    """
+    n, one, s = place.subpixels, np.float32(1.0), np.uint64(offset)
+    top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
+    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    if left >= right or not is_open(open_groups, top, bottom, left, right):
+        return 0
+    center, depth = (room[s + A], room[s + B], room[s + C]), room[s + FAR]
+    extinction = room[s + EXTINCTION]
+    for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         base = np.uint64(row) * ROW
-        for column in range(span.left, span.right):
+        for column in range(left, right):
             k = base + np.uint64(column)
             before = one - rows[k + ALPHA]
             if before <= limits.opaque:
@@ -224,15 +264,16 @@ def paint_cut_splat_on_rows(
             integral = np.float32(cut_integral(center, x, y, seen, view, ellipsoid, partial))
             if integral <= np.float32(0.0):
                 continue
-            share = before * absorbed(splat.extinction * integral)
-            rows[k + RED] += share * splat.red
-            rows[k + GREEN] += share * splat.green
-            rows[k + BLUE] += share * splat.blue
+            share = before * absorbed(extinction * integral)
+            rows[k + RED] += share * room[s + LIT_RED]
+            rows[k + GREEN] += share * room[s + LIT_GREEN]
+            rows[k + BLUE] += share * room[s + LIT_BLUE]
             rows[k + ALPHA] += share
-            rows[k + DEPTH] += share * splat.depth
+            rows[k + DEPTH] += share * depth
             rows[k + WEIGHT] += integral * limits.per_layer
             if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
-                rows[k + FIRST] = splat.depth
+                rows[k + FIRST] = depth
+    return int(room[s + HOME])
 
 
 @kernel

@@ -6,6 +6,7 @@ import pytest
 from resample import deferred, resampler
 from resample.cameras import Orthographic, Pinhole, look_at
 from resample.filters import Gaussian
+from resample.kernels.pool import ask_for
 from resample.orders import EverySample
 from resample.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
 from resample.resampler import Primitive, Resampler
@@ -91,6 +92,25 @@ def test_the_order_of_samples_changes_no_bit(rng, key):
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
+@pytest.mark.parametrize("side", [5, 20, 100])
+def test_any_number_of_samples_may_be_equally_near(rng, monkeypatch, side):
+    across, down = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2
+    samples = Samples(
+        np.stack([across, down, np.zeros(side**2)], 1).astype(np.float32),
+        rng.uniform(0, 1, (side**2, 3)).astype(np.float32),
+        rng.uniform(0, 2, side**2).astype(np.float32),
+        np.eye(3),
+    )
+    mixed = rng.permutation(side**2)
+    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    camera = Orthographic(0.3, 0.3, 26.0, 21.0, look_at((0, 0, -30), (0, 0, 0)), -60.0)
+    choice = {"primitive": Primitive.SPLATS, "subpixels": 2}
+    frame = Resampler(**choice)(samples, camera, **SIZE)
+    assert_same(frame, Resampler(**choice)(other, camera, **SIZE))
+    records = from_records(monkeypatch, samples, camera, **choice)
+    np.testing.assert_allclose(frame.rgba, records.rgba, atol=TOLERANCE)
+
+
 def test_filters_reach_into_other_tiles(rng, monkeypatch):
     samples, pixel = box(rng), Gaussian(0.7, 2.0)
     frame = Resampler(pixel_filter=pixel)(samples, CLOSE, **SIZE)
@@ -114,3 +134,10 @@ def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None
     assert Resampler(reconstruction=spline)(box(rng), CLOSE, **SIZE).rgba.max() > 0.1
+
+
+def test_asking_for_samples_changes_none(rng):
+    array = rng.uniform(size=40).astype(np.float32)
+    before = array.copy()
+    ask_for(array, array, array, 0, 13)
+    np.testing.assert_array_equal(array, before)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.kernels.sorting import FEW, put_in_order
+from resample.kernels.sorting import FEW, member_of, paired, put_in_order, sort_pairs
 from resample.types import FOOTPRINT
 
 COLUMNS = ("y", "x", "extinction", "red", "green", "blue")
@@ -95,3 +95,12 @@ def test_records_that_differ_in_their_form_only_are_told_apart(form):
     record[form] = [1.0, 0.0]
     key = np.zeros(2, np.float32)
     np.testing.assert_array_equal(ordered(key, record, [0, 1]), ordered(key, record, [1, 0]))
+
+
+@pytest.mark.parametrize("span", [1, 2, 2**11, 2**12 + 1, 2**22, 2**32])
+@pytest.mark.parametrize("size", [1, FEW, FEW + 1, 3000])
+def test_pairs_are_sorted_by_keys_of_any_span(size, span, rng):
+    key = (2**32 - span + rng.integers(0, span, size)).astype(np.uint32)
+    pair = np.array([paired(*both) for both in zip(key, range(size), strict=True)], np.uint64)
+    sort_pairs(pair, np.empty_like(pair))
+    np.testing.assert_array_equal([member_of(one) for one in pair], np.argsort(key, kind="stable"))
