@@ -92,6 +92,20 @@ def test_the_order_of_samples_changes_no_bit(rng, key):
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
+@pytest.mark.parametrize("subpixels", [1, 2, 3, 5, 8, 16])
+@pytest.mark.parametrize("extinction", [0.4, 6.0])
+def test_splats_of_any_width_are_those_painted_from_records(
+    rng, monkeypatch, subpixels, extinction
+):
+    samples, choice = box(rng, extinction, 7), {"primitive": Primitive.SPLATS}
+    choice["subpixels"] = subpixels
+    frame = Resampler(**choice)(samples, CAMERAS["far"], **SIZE)
+    other = from_records(monkeypatch, samples, CAMERAS["far"], **choice)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+    np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
+    np.testing.assert_array_equal(np.isfinite(frame.first_depth), np.isfinite(other.first_depth))
+
+
 @pytest.mark.parametrize("side", [5, 20, 100])
 def test_any_number_of_samples_may_be_equally_near(rng, monkeypatch, side):
     across, down = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2
@@ -128,6 +142,19 @@ def test_many_rays_per_pixel_fit_the_rows(rng, monkeypatch):
 @pytest.mark.parametrize("kernel", [GaussianKernel(), GaussianKernel(0.5, 1.5)])
 def test_integrals_of_gaussians_have_a_formula(kernel):
     assert footprint_profile(kernel) is not None
+
+
+class Ring:
+    """A kernel whose integrals are below 0 near the rim."""
+
+    radius = 2.0
+
+    def __call__(self, distance):
+        return np.where(distance <= 2.0, (1.0 - distance**2 / 3.0) * np.exp(-(distance**2)), 0.0)
+
+
+def test_integrals_that_fall_below_zero_have_no_formula():
+    assert footprint_profile(Ring()) is None
 
 
 def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
