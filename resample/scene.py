@@ -68,11 +68,17 @@ def check_samples(samples: Samples) -> Samples:
     if lattice.shape != (3, 3) or not _is_regular(lattice):
         raise ValueError("the lattice must be a finite, regular matrix (3, 3)")
     for name, array in (("position", position), ("color", color), ("extinction", extinction)):
-        if not np.isfinite(array).all():
+        if not _is_finite(array):
             raise ValueError(f"a sample's {name} is not finite; leave such samples out")
     if count and extinction.min() < 0:
         raise ValueError(f"an extinction is {extinction.min()}; it must be 0 or more")
     return Samples(position, color, extinction, lattice)
+
+
+def _is_finite(array: Floats | Doubles) -> bool:
+    """Whether all numbers are finite; most often their sum tells, which is quicker."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
 
 
 def samples_of(field: Field) -> Samples:
@@ -106,7 +112,7 @@ def samples_of(field: Field) -> Samples:
         )
     gradient = field.gradient if len(field.gradient) else np.zeros((value.size, 3), np.float32)
     for name, array in (("value", value), ("gradient", gradient)):
-        if not np.isfinite(array).all():
+        if not _is_finite(array):
             raise ValueError(f"a sample's {name} is not finite; leave such samples out")
     position = (value - look.low) / (look.high - look.low)
     samples = Samples(field.position, gradient, np.zeros(value.size, np.float32), field.lattice)
