@@ -67,22 +67,27 @@ def runs_of(
     if blocks is not None:
         start = np.union1d(start, blocks.start)
     known = np.zeros(start.size - 1, RUN)
-    outline_runs(
-        known,
-        start,
-        samples,
-        scene.view,
-        scene.ellipsoid,
-        scene.screen,
-        scene.style.faintest,
-        is_by_distance(scene, order),
-    )
+    rest = (scene.view, scene.ellipsoid, scene.screen, scene.style.faintest)
+    for by_boxes in (len(scene.screen.planes) == 0, False):
+        outline_runs(known, start, samples, *rest, is_by_distance(scene, order), by_boxes)
+        if not (by_boxes and _is_vague(scene, known)):
+            break
     least = known["least_spacing"].min()
     finest = grid(least, scene.style)
     columns = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest
     if least * finest <= scene.style.threshold or columns > MOST_COLUMNS:
         return None
     return Runs(samples, start, known)
+
+
+def _is_vague(scene: Scene, known: Records) -> bool:
+    """Whether bounds of the least spacing do not tell the grid, or whether all are splats."""
+    from resample.kernels.grid import grid
+
+    least, most = known["least_spacing"].min(), known["most_spacing"]
+    finest = grid(least, scene.style)
+    no_more = most[known["seen"] > 0].min(initial=np.inf)
+    return bool(finest != grid(no_more, scene.style) or least * finest <= scene.style.threshold)
 
 
 def _breaks(scene: Scene, samples: Samples) -> Indices:

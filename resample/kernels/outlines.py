@@ -36,10 +36,14 @@ ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
 )
 ROOM = 20 * BATCH  # numbers of a batch
 EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
-SLACK = 1e-9  # of an ellipsoid's half extent
+# What rounding may take away, at most
+SLACK = 1e-9  # share of a half extent or a distance
+ROUNDED = 1e-6  # share of a spacing
+BORDER = 1e-3  # px
 CHUNKS = 64  # fixed, so that runs never depend on the number of threads
 
 Indices = NDArray[np.int64]
+Integers = NDArray[np.int32]
 Sides = tuple[Side, Side, Side, Side]
 Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
@@ -340,6 +344,136 @@ def _sum_up(run: Record, room: Floats, first: int, last: int) -> None:
 
 
 @kernel
+def _ordered(bits: np.int32) -> np.int32:
+    """Integer that sorts as the float32 of these bits does, and back."""
+    return np.int32(bits ^ ((bits >> np.int32(31)) & np.int32(0x7FFFFFFF)))
+
+
+@kernel
+def box_of(bits: Integers, low: Floats, high: Floats) -> None:
+    """Least and greatest x, y and z (3,) of positions, whose bits are given, (3 n,).
+
+    As integers, of which a compiler compares many at once, as none is not a number.
+    """
+    most, least = np.int32(0x7FFFFFFF), np.int32(-0x80000000)
+    x_low = y_low = z_low = most
+    x_high = y_high = z_high = least
+    for n in range(bits.size // 3):
+        k = np.uint64(3) * np.uint64(n)
+        x, y, z = (
+            _ordered(bits[k]),
+            _ordered(bits[k + np.uint64(1)]),
+            _ordered(bits[k + np.uint64(2)]),
+        )
+        x_low, x_high = min(x_low, x), max(x_high, x)
+        y_low, y_high = min(y_low, y), max(y_high, y)
+        z_low, z_high = min(z_low, z), max(z_high, z)
+    lows, highs = low.view(np.int32), high.view(np.int32)
+    lows[0], lows[1], lows[2] = _ordered(x_low), _ordered(y_low), _ordered(z_low)
+    highs[0], highs[1], highs[2] = _ordered(x_high), _ordered(y_high), _ordered(z_high)
+
+
+@kernel
+def _spread(of: Vector, half: Vector) -> float:
+    """How far a product with a vector may be from that of a box's center."""
+    return abs(of[0]) * half[0] + abs(of[1]) * half[1] + abs(of[2]) * half[2]
+
+
+@kernel
+def _interval(x: float, half: float, near: float, far: float) -> tuple[float, float]:
+    """Least and greatest x / z, where x is within `half` and z between `near` and `far`."""
+    low, high = x - half, x + half
+    return low / (near if low < 0.0 else far), high / (far if high < 0.0 else near)
+
+
+@kernel
+def _spacings_of(center: Vector, half: Vector, eye: Eye, shape: Shape) -> tuple[float, float]:
+    """Bounds of the spacing of samples in a box of camera axes, all of it in front of the eye.
+
+    The spacing is 1 / z times the largest singular value of a matrix, which changes by no more than
+    the matrix does.
+    """
+    v, (cx, cy, cz) = shape.covariance, center
+    x, y = (cx / cz, cy / cz) if eye.perspective else (0.0, 0.0)
+    xx = eye.fx * eye.fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
+    yy = eye.fy * eye.fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
+    xy = eye.fx * eye.fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
+    mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
+    largest = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant))) / shape.radius
+    if not eye.perspective:
+        return (1.0 - ROUNDED) * largest, (1.0 + ROUNDED) * largest
+    near, far = cz - half[2], cz + half[2]
+    turn = math.hypot(half[0] + abs(x) * half[2], half[1] + abs(y) * half[2]) / near
+    change = max(eye.fx, eye.fy) * turn * math.sqrt(v[2][2]) / shape.radius
+    return (1.0 - ROUNDED) * (largest - change) / far, (1.0 + ROUNDED) * (largest + change) / near
+
+
+@kernel
+def _hide(run: Record) -> None:
+    run["left"] = run["top"] = run["key"] = run["least_spacing"] = np.inf
+    run["right"] = run["bottom"] = run["most_spacing"] = -np.inf
+    run["seen"] = 0
+
+
+@kernel
+def _is_outlined_by_box(
+    run: Record,
+    low: Floats,
+    high: Floats,
+    seen: int,
+    eye: Eye,
+    shape: Shape,
+    sides: Sides,
+    by_distance: bool,
+) -> bool:
+    """Fill in a run of which `seen` samples are not too faint, if their box says enough.
+
+    That is where all of them are seen or none is, and no near plane cuts one.
+    """
+    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
+    world = (high[0] - middle[0], high[1] - middle[1], high[2] - middle[2])
+    center, r, v = (
+        combine(eye.shift, 1.0, multiply(eye.rotation, middle)),
+        eye.rotation,
+        shape.covariance,
+    )
+    half = (_spread(r[0], world), _spread(r[1], world), _spread(r[2], world))
+    unit = (1.0, 1.0, 1.0)
+    slack = SLACK * (_spread(center, unit) + _spread(eye.shift, unit))
+    half = (half[0] + slack, half[1] + slack, half[2] + slack)
+    reach = (math.sqrt(v[0][0]), math.sqrt(v[1][1]), math.sqrt(v[2][2]))
+    near, far = center[2] - half[2] - reach[2], center[2] + half[2] + reach[2]
+    if near <= eye.near or (eye.perspective and near <= 0.0):
+        return False
+    for side in sides:
+        normal = (side[0], side[1], side[2])
+        beside, spread = dot(normal, center) + side[3], _spread(normal, half)
+        if beside > spread:
+            _hide(run)
+            return True
+        if beside > -spread:
+            return False
+    if seen == 0:
+        _hide(run)
+        return True
+    near, far = (near, far) if eye.perspective else (1.0, 1.0)
+    left, right = _interval(center[0], half[0] + reach[0], near, far)
+    top, bottom = _interval(center[1], half[1] + reach[1], near, far)
+    run["left"], run["right"] = eye.fx * left + eye.cx - BORDER, eye.fx * right + eye.cx + BORDER
+    run["top"], run["bottom"] = eye.fy * top + eye.cy - BORDER, eye.fy * bottom + eye.cy + BORDER
+    run["key"] = center[2] - half[2]
+    if by_distance:
+        nearest_x, nearest_y = (
+            max(0.0, abs(center[0]) - half[0]),
+            max(0.0, abs(center[1]) - half[1]),
+        )
+        run["key"] = math.sqrt(nearest_x**2 + nearest_y**2 + (center[2] - half[2]) ** 2)
+    run["least_spacing"], run["most_spacing"] = _spacings_of(center, half, eye, shape)
+    run["seen"] = seen
+    return True
+
+
+@kernel
 def _outline_chunk(
     runs: Records,
     start: Indices,
@@ -349,25 +483,28 @@ def _outline_chunk(
     screen: Screen,
     faintest: float,
     by_distance: bool,
+    by_boxes: bool,
     chunk: int,
 ) -> None:
     eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
     position, extinction = samples.position.reshape(-1), samples.extinction
-    room = np.empty(ROOM, np.float32)
-    first, last = runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS
-    while first < last:
-        begin, behind = start[first], first + 1
-        while behind < last and start[behind + 1] - begin <= BATCH:
-            behind += 1
-        count = start[behind] - begin
+    bits = position.view(np.int32)
+    room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+        begin, count = start[run], start[run + 1] - start[run]
+        if by_boxes:
+            seen = 0
+            for n in range(begin, begin + count):
+                seen += extinction[np.uint64(n)] > np.float32(faintest)
+            box_of(bits[3 * begin : 3 * (begin + count)], low, high)
+            if _is_outlined_by_box(runs[run], low, high, seen, eye, shape, area.sides, by_distance):
+                continue
         outline_batch(
             room, position, extinction, begin, count, eye, shape, area, faintest, by_distance
         )
         if screen.planes.shape[0] > 0:
             clip_batch(room, position, begin, count, eye, shape, screen.planes)
-        for run in range(first, behind):
-            _sum_up(runs[run], room, start[run] - begin, start[run + 1] - begin)
-        first = behind
+        _sum_up(runs[run], room, 0, count)
 
 
 @parallel_kernel
@@ -381,8 +518,13 @@ def outline_runs(
     screen: Screen,
     faintest: float,
     by_distance: bool,
+    by_boxes: bool,
 ) -> None:
-    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
+    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next.
+
+    `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
+    of what would else be known of it, and no sample is projected. Not with clipping planes.
+    """
     for chunk in tasks(counter, CHUNKS):
         _outline_chunk(
             runs,
@@ -393,5 +535,6 @@ def outline_runs(
             screen,
             faintest,
             by_distance,
+            by_boxes,
             chunk,
         )

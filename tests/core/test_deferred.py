@@ -6,6 +6,7 @@ import pytest
 from resample import deferred, resampler
 from resample.cameras import Orthographic, Pinhole, look_at
 from resample.filters import Gaussian
+from resample.kernels import outlines
 from resample.kernels.pool import ask_for
 from resample.orders import EverySample
 from resample.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
@@ -82,6 +83,37 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
     frame = Resampler()(samples, camera, **SIZE)
     monkeypatch.setattr(deferred, "LONGEST_RUN", longest)
     assert_same(frame, Resampler()(samples, camera, **SIZE))
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
+    samples = box(rng)
+    frame = Resampler()(samples, camera, **SIZE)
+    monkeypatch.setattr(deferred, "_is_vague", lambda *_: True)
+    other = Resampler()(samples, camera, **SIZE)
+    assert_same(frame, other)
+    assert frame.statistics.splats == other.statistics.splats
+
+
+@pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
+    samples, found = box(rng), []
+    outline = outlines.outline_runs
+
+    def spy(runs, *rest):
+        outline(runs, *rest)
+        found.append(runs.copy())
+
+    monkeypatch.setattr(outlines, "outline_runs", spy)
+    monkeypatch.setattr(deferred, "_is_vague", lambda *_: True)
+    Resampler(order=order)(samples, camera, **SIZE)
+    bound, exact = found
+    np.testing.assert_array_equal(bound["seen"], exact["seen"])
+    for name in ("left", "top", "key", "least_spacing"):
+        assert (bound[name] <= exact[name]).all(), name
+    for name in ("right", "bottom", "most_spacing"):
+        assert (bound[name] >= exact[name]).all(), name
 
 
 @pytest.mark.parametrize("key", ["depth", "distance"])
