@@ -4,7 +4,7 @@ The quick way for what is painted most: splats of exact footprint, composited on
 else is painted from the records of `resample.kernels.footprints`. See `resample.kernels.deferred`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,7 @@ def runs_of(
     from resample.kernels.outlines import outline_runs
     from resample.kernels.rows import MOST_COLUMNS
 
-    start = _breaks(scene, samples)
+    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
     if blocks is not None:
         start = np.union1d(start, blocks.start)
     known = np.zeros(start.size - 1, RUN)
@@ -90,14 +90,14 @@ def _is_vague(scene: Scene, known: Records) -> bool:
     return bool(finest != grid(no_more, scene.style) or least * finest <= scene.style.threshold)
 
 
-def _breaks(scene: Scene, samples: Samples) -> Indices:
-    """Where runs begin, and where the last one ends."""
+def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indices:
+    """Where runs of `longest` samples within `extent` voxels begin, and where the last one ends."""
     from resample.kernels.outlines import CHUNKS, break_runs
 
     samples_count = samples.extinction.size
     start, count = np.empty(samples_count, np.int64), np.zeros(CHUNKS, np.int64)
-    extent = RUN_EXTENT * scene.ellipsoid.volume ** (1 / 3)
-    break_runs(samples.position.reshape(-1), extent, LONGEST_RUN, start, count)
+    extent *= scene.ellipsoid.volume ** (1 / 3)
+    break_runs(samples.position.reshape(-1), extent, longest, start, count)
     first = samples_count * np.arange(CHUNKS) // CHUNKS
     parts = [start[begin : begin + runs] for begin, runs in zip(first, count, strict=True)]
     return np.concatenate([*parts, [samples_count]])
@@ -191,7 +191,7 @@ def paint_deferred(
             progress(done)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, _counted(statistics, runs, taken, blocks)
+    return painted, counted(statistics, runs, taken, blocks)
 
 
 def _peak(scene: Scene) -> float:
@@ -200,26 +200,32 @@ def _peak(scene: Scene) -> float:
     return float(scene.tables.footprint[0] * scene.ellipsoid.scale * longest)
 
 
-def _counted(
-    statistics: Statistics, runs: Runs, taken: NDArray[np.uint8], blocks: Blocks | None
+def counted(
+    statistics: Statistics,
+    runs: Runs,
+    taken: NDArray[np.uint8],
+    blocks: Blocks | None,
+    kind: str = "splats",
 ) -> Statistics:
     """What a rendering did, of which the painters know the samples at the centers of tiles only."""
-    seen, shown = runs.known["seen"], int(statistics.splats)
+    seen, shown = runs.known["seen"], int(getattr(statistics, kind))
     if blocks is None:
-        splats = int(seen.sum())
-        return statistics._replace(splats=splats, hidden=splats - shown)
+        return _with_seen(statistics, kind, int(seen.sum()), shown)
     count = np.diff(blocks.start)
     first = np.searchsorted(runs.start, blocks.start[:-1])
     of_block = np.add.reduceat(seen, first)
     is_outside = of_block == 0
     is_occluded = (np.maximum.reduceat(taken, first) == 0) & ~is_outside
-    splats = int(of_block[~is_occluded].sum())
-    return statistics._replace(
-        splats=splats,
-        hidden=splats - shown,
+    return _with_seen(statistics, kind, int(of_block[~is_occluded].sum()), shown)._replace(
         outside=int(count[is_outside].sum()),
         occluded=int(count[is_occluded].sum()),
         blocks=count.size,
         blocks_outside=int(is_outside.sum()),
         blocks_occluded=int(is_occluded.sum()),
     )
+
+
+def _with_seen(statistics: Statistics, kind: str, seen: int, shown: int) -> Statistics:
+    """Statistics of samples of a kind, of which some were seen and some of these were painted."""
+    numbers: dict[str, Any] = {kind: seen, "hidden": seen - shown}
+    return statistics._replace(**numbers)

@@ -10,7 +10,9 @@ from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
-from resample.types import Doubles, RadialTable
+from resample.types import Doubles, Profile, RadialTable
+
+PROFILE_ERROR = 1e-5  # of the peak
 
 
 class PixelFilter(Protocol):
@@ -190,6 +192,27 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     if not mass > 0.0:
         raise ValueError(f"{pixel_filter} has the integral {mass}, which cannot be scaled to 1")
     return RadialTable((values / mass).astype(np.float32), extent)
+
+
+def profile(values: RadialTable) -> Profile | None:
+    """Shape of a filter as a polynomial in its squared argument; None where none is as good.
+
+    Parameters
+    ----------
+    values
+        As `table` gives them.
+
+    Returns
+    -------
+    Coefficients of the filter divided by its peak, over 0..1 of the extent, within 1e-5.
+    """
+    squared = np.linspace(0, 1, values.values.size) ** 2
+    powers = squared[:, None] ** np.arange(len(Profile._fields))
+    wanted = values.values / np.abs(values.values).max()
+    coefficient = np.linalg.lstsq(powers, wanted, rcond=None)[0]
+    if np.abs(powers @ coefficient - wanted).max() > PROFILE_ERROR:
+        return None
+    return Profile(*coefficient.astype(np.float32))
 
 
 def _positive(name: str, value: float) -> None:

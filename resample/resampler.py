@@ -16,7 +16,8 @@ from resample.cameras import Camera
 from resample.correction import correction_table
 from resample.culling import check_blocked, paint_blocks
 from resample.deferred import can_defer, paint_deferred
-from resample.filters import Box, Gaussian, PixelFilter
+from resample.deferred_points import can_defer_points, paint_points
+from resample.filters import Box, Gaussian, PixelFilter, profile
 from resample.filters import table as filter_table
 from resample.orders import CompositingOrder, EverySample, Summing
 from resample.reconstruction import (
@@ -284,11 +285,14 @@ class Resampler:
         blocks: Blocks | None = None,
     ) -> tuple[Painted, Statistics] | None:
         """Picture by the quick way, where that can be gone."""
-        profile = self._profile
-        if profile is None or not samples.extinction.size or not can_defer(scene, self.order):
+        order, painted = cast(EverySample, self.order), None
+        if not samples.extinction.size:
             return None
-        order = cast(EverySample, self.order)
-        return paint_deferred(scene, samples, order, profile, progress, blocks)
+        if self._profile is not None and can_defer(scene, order):
+            painted = paint_deferred(scene, samples, order, self._profile, progress, blocks)
+        if painted is None and self._point_profile is not None and can_defer_points(scene, order):
+            return paint_points(scene, samples, order, self._point_profile, progress, blocks)
+        return painted
 
     def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
         clock = Clock()
@@ -359,6 +363,11 @@ class Resampler:
     def _profile(self) -> Profile | None:
         """Line integrals as a formula, where there is one."""
         return footprint_profile(self.reconstruction)
+
+    @cached_property
+    def _point_profile(self) -> Profile | None:
+        """Filter of points as a formula, where there is one."""
+        return profile(self._points)
 
     @cached_property
     def _tables(self) -> Tables:

@@ -225,6 +225,17 @@ class Profile(NamedTuple):
     p8: Single
 
 
+class Spread(NamedTuple):
+    """How points are spread over sub-pixels, and about the most that one adds."""
+
+    extent: float  # widths at which the filter ends
+    variance: float  # voxels², as in `Style`; 0: points have width 1 px
+    most_spacing: float  # px
+    layer: float  # scene units, thickness of a sheet
+    opacity: float  # largest opacity times area, sub-pixels
+    area: float  # largest area, sub-pixels
+
+
 class Tables(NamedTuple):
     """All tabulated functions of one rendering."""
 

@@ -176,7 +176,7 @@ def find_spacings(
 
 
 @kernel
-def _is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
+def is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
     """Whether a run may be seen on a canvas of `height` rows and `width` columns."""
     n = place.subpixels
     left = first_inside(run["left"], place.x, n)
@@ -187,7 +187,7 @@ def _is_run_open(run: Record, place: Place, height: int, width: int, open_groups
 
 
 @kernel
-def _home_of(home: Home) -> Bounds:
+def home_of(home: Home) -> Bounds:
     """Where centers of samples belong to a tile; tiles at the frame's edge have all beyond it."""
     far = np.float32(np.inf)
     right, bottom = home.left + home.size, home.top + home.size
@@ -269,7 +269,7 @@ def _paint_samples(
 
 
 @kernel
-def _in_order(runs: Records, members: Members) -> None:
+def in_order(runs: Records, members: Members) -> None:
     """Put runs in order of their nearest samples."""
     key = np.empty(members.size, np.uint32)
     for n in range(members.size):
@@ -314,8 +314,8 @@ def _paint_tile(
         np.float32(1.0 / style.layer),
         np.float32(1.0) / least_ray,
     )
-    bounds = _home_of(home)
-    _in_order(runs, members)
+    bounds = home_of(home)
+    in_order(runs, members)
     sides = sides_of(eye, shape, place, height, width)
     reach, faintest = math.sqrt(shape.covariance[2][2]), np.float32(style.faintest)
     pair, pool = np.empty(BATCH, np.uint64), np.empty(8 * WINDOW, np.uint64)
@@ -332,7 +332,7 @@ def _paint_tile(
             if next_run + AHEAD < members.size:
                 soon = members[next_run + AHEAD]
                 ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
-            if _is_run_open(runs[run], place, height, width, open_groups):
+            if is_run_open(runs[run], place, height, width, open_groups):
                 taken[run] = 1
                 begin, count = start[run], start[run + 1] - start[run]
                 if waiting + count >= pool.size:

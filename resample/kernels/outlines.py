@@ -325,7 +325,7 @@ def break_runs(
 
 
 @kernel
-def _sum_up(run: Record, room: Floats, first: int, last: int) -> None:
+def sum_up(run: Record, room: Floats, first: int, last: int) -> None:
     """What samples of a batch have in common."""
     left = top = key = least = np.float32(np.inf)
     right = bottom = most = np.float32(-np.inf)
@@ -504,7 +504,7 @@ def _outline_chunk(
         )
         if screen.planes.shape[0] > 0:
             clip_batch(room, position, begin, count, eye, shape, screen.planes)
-        _sum_up(runs[run], room, 0, count)
+        sum_up(runs[run], room, 0, count)
 
 
 @parallel_kernel

@@ -1,0 +1,193 @@
+"""Points in runs of neighbours, which only those tiles project that show them.
+
+The quick way for scenes in which all samples are points under a filter that is smooth; others are
+painted from the records of `resample.kernels.footprints`. See `resample.kernels.point_runs`.
+"""
+
+import math
+
+import numpy as np
+
+from resample.deferred import (
+    RUN_EXTENT,
+    Indices,
+    Runs,
+    breaks,
+    counted,
+    is_by_distance,
+)
+from resample.orders import EverySample
+from resample.scene import (
+    Clock,
+    Painted,
+    Progress,
+    Scene,
+    in_steps,
+    nothing_painted,
+    size_of_tiles,
+    tiles_along,
+)
+from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics, Tiles
+
+CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
+LONGEST_RUN = 256  # samples
+NARROWEST = 0.51  # sub-pixels that a filter must reach, so that it meets one
+
+
+def can_defer_points(scene: Scene, order: object) -> bool:
+    """Whether the choices that were made can be painted so; `_runs_of` then looks at samples."""
+    style = scene.style
+    return type(order) is EverySample and style.inflated == style.blurred == 0
+
+
+def _runs_of(
+    scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
+) -> Runs | None:
+    """Samples in runs within blocks; None if one is no point, or none is seen."""
+    from resample.kernels.point_outlines import outline_point_runs
+
+    start = breaks(scene, samples, RUN_EXTENT * min(1.0, order.thickness), LONGEST_RUN)
+    if blocks is not None:
+        start = np.union1d(start, blocks.start)
+    known, style = np.zeros(start.size - 1, RUN), scene.style
+    outline_point_runs(
+        known,
+        start,
+        samples,
+        scene.view,
+        scene.ellipsoid,
+        scene.screen,
+        style,
+        is_by_distance(scene, order),
+    )
+    finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
+    is_point = known["most_spacing"].max() * finest <= style.threshold
+    return Runs(samples, start, known) if is_point and known["seen"].any() else None
+
+
+def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
+    """How points are spread; None if their filters reach too far, or too many fall together."""
+    from resample.kernels.point_runs import MOST_TAPS
+
+    style, known, ellipsoid = scene.style, runs.known, scene.ellipsoid
+    least, most = known["least_spacing"].min(), float(known["most_spacing"].max())
+    widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12) if style.variance else finest
+    narrowest = math.sqrt(1 / 12) if style.variance else 1.0
+    thinnest = np.linalg.svd(ellipsoid.from_unit, compute_uv=False)[-1] / ellipsoid.radius
+    area = ellipsoid.volume / (style.layer * thinnest**2) * (most * finest) ** 2
+    crowd = style.layer / ellipsoid.volume ** (1 / 3) / (least * finest) ** 2
+    reach = style.point_extent * narrowest
+    if 2 * style.point_extent * widest > MOST_TAPS or reach < NARROWEST or crowd > CROWD:
+        return None
+    opacity = -math.expm1(-float(runs.samples.extinction.max()) * style.layer)
+    return Spread(
+        style.point_extent,
+        style.variance,
+        most,
+        style.layer,
+        _power_of_two(area * opacity),
+        _power_of_two(area),
+    )
+
+
+def _power_of_two(number: float) -> float:
+    """Smallest one that is not below a number."""
+    return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
+
+
+def _dealt(scene: Scene, runs: Runs, finest: int) -> tuple[Tiles, Indices]:
+    """Runs that tiles may show, and how many samples these have."""
+    from resample.kernels.deferred import count_runs, deal_runs
+    from resample.kernels.grid import grid
+    from resample.kernels.point_outlines import find_point_spacings
+
+    known, screen, style = runs.known, scene.screen, scene.style
+    size = size_of_tiles(finest)
+    rows, columns = tiles_along(screen, size)
+    count, load = np.zeros((2, rows * columns), np.int64)
+    count_runs(known, screen, size, columns, count)
+    start = np.concatenate([[0], np.cumsum(count)])
+    spacing = np.full(count.size, known["least_spacing"].min(), np.float32)
+    tiles = Tiles(start, np.zeros(start[-1], np.int32), spacing, size, columns)
+    deal_runs(known, screen, tiles, load)
+    if grid(known["most_spacing"].max(), style) < finest:
+        find_point_spacings(
+            tiles,
+            known,
+            runs.start,
+            runs.samples,
+            scene.view,
+            scene.ellipsoid,
+            screen,
+            style,
+        )
+    return tiles, load
+
+
+def paint_points(
+    scene: Scene,
+    samples: Samples,
+    order: EverySample,
+    profile: Profile,
+    progress: Progress | None,
+    blocks: Blocks | None = None,
+) -> tuple[Painted, Statistics] | None:
+    """Picture of samples, or None if some are no points or their filter is no such.
+
+    Parameters
+    ----------
+    scene
+        Of which `can_defer_points` is true; its footprints are not read.
+    samples
+        As `check_samples` gives them; the nearer neighbours are in memory, the better.
+    order
+        By depth or by distance.
+    profile
+        Of the filter of points, see `resample.filters.profile`.
+    progress
+        Called with the share of the work that is done.
+    blocks
+        Of which it is to be said how many were outside the view, or hidden.
+    """
+    from resample.kernels.grid import grid
+    from resample.kernels.point_runs import MOST_TAPS, paint_point_runs
+
+    clock = Clock()
+    runs = _runs_of(scene, samples, order, blocks)
+    if runs is None:
+        return None
+    finest = grid(runs.known["least_spacing"].min(), scene.style)
+    form = _form_of(scene, runs, finest)
+    if form is None:
+        return None
+    clock.lap("project")
+    tiles, load = _dealt(scene, runs, finest)
+    clock.lap("bin")
+    painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
+    taken = np.zeros(runs.known.size, np.uint8)
+    size = (tiles.size + 2 * scene.tables.pixel_margin) * finest + 2 * MOST_TAPS
+    for turn, done in in_steps(load):
+        paint_point_runs(
+            turn,
+            tiles,
+            runs.known,
+            runs.start,
+            samples,
+            is_by_distance(scene, order),
+            scene.view,
+            scene.ellipsoid,
+            scene.screen,
+            scene.style,
+            scene.tables,
+            profile,
+            form,
+            size,
+            painted.film,
+            taken,
+            painted.tally,
+        )
+        if progress is not None:
+            progress(done)
+    clock.lap("paint")
+    statistics = painted.statistics(samples.extinction.size, clock.seconds)
+    return painted, counted(statistics, runs, taken, blocks, "points")

@@ -1,0 +1,245 @@
+"""Where points fall on the screen, many at once, and what runs of neighbours have in common.
+
+As `resample.kernels.outlines`, for samples that are points on any grid a tile may get.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.kernels.grid import POINT_SPACING, grid
+from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
+from resample.kernels.outlines import (
+    BATCH,
+    BOTTOM,
+    CHUNKS,
+    KEY,
+    LEFT,
+    RIGHT,
+    ROOM,
+    SPACING,
+    TOP,
+    sum_up,
+)
+from resample.kernels.tiles import tiles_met
+from resample.kernels.vectors import combine, dot, multiply
+from resample.types import (
+    Doubles,
+    Ellipsoid,
+    Floats,
+    Records,
+    Samples,
+    Screen,
+    Single,
+    Style,
+    Tiles,
+    View,
+)
+
+TOO_WIDE = 1e30  # px, spacing that stands for samples which the near plane cuts
+
+Squares = tuple[tuple[Single, Single, Single], tuple[Single, Single, Single]]
+Mixed = tuple[Single, Single, Single, Single]
+Indices = NDArray[np.int64]
+
+
+@kernel
+def spacing_on_grid(eye: Eye, shape: Shape, n: float) -> tuple[Squares, Mixed]:
+    """Squared spacing in sub-pixels at depth 1, as powers of where a sample is seen.
+
+    Its parts xx and yy are quadratic in x and in y, with the middle coefficient negated; xy has the
+    coefficients of 1, -x, -y and xy.
+    """
+    v = shape.covariance
+    fx, fy = n * eye.fx / shape.radius, n * eye.fy / shape.radius
+    xx, yy, xy = fx * fx, fy * fy, fx * fy
+    return (
+        (_three(xx * v[0][0], 2.0 * xx * v[0][2], xx * v[2][2])),
+        (_three(yy * v[1][1], 2.0 * yy * v[1][2], yy * v[2][2])),
+    ), (
+        np.float32(xy * v[0][1]),
+        np.float32(xy * v[1][2]),
+        np.float32(xy * v[0][2]),
+        np.float32(xy * v[2][2]),
+    )
+
+
+@kernel
+def _three(first: float, second: float, third: float) -> tuple[Single, Single, Single]:
+    return np.float32(first), np.float32(second), np.float32(third)
+
+
+@kernel
+def outline_points(
+    room: Floats,
+    position: Floats,
+    extinction: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    area: Area,
+    style: Style,
+    by_distance: bool,
+) -> None:
+    """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen."""
+    far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
+    least = reach if far else -np.inf
+    one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
+    extent, variance = np.float32(style.point_extent), np.float32(style.variance)
+    for_splats, for_points = np.float32(style.most_for_splats), np.float32(style.most_for_points)
+    fixed, thinnest = np.float32(style.subpixels), np.float32(1.0 / 12.0)
+    closest = np.float32(min(style.threshold, POINT_SPACING))
+    squares, (m0, m1, m2, m3) = spacing_on_grid(eye, shape, 1.0)
+    (x0, x1, x2), (y0, y1, y2) = squares
+    low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
+    for n in range(count):
+        k = np.uint64(n)
+        sample = np.uint64(begin) + k
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        per_z = 1.0 / cz if far else 1.0
+        x, y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        is_cut = (cz - reach <= eye.near) | (cz <= least)
+        is_seen = (cz + reach > eye.near) & (extinction[sample] > np.float32(style.faintest))
+        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        # From here on, what need not be told to the last bit.
+        near = np.float32(per_z)
+        right = np.float32(cx) * near if far else zero
+        down = np.float32(cy) * near if far else zero
+        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
+        xy = m0 - right * m1 - down * (m2 - right * m3)
+        mean, apart = half * (xx + yy), half * (xx - yy)
+        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
+        spacing = max(np.sqrt(squared), np.float32(1e-6))
+        finest = min(for_points, np.floor(closest / spacing))
+        finest = max(one, min(for_splats, np.ceil(one / spacing)), finest)
+        finest = fixed if fixed > zero else finest
+        width = np.sqrt(variance * squared + thinnest / (finest * finest))
+        pad = extent * (width if variance > zero else one)
+        is_inside = (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
+        is_seen &= is_inside | is_cut
+        room[k + LEFT] = np.float32(x - pad) if is_seen else np.float32(np.inf)
+        room[k + RIGHT] = np.float32(x + pad) if is_seen else np.float32(-np.inf)
+        room[k + TOP] = np.float32(y - pad)
+        room[k + BOTTOM] = np.float32(y + pad)
+        room[k + KEY] = np.float32(key)
+        room[k + SPACING] = np.float32(TOO_WIDE) if is_cut else spacing
+
+
+@kernel
+def clip_points(
+    room: Floats, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
+) -> None:
+    """Hide the points whose centers lie beyond a clipping plane (M, 5)."""
+    for n in range(count):
+        k, first = np.uint64(n), 3 * (begin + n)
+        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        for m in range(planes.shape[0]):
+            normal = (planes[m, 0], planes[m, 1], planes[m, 2])
+            if dot(normal, center) + planes[m, 3] <= 0.0:
+                room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
+
+
+@kernel
+def _outline_chunk(
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    by_distance: bool,
+    chunk: int,
+) -> None:
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    room = np.empty(ROOM, np.float32)
+    first, last = runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS
+    while first < last:
+        begin, behind = start[first], first + 1
+        while behind < last and start[behind + 1] - begin <= BATCH:
+            behind += 1
+        count = start[behind] - begin
+        outline_points(
+            room, position, extinction, begin, count, eye, shape, area, style, by_distance
+        )
+        if screen.planes.shape[0] > 0:
+            clip_points(room, position, begin, count, eye, screen.planes)
+        for run in range(first, behind):
+            sum_up(runs[run], room, start[run] - begin, start[run + 1] - begin)
+        first = behind
+
+
+@parallel_kernel
+def outline_point_runs(
+    counter: Counter,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    by_distance: bool,
+) -> None:
+    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
+    for chunk in tasks(counter, CHUNKS):
+        _outline_chunk(runs, start, samples, view, ellipsoid, screen, style, by_distance, chunk)
+
+
+@kernel
+def _find_spacing(
+    tile: int,
+    tiles: Tiles,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+) -> None:
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction, margin = samples.position.reshape(-1), samples.extinction, screen.margin
+    room, size, columns = np.empty(ROOM, np.float32), tiles.size, tiles.columns
+    tile_rows, finest = tiles.spacing.size // columns, np.inf
+    for m in range(tiles.start[tile], tiles.start[tile + 1]):
+        run = tiles.member[m]
+        if grid(runs[run]["least_spacing"], style) <= grid(finest, style) and finest < np.inf:
+            continue
+        begin, count = start[run], start[run + 1] - start[run]
+        outline_points(room, position, extinction, begin, count, eye, shape, area, style, False)
+        if screen.planes.shape[0] > 0:
+            clip_points(room, position, begin, count, eye, screen.planes)
+        for n in range(count):
+            k = np.uint64(n)
+            if room[k + LEFT] <= room[k + RIGHT]:
+                left, right = tiles_met(room[k + LEFT], room[k + RIGHT], margin, size, columns)
+                top, bottom = tiles_met(room[k + TOP], room[k + BOTTOM], margin, size, tile_rows)
+                if left <= tile % columns <= right and top <= tile // columns <= bottom:
+                    finest = min(finest, float(room[k + SPACING]))
+    tiles.spacing[tile] = finest
+
+
+@parallel_kernel
+def find_point_spacings(
+    counter: Counter,
+    tiles: Tiles,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+) -> None:
+    """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
+    for tile in tasks(counter, tiles.spacing.size):
+        _find_spacing(tile, tiles, runs, start, samples, view, ellipsoid, screen, style)

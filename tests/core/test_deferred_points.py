@@ -1,0 +1,220 @@
+"""Points that tiles project for themselves are those that are painted from records."""
+
+import numpy as np
+import pytest
+
+from resample import deferred_points, resampler
+from resample.cameras import Orthographic, Pinhole, look_at
+from resample.culling import blocked
+from resample.filters import Box, Gaussian, Mitchell, profile, table
+from resample.kernels.eights import spread
+from resample.orders import EverySample
+from resample.reconstruction import BSplineKernel
+from resample.resampler import Opacity, Primitive, Resampler
+from resample.types import Samples
+
+SIZE = {"height": 44, "width": 57}
+ARRAYS = ("rgba", "depth", "first_depth", "coverage")
+PIXEL = (26.0, 21.0)
+FAR = Pinhole(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)))
+CAMERAS = {
+    "far": FAR,
+    "farther": Pinhole(90.0, 80.0, *PIXEL, look_at((40, -1000, 60), (0, 0, 0))),
+    "wide": Pinhole(20.0, 20.0, *PIXEL, look_at((8, -45, 12), (0, 0, 0))),
+    "at the edge": Pinhole(90.0, 90.0, 0.4, 43.0, look_at((20, -250, 60), (0, 0, 0))),
+    "parallel": Orthographic(0.5, 0.4, *PIXEL, look_at((30, 20, -30), (0, 0, 0)), -60.0),
+}
+PLANE = [[0.3, 1.0, 0.2, 2.0]]
+# Filters are within 1e-5 by either way, and weights have steps of 2**-17.
+TOLERANCE = 1e-4
+
+
+def box(rng, extinction=0.4, side=15):
+    """Samples of a sheared lattice, z slowest."""
+    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
+    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
+    return Samples(
+        (index @ lattice.T).astype(np.float32),
+        rng.uniform(0, 1, index.shape).astype(np.float32),
+        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
+        lattice,
+    )
+
+
+@pytest.fixture
+def deferred_only(monkeypatch):
+    """Count the pictures that are painted without records."""
+    painted = []
+    paint = resampler.paint_points
+
+    def counted(*args):
+        result = paint(*args)
+        painted.append(result is not None)
+        return result
+
+    monkeypatch.setattr(resampler, "paint_points", counted)
+    return painted
+
+
+def from_records(monkeypatch, *args, clip=None, **choices):
+    """The same picture by the other way."""
+    with monkeypatch.context() as patch:
+        patch.setattr(resampler, "can_defer_points", lambda *_: False)
+        return Resampler(**choices)(*args, clip=clip, **SIZE)
+
+
+def assert_alike(frame, other):
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+    np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
+    for name in ("depth", "first_depth"):
+        depth, expected = getattr(frame, name), getattr(other, name)
+        np.testing.assert_array_equal(np.isfinite(depth), np.isfinite(expected))
+        clear = other.rgba[..., 3] > 0.01
+        np.testing.assert_allclose(depth[clear], expected[clear], rtol=1e-3)
+    for name in ("points", "splats", "subpixels"):
+        assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
+
+
+def assert_same(first, second):
+    for name in ARRAYS:
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+
+
+@pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+@pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
+def test_pictures_are_those_painted_from_records(
+    rng, monkeypatch, deferred_only, camera, extinction, primitive
+):
+    samples = box(rng, extinction)
+    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    assert deferred_only == [True]
+    assert_alike(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+
+
+CHOICES = {
+    "tinted splats": {"splat_color": (1.0, 0.0, 0.0)},
+    "linear opacity": {"opacity": Opacity.LINEAR},
+    "distance": {"order": EverySample(key="distance")},
+    "thin layers": {"order": EverySample(thickness=0.3)},
+    "thick layers": {"order": EverySample(thickness=5.0)},
+    "a spline": {"reconstruction": BSplineKernel()},
+    "sub-pixels": {"subpixels": 3},
+    "pixel filter": {"pixel_filter": Gaussian(0.7, 2.0)},
+}
+
+
+@pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
+@pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
+def test_choices_are_those_of_records(rng, monkeypatch, deferred_only, camera, choice):
+    samples, choices = box(rng), {"primitive": Primitive.POINTS, **choice}
+    frame = Resampler(**choices)(samples, CAMERAS[camera], **SIZE)
+    assert deferred_only == [True]
+    assert_alike(frame, from_records(monkeypatch, samples, CAMERAS[camera], **choices))
+
+
+@pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
+@pytest.mark.parametrize("scale", [1.0, 0.02])
+def test_the_hybrid_s_points_are_those_of_records(rng, monkeypatch, scale, primitive):
+    samples, camera = box(rng), Pinhole(scale, scale, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
+    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    assert frame.statistics.points == samples.extinction.size
+    assert_alike(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_a_plane_cuts_as_it_cuts_records(rng, monkeypatch, camera):
+    samples, choice = box(rng), {"primitive": Primitive.POINTS}
+    frame = Resampler(**choice)(samples, camera, clip=PLANE, **SIZE)
+    assert_alike(frame, from_records(monkeypatch, samples, camera, clip=PLANE, **choice))
+
+
+UNFIT = {
+    "near plane": Pinhole(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)), 252.0),
+    "inside": Pinhole(25.0, 25.0, *PIXEL, look_at((2, -1, 1), (0, 0, 0))),
+    "close": Pinhole(90.0, 80.0, *PIXEL, look_at((8, -30, 12), (0, 0, 0))),
+}
+
+
+@pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
+@pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
+def test_what_is_no_small_point_is_painted_from_records(
+    rng, monkeypatch, deferred_only, camera, primitive
+):
+    samples = box(rng)
+    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    assert deferred_only == [False]
+    assert_same(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+
+
+@pytest.mark.parametrize("pixel", [Box(), Mitchell(), Gaussian(0.1, 0.3, lowered=True)], ids=repr)
+def test_filters_without_a_formula_are_painted_from_records(rng, monkeypatch, pixel):
+    samples, choices = box(rng), {"primitive": Primitive.PAPER, "pixel_filter": pixel}
+    frame = Resampler(**choices)(samples, FAR, **SIZE)
+    assert_same(frame, from_records(monkeypatch, samples, FAR, **choices))
+
+
+@pytest.mark.parametrize("pixel", [Box(), Mitchell()], ids=repr)
+def test_steps_and_lobes_have_no_formula(pixel):
+    assert profile(table(pixel)) is None
+
+
+@pytest.mark.parametrize("longest", [1, 7, 256])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
+    samples, resample = box(rng), Resampler(primitive=Primitive.POINTS)
+    frame = resample(samples, camera, **SIZE)
+    monkeypatch.setattr(deferred_points, "LONGEST_RUN", longest)
+    assert_same(frame, resample(samples, camera, **SIZE))
+
+
+@pytest.mark.parametrize("key", ["depth", "distance"])
+@pytest.mark.parametrize("extinction", [0.02, 6.0])
+def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
+    resample = Resampler(primitive=Primitive.POINTS, order=EverySample(key=key))
+    samples = box(rng, extinction)
+    mixed = rng.permutation(samples.extinction.size)
+    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    assert_same(resample(samples, FAR, **SIZE), resample(other, FAR, **SIZE))
+
+
+def test_samples_beside_the_view_do_no_harm(rng, monkeypatch):
+    samples, choice = box(rng, side=40), {"primitive": Primitive.POINTS}
+    camera = Pinhole(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
+    frame = Resampler(**choice)(samples, camera, **SIZE)
+    assert 0 < frame.statistics.points < samples.extinction.size
+    assert_alike(frame, from_records(monkeypatch, samples, camera, **choice))
+
+
+def test_threads_change_no_bit(rng):
+    samples, resample = box(rng), Resampler(primitive=Primitive.POINTS)
+    assert_same(*(resample(samples, FAR, threads=count, **SIZE) for count in (1, 2)))
+
+
+def test_hidden_points_are_skipped(rng):
+    samples = box(rng, 50.0, 64)
+    resample = Resampler(primitive=Primitive.POINTS)
+    frame, other = (resample(s, FAR, **SIZE) for s in (samples, blocked(samples, 4)))
+    assert frame.statistics.hidden > 10000
+    assert other.statistics.blocks_occluded > 10
+    assert_same(frame, other)
+
+
+def test_colors_may_be_bright(rng, monkeypatch):
+    samples = box(rng)._replace(color=rng.uniform(0, 500, (15**3, 3)).astype(np.float32))
+    frame = Resampler(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
+    other = from_records(monkeypatch, samples, FAR, primitive=Primitive.POINTS)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=500 * TOLERANCE)
+
+
+def test_lines_are_spread_as_the_obvious_loop_spreads_them(rng):
+    amount, weight = rng.uniform(0, 1, 24), rng.uniform(0, 1, 40)
+    cells, rounding = rng.uniform(0, 1, 400), 1.5 * 2.0**28
+    expected = cells.copy()
+    for row in range(3):
+        shares = (amount[8:16] * weight[20 + 5 * row] + rounding) - rounding
+        for column in range(3):
+            first = 16 + 80 * row + 8 * column
+            expected[first : first + 8] += shares * weight[2 + 5 * column]
+    spread(cells, 16, 80, amount, 8, rounding, weight, 2, 20, 5, 3)
+    np.testing.assert_allclose(cells, expected, rtol=1e-15)
