@@ -31,6 +31,7 @@ from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics, Ti
 
 CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
 LONGEST_RUN = 256  # samples
+PRECISION = 2.0**-22  # of depths; sheets that are thinner have numbers that jump
 NARROWEST = 0.51  # sub-pixels that a filter must reach, so that it meets one
 
 
@@ -66,8 +67,9 @@ def _runs_of(
 
 
 def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
-    """How points are spread; None if their filters reach too far, or too many fall together."""
+    """How points are spread; None if filters, rows, sheets or crowds do not fit."""
     from resample.kernels.point_runs import MOST_TAPS
+    from resample.kernels.rows import MOST_COLUMNS
 
     style, known, ellipsoid = scene.style, runs.known, scene.ellipsoid
     least, most = known["least_spacing"].min(), float(known["most_spacing"].max())
@@ -77,7 +79,11 @@ def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
     area = ellipsoid.volume / (style.layer * thinnest**2) * (most * finest) ** 2
     crowd = style.layer / ellipsoid.volume ** (1 / 3) / (least * finest) ** 2
     reach = style.point_extent * narrowest
-    if 2 * style.point_extent * widest > MOST_TAPS or reach < NARROWEST or crowd > CROWD:
+    farthest = float(np.abs(known["key"][known["seen"] > 0]).max())
+    columns = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest
+    if 2 * style.point_extent * widest > MOST_TAPS or reach < NARROWEST:
+        return None
+    if crowd > CROWD or columns > MOST_COLUMNS or farthest * PRECISION > style.layer:
         return None
     opacity = -math.expm1(-float(runs.samples.extinction.max()) * style.layer)
     return Spread(

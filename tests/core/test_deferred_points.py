@@ -154,6 +154,25 @@ def test_filters_without_a_formula_are_painted_from_records(rng, monkeypatch, pi
     assert_same(frame, from_records(monkeypatch, samples, FAR, **choices))
 
 
+@pytest.mark.parametrize("choice", [{"subpixels": 32}, {"pixel_filter": Gaussian(1.0, 4.0)}])
+def test_rows_that_are_too_long_are_painted_from_records(rng, monkeypatch, choice):
+    camera = Pinhole(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
+    samples, choices = box(rng, side=7), {"primitive": Primitive.POINTS, **choice}
+    frame = Resampler(**choices)(samples, camera, **SIZE)
+    assert_same(frame, from_records(monkeypatch, samples, camera, **choices))
+
+
+@pytest.mark.parametrize("thickness", [1e-6, 1e-3, 0.02])
+def test_sheets_may_be_thin(rng, monkeypatch, thickness):
+    samples = box(rng)
+    choices = {"primitive": Primitive.POINTS, "order": EverySample(thickness=thickness)}
+    frame = Resampler(**choices)(samples, FAR, **SIZE)
+    other = from_records(monkeypatch, samples, FAR, **choices)
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
+    # Areas are as large as layers are thin, and so are the steps of what they cover at rims.
+    np.testing.assert_allclose(frame.coverage, other.coverage, atol=1e-3)
+
+
 @pytest.mark.parametrize("pixel", [Box(), Mitchell()], ids=repr)
 def test_steps_and_lobes_have_no_formula(pixel):
     assert profile(table(pixel)) is None
