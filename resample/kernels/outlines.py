@@ -291,23 +291,67 @@ def clip_batch(
 
 
 @kernel
+def _ordered(bits: np.int32) -> np.int32:
+    """Integer that sorts as the float32 of these bits does, and back."""
+    return np.int32(bits ^ ((bits >> np.int32(31)) & np.int32(0x7FFFFFFF)))
+
+
+@kernel
+def box_of(bits: Integers, low: Floats, high: Floats) -> None:
+    """Least and greatest x, y and z (3,) of positions, whose bits are given, (3 n,).
+
+    As integers, of which a compiler compares many at once, as none is not a number.
+    """
+    most, least = np.int32(0x7FFFFFFF), np.int32(-0x80000000)
+    x_low = y_low = z_low = most
+    x_high = y_high = z_high = least
+    for n in range(bits.size // 3):
+        k = np.uint64(3) * np.uint64(n)
+        x, y, z = (
+            _ordered(bits[k]),
+            _ordered(bits[k + np.uint64(1)]),
+            _ordered(bits[k + np.uint64(2)]),
+        )
+        x_low, x_high = min(x_low, x), max(x_high, x)
+        y_low, y_high = min(y_low, y), max(y_high, y)
+        z_low, z_high = min(z_low, z), max(z_high, z)
+    lows, highs = low.view(np.int32), high.view(np.int32)
+    lows[0], lows[1], lows[2] = _ordered(x_low), _ordered(y_low), _ordered(z_low)
+    highs[0], highs[1], highs[2] = _ordered(x_high), _ordered(y_high), _ordered(z_high)
+
+
+@kernel
+def _end_of_run(position: Floats, extent: float, first: int, last: int) -> int:
+    """First sample that lies too far from one between it and the first; `last` if there is none."""
+    x_low = x_high = position[3 * first]
+    y_low = y_high = position[3 * first + 1]
+    z_low = z_high = position[3 * first + 2]
+    for n in range(first + 1, last):
+        x, y, z = position[3 * n], position[3 * n + 1], position[3 * n + 2]
+        x_low, x_high = min(x_low, x), max(x_high, x)
+        y_low, y_high = min(y_low, y), max(y_high, y)
+        z_low, z_high = min(z_low, z), max(z_high, z)
+        if max(x_high - x_low, y_high - y_low, z_high - z_low) > extent:
+            return n
+    return last
+
+
+@kernel
 def _break_chunk(
     position: Floats, extent: float, most: int, start: Indices, count: Indices, chunk: int
 ) -> None:
     samples = position.size // 3
     first, last = samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
-    runs, begin = 0, first
-    x_low = y_low = z_low = x_high = y_high = z_high = np.float32(0.0)
-    for n in range(first, last):
-        x, y, z = position[3 * n], position[3 * n + 1], position[3 * n + 2]
-        x_low, x_high = min(x_low, x), max(x_high, x)
-        y_low, y_high = min(y_low, y), max(y_high, y)
-        z_low, z_high = min(z_low, z), max(z_high, z)
-        largest = max(x_high - x_low, y_high - y_low, z_high - z_low)
-        if n == first or n - begin >= most or largest > extent:
-            start[first + runs] = begin = n
-            runs += 1
-            x_low, x_high, y_low, y_high, z_low, z_high = x, x, y, y, z, z
+    low, high, bits = np.empty(3, np.float32), np.empty(3, np.float32), position.view(np.int32)
+    runs, n = 0, first
+    while n < last:
+        start[first + runs] = n
+        runs += 1
+        behind = min(n + most, last)
+        box_of(bits[3 * n : 3 * behind], low, high)
+        if max(high[0] - low[0], high[1] - low[1], high[2] - low[2]) > extent:
+            behind = _end_of_run(position, extent, n, behind)
+        n = behind
     count[chunk] = runs
 
 
@@ -341,36 +385,6 @@ def sum_up(run: Record, room: Floats, first: int, last: int) -> None:
             seen += 1
     run["left"], run["top"], run["right"], run["bottom"] = left, top, right, bottom
     run["key"], run["least_spacing"], run["most_spacing"], run["seen"] = key, least, most, seen
-
-
-@kernel
-def _ordered(bits: np.int32) -> np.int32:
-    """Integer that sorts as the float32 of these bits does, and back."""
-    return np.int32(bits ^ ((bits >> np.int32(31)) & np.int32(0x7FFFFFFF)))
-
-
-@kernel
-def box_of(bits: Integers, low: Floats, high: Floats) -> None:
-    """Least and greatest x, y and z (3,) of positions, whose bits are given, (3 n,).
-
-    As integers, of which a compiler compares many at once, as none is not a number.
-    """
-    most, least = np.int32(0x7FFFFFFF), np.int32(-0x80000000)
-    x_low = y_low = z_low = most
-    x_high = y_high = z_high = least
-    for n in range(bits.size // 3):
-        k = np.uint64(3) * np.uint64(n)
-        x, y, z = (
-            _ordered(bits[k]),
-            _ordered(bits[k + np.uint64(1)]),
-            _ordered(bits[k + np.uint64(2)]),
-        )
-        x_low, x_high = min(x_low, x), max(x_high, x)
-        y_low, y_high = min(y_low, y), max(y_high, y)
-        z_low, z_high = min(z_low, z), max(z_high, z)
-    lows, highs = low.view(np.int32), high.view(np.int32)
-    lows[0], lows[1], lows[2] = _ordered(x_low), _ordered(y_low), _ordered(z_low)
-    highs[0], highs[1], highs[2] = _ordered(x_high), _ordered(y_high), _ordered(z_high)
 
 
 @kernel
