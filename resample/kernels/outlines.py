@@ -369,6 +369,14 @@ def break_runs(
 
 
 @kernel
+def _write(run: Record, bounds: Side, key: float, spacings: tuple[float, float], seen: int) -> None:
+    """Fill in a run, of bounds left, top, right and bottom."""
+    run["left"], run["top"], run["right"], run["bottom"] = bounds
+    run["key"], run["seen"] = key, seen
+    run["least_spacing"], run["most_spacing"] = spacings
+
+
+@kernel
 def sum_up(run: Record, room: Floats, first: int, last: int) -> None:
     """What samples of a batch have in common."""
     left = top = key = least = np.float32(np.inf)
@@ -383,8 +391,8 @@ def sum_up(run: Record, room: Floats, first: int, last: int) -> None:
             if room[k + SPACING] < np.inf:
                 least, most = min(least, room[k + SPACING]), max(most, room[k + SPACING])
             seen += 1
-    run["left"], run["top"], run["right"], run["bottom"] = left, top, right, bottom
-    run["key"], run["least_spacing"], run["most_spacing"], run["seen"] = key, least, most, seen
+    bounds = (float(left), float(top), float(right), float(bottom))
+    _write(run, bounds, float(key), (float(least), float(most)), seen)
 
 
 @kernel
@@ -423,13 +431,6 @@ def _spacings_of(center: Vector, half: Vector, eye: Eye, shape: Shape) -> tuple[
 
 
 @kernel
-def _hide(run: Record) -> None:
-    run["left"] = run["top"] = run["key"] = run["least_spacing"] = np.inf
-    run["right"] = run["bottom"] = run["most_spacing"] = -np.inf
-    run["seen"] = 0
-
-
-@kernel
 def _is_outlined_by_box(
     run: Record,
     low: Floats,
@@ -463,27 +464,27 @@ def _is_outlined_by_box(
         normal = (side[0], side[1], side[2])
         beside, spread = dot(normal, center) + side[3], _spread(normal, half)
         if beside > spread:
-            _hide(run)
-            return True
-        if beside > -spread:
+            seen = 0
+        elif beside > -spread and seen > 0:
             return False
     if seen == 0:
-        _hide(run)
+        far = np.inf
+        _write(run, (far, far, -far, -far), far, (far, -far), 0)
         return True
     near, far = (near, far) if eye.perspective else (1.0, 1.0)
     left, right = _interval(center[0], half[0] + reach[0], near, far)
     top, bottom = _interval(center[1], half[1] + reach[1], near, far)
-    run["left"], run["right"] = eye.fx * left + eye.cx - BORDER, eye.fx * right + eye.cx + BORDER
-    run["top"], run["bottom"] = eye.fy * top + eye.cy - BORDER, eye.fy * bottom + eye.cy + BORDER
-    run["key"] = center[2] - half[2]
+    key = center[2] - half[2]
     if by_distance:
-        nearest_x, nearest_y = (
-            max(0.0, abs(center[0]) - half[0]),
-            max(0.0, abs(center[1]) - half[1]),
-        )
-        run["key"] = math.sqrt(nearest_x**2 + nearest_y**2 + (center[2] - half[2]) ** 2)
-    run["least_spacing"], run["most_spacing"] = _spacings_of(center, half, eye, shape)
-    run["seen"] = seen
+        x, y = max(0.0, abs(center[0]) - half[0]), max(0.0, abs(center[1]) - half[1])
+        key = math.sqrt(x * x + y * y + key * key)
+    bounds = (
+        eye.fx * left + eye.cx - BORDER,
+        eye.fy * top + eye.cy - BORDER,
+        eye.fx * right + eye.cx + BORDER,
+        eye.fy * bottom + eye.cy + BORDER,
+    )
+    _write(run, bounds, key, _spacings_of(center, half, eye, shape), seen)
     return True
 
 
