@@ -24,6 +24,7 @@ from resample.types import DISC, EXACT, RUN, Blocks, Profile, Records, Samples, 
 
 LONGEST_RUN = 64  # samples
 RUN_EXTENT = 8.0  # voxels
+SAMPLES_PER_STEP = 10_000_000  # between two looks at the progress and at Ctrl-C
 
 Indices = NDArray[np.int64]
 
@@ -168,7 +169,7 @@ def paint_deferred(
     clock.lap("bin")
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
     taken, peak = np.zeros(runs.known.size, np.uint8), _peak(scene)
-    for turn, done in in_steps(load):
+    for turn, done in in_steps(load, SAMPLES_PER_STEP):
         paint_runs(
             turn,
             tiles,

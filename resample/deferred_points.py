@@ -10,6 +10,7 @@ import numpy as np
 
 from resample.deferred import (
     RUN_EXTENT,
+    SAMPLES_PER_STEP,
     Indices,
     Runs,
     breaks,
@@ -172,7 +173,7 @@ def paint_points(
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
     taken = np.zeros(runs.known.size, np.uint8)
     size = (tiles.size + 2 * scene.tables.pixel_margin) * finest + 2 * MOST_TAPS
-    for turn, done in in_steps(load):
+    for turn, done in in_steps(load, SAMPLES_PER_STEP):
         paint_point_runs(
             turn,
             tiles,

@@ -30,7 +30,7 @@ from resample.types import (
     View,
 )
 
-MEMBERS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
+RECORDS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
 
 Progress = Callable[[float], None]
 
@@ -257,7 +257,9 @@ class Clock:
         self._last = now
 
 
-def in_steps(load: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], float]]:
+def in_steps(
+    load: NDArray[np.int64], most: int = RECORDS_PER_STEP
+) -> Iterator[tuple[NDArray[np.int64], float]]:
     """Tiles that have members, most of them first, in steps; and the share done after each."""
     turn = np.argsort(-load, kind="stable")
     turn = turn[load[turn] > 0]
@@ -265,7 +267,7 @@ def in_steps(load: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], float
     first = 0
     while first < turn.size:
         before = done[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(done, before + MEMBERS_PER_STEP)))
+        last = max(first + 1, int(np.searchsorted(done, before + most)))
         yield turn[first:last], float(done[last - 1] / done[-1])
         first = last
 
