@@ -46,7 +46,7 @@ from resample.kernels.rows import (
     paint_splats_on_rows,
     resolve_rows,
 )
-from resample.kernels.sorting import HALF, Pairs, bits_of, sort_by_key, sort_pairs
+from resample.kernels.sorting import HALF, Pairs, bits_of, member_of, paired, sort_pairs
 from resample.kernels.splats import first_inside, last_inside
 from resample.kernels.tiles import tiles_met
 from resample.types import (
@@ -271,126 +271,12 @@ def _paint_samples(
 @kernel
 def in_order(runs: Records, members: Members) -> None:
     """Put runs in order of their nearest samples."""
-    key = np.empty(members.size, np.uint32)
+    pair, other = np.empty(members.size, np.uint64), np.empty(members.size, np.uint64)
     for n in range(members.size):
-        key[n] = bits_of(runs[members[n]]["key"])
-    sort_by_key(key, members)
-
-
-@kernel
-def _paint_tile(
-    tile: int,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    by_distance: bool,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    profile: Profile,
-    peak: float,
-    film: Film,
-    taken: Flags,
-    tally: Tally,
-) -> None:
-    members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-    if members.size == 0:
-        return
-    n = grid(tiles.spacing[tile], style)
-    tally[tile, 3] = n
-    home, place, height, width = laid_out(
-        tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
-    )
-    eye, shape = eye_of(view), shape_of(ellipsoid)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    color = samples.color.reshape(-1)
-    rows, open_groups = new_rows(height, width), open_rows(height, width)
-    least_ray = cast_rays_of_rows(rows, height, width, place, view, ellipsoid)
-    limits = Limits(
-        np.float32(style.opaque),
-        np.float32(1.0 / style.layer),
-        np.float32(1.0) / least_ray,
-    )
-    bounds = home_of(home)
-    in_order(runs, members)
-    sides = sides_of(eye, shape, place, height, width)
-    reach, faintest = math.sqrt(shape.covariance[2][2]), np.float32(style.faintest)
-    pair, pool = np.empty(BATCH, np.uint64), np.empty(8 * WINDOW, np.uint64)
-    ready, other = np.empty_like(pool), np.empty_like(pool)
-    room, offset = np.empty(pool.size // BATCH * ROOM, np.float32), np.empty(pool.size, np.int32)
-    waiting, next_run, farthest, is_any_open = 0, 0, np.uint64(0), True
-    while is_any_open and (next_run < members.size or waiting > 0):
-        before = waiting
-        while next_run < members.size and waiting < before + WINDOW:
-            run = members[next_run]
-            if waiting >= before + SHORT_WINDOW and bits_of(runs[run]["key"]) > farthest >> HALF:
-                break
-            next_run += 1
-            if next_run + AHEAD < members.size:
-                soon = members[next_run + AHEAD]
-                ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
-            if is_run_open(runs[run], place, height, width, open_groups):
-                taken[run] = 1
-                begin, count = start[run], start[run + 1] - start[run]
-                if waiting + count >= pool.size:
-                    pool = enlarged(pool)
-                meet_batch(
-                    pair,
-                    position,
-                    extinction,
-                    begin,
-                    count,
-                    eye,
-                    reach,
-                    sides,
-                    faintest,
-                    by_distance,
-                )
-                waiting, farthest = take(pool, waiting, pair, count, farthest)
-        if ready.size < pool.size:
-            ready, other = np.empty_like(pool), np.empty_like(pool)
-            offset = np.empty(pool.size, np.int32)
-            room = np.empty(pool.size // BATCH * ROOM, np.float32)
-        limit = np.float32(np.inf)
-        if next_run < members.size:
-            limit = runs[members[next_run]]["key"]
-        stay = part(pool, waiting, limit, ready)
-        count = waiting - stay
-        sort_pairs(ready[:count], other[:count])
-        _form(
-            ready[:count],
-            room,
-            samples,
-            eye,
-            shape,
-            place,
-            height,
-            width,
-            bounds,
-            screen.planes,
-        )
-        put_in_order(ready[:count], room, offset)
-        tally[tile, 1] += _paint_samples(
-            rows,
-            open_groups,
-            room,
-            offset[:count],
-            place,
-            width,
-            view,
-            ellipsoid,
-            screen.planes,
-            tables.partial,
-            profile,
-            peak,
-            limits,
-        )
-        waiting = stay
-        is_any_open = close_rows(open_groups, rows, width, limits.opaque)
-    resolve_rows(rows, n, pixel_weights(tables, n), home, film)
+        pair[n] = paired(bits_of(runs[members[n]]["key"]), members[n])
+    sort_pairs(pair, other)
+    for n in range(members.size):
+        members[n] = member_of(pair[n])
 
 
 @parallel_kernel
@@ -418,7 +304,7 @@ def paint_runs(
     Parameters
     ----------
     turn
-        Numbers of tiles.
+        Numbers of tiles that have members.
     tiles
         Whose members are runs.
     runs, start
@@ -438,22 +324,104 @@ def paint_runs(
     tally
         (T, 4) numbers of splats painted by the tiles that hold their centers, and grids.
     """
-    for place in tasks(counter, turn.size):
-        _paint_tile(
-            turn[place],
-            tiles,
-            runs,
-            start,
-            samples,
-            by_distance,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            profile,
-            peak,
-            film,
-            taken,
-            tally,
+    eye, shape = eye_of(view), shape_of(ellipsoid)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    color = samples.color.reshape(-1)
+    reach, faintest = math.sqrt(shape.covariance[2][2]), np.float32(style.faintest)
+    for number in tasks(counter, turn.size):
+        tile = turn[number]
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        n = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = n
+        home, place, height, width = laid_out(
+            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
         )
+        rows, open_groups = new_rows(height, width), open_rows(height, width)
+        least_ray = cast_rays_of_rows(rows, height, width, place, view, ellipsoid)
+        limits = Limits(
+            np.float32(style.opaque),
+            np.float32(1.0 / style.layer),
+            np.float32(1.0) / least_ray,
+        )
+        bounds = home_of(home)
+        in_order(runs, members)
+        sides = sides_of(eye, shape, place, height, width)
+        pair, pool = np.empty(BATCH, np.uint64), np.empty(8 * WINDOW, np.uint64)
+        ready, other = np.empty_like(pool), np.empty_like(pool)
+        room, offset = (
+            np.empty(pool.size // BATCH * ROOM, np.float32),
+            np.empty(pool.size, np.int32),
+        )
+        waiting, next_run, farthest, is_any_open = 0, 0, np.uint64(0), True
+        while is_any_open and (next_run < members.size or waiting > 0):
+            before = waiting
+            while next_run < members.size and waiting < before + WINDOW:
+                run = members[next_run]
+                if (
+                    waiting >= before + SHORT_WINDOW
+                    and bits_of(runs[run]["key"]) > farthest >> HALF
+                ):
+                    break
+                next_run += 1
+                if next_run + AHEAD < members.size:
+                    soon = members[next_run + AHEAD]
+                    ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
+                if is_run_open(runs[run], place, height, width, open_groups):
+                    taken[run] = 1
+                    begin, count = start[run], start[run + 1] - start[run]
+                    if waiting + count >= pool.size:
+                        pool = enlarged(pool)
+                    meet_batch(
+                        pair,
+                        position,
+                        extinction,
+                        begin,
+                        count,
+                        eye,
+                        reach,
+                        sides,
+                        faintest,
+                        by_distance,
+                    )
+                    waiting, farthest = take(pool, waiting, pair, count, farthest)
+            if ready.size < pool.size:
+                ready, other = np.empty_like(pool), np.empty_like(pool)
+                offset = np.empty(pool.size, np.int32)
+                room = np.empty(pool.size // BATCH * ROOM, np.float32)
+            limit = np.float32(np.inf)
+            if next_run < members.size:
+                limit = runs[members[next_run]]["key"]
+            stay = part(pool, waiting, limit, ready)
+            count = waiting - stay
+            sort_pairs(ready[:count], other[:count])
+            _form(
+                ready[:count],
+                room,
+                samples,
+                eye,
+                shape,
+                place,
+                height,
+                width,
+                bounds,
+                screen.planes,
+            )
+            put_in_order(ready[:count], room, offset)
+            tally[tile, 1] += _paint_samples(
+                rows,
+                open_groups,
+                room,
+                offset[:count],
+                place,
+                width,
+                view,
+                ellipsoid,
+                screen.planes,
+                tables.partial,
+                profile,
+                peak,
+                limits,
+            )
+            waiting = stay
+            is_any_open = close_rows(open_groups, rows, width, limits.opaque)
+        resolve_rows(rows, n, pixel_weights(tables, n), home, film)

@@ -336,25 +336,6 @@ def _end_of_run(position: Floats, extent: float, first: int, last: int) -> int:
     return last
 
 
-@kernel
-def _break_chunk(
-    position: Floats, extent: float, most: int, start: Indices, count: Indices, chunk: int
-) -> None:
-    samples = position.size // 3
-    first, last = samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
-    low, high, bits = np.empty(3, np.float32), np.empty(3, np.float32), position.view(np.int32)
-    runs, n = 0, first
-    while n < last:
-        start[first + runs] = n
-        runs += 1
-        behind = min(n + most, last)
-        box_of(bits[3 * n : 3 * behind], low, high)
-        if max(high[0] - low[0], high[1] - low[1], high[2] - low[2]) > extent:
-            behind = _end_of_run(position, extent, n, behind)
-        n = behind
-    count[chunk] = runs
-
-
 @parallel_kernel
 def break_runs(
     counter: Counter, position: Floats, extent: float, most: int, start: Indices, count: Indices
@@ -364,8 +345,20 @@ def break_runs(
     Positions are flat (3 N,). Each chunk n of the samples writes `count` (CHUNKS,)[n] numbers to
     `start` (N,) from its own first sample on.
     """
+    samples, bits = position.size // 3, position.view(np.int32)
+    low, high = np.empty(3, np.float32), np.empty(3, np.float32)
     for chunk in tasks(counter, CHUNKS):
-        _break_chunk(position, extent, most, start, count, chunk)
+        first, last = samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
+        runs, n = 0, first
+        while n < last:
+            start[first + runs] = n
+            runs += 1
+            behind = min(n + most, last)
+            box_of(bits[3 * n : 3 * behind], low, high)
+            if max(high[0] - low[0], high[1] - low[1], high[2] - low[2]) > extent:
+                behind = _end_of_run(position, extent, n, behind)
+            n = behind
+        count[chunk] = runs
 
 
 @kernel
@@ -488,40 +481,6 @@ def _is_outlined_by_box(
     return True
 
 
-@kernel
-def _outline_chunk(
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    faintest: float,
-    by_distance: bool,
-    by_boxes: bool,
-    chunk: int,
-) -> None:
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    bits = position.view(np.int32)
-    room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
-        begin, count = start[run], start[run + 1] - start[run]
-        if by_boxes:
-            seen = 0
-            for n in range(begin, begin + count):
-                seen += extinction[np.uint64(n)] > np.float32(faintest)
-            box_of(bits[3 * begin : 3 * (begin + count)], low, high)
-            if _is_outlined_by_box(runs[run], low, high, seen, eye, shape, area.sides, by_distance):
-                continue
-        outline_batch(
-            room, position, extinction, begin, count, eye, shape, area, faintest, by_distance
-        )
-        if screen.planes.shape[0] > 0:
-            clip_batch(room, position, begin, count, eye, shape, screen.planes)
-        sum_up(runs[run], room, 0, count)
-
-
 @parallel_kernel
 def outline_runs(
     counter: Counter,
@@ -540,16 +499,25 @@ def outline_runs(
     `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
     of what would else be known of it, and no sample is projected. Not with clipping planes.
     """
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    bits = position.view(np.int32)
+    room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
     for chunk in tasks(counter, CHUNKS):
-        _outline_chunk(
-            runs,
-            start,
-            samples,
-            view,
-            ellipsoid,
-            screen,
-            faintest,
-            by_distance,
-            by_boxes,
-            chunk,
-        )
+        for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+            begin, count = start[run], start[run + 1] - start[run]
+            if by_boxes:
+                seen = 0
+                for n in range(begin, begin + count):
+                    seen += extinction[np.uint64(n)] > np.float32(faintest)
+                box_of(bits[3 * begin : 3 * (begin + count)], low, high)
+                if _is_outlined_by_box(
+                    runs[run], low, high, seen, eye, shape, area.sides, by_distance
+                ):
+                    continue
+            outline_batch(
+                room, position, extinction, begin, count, eye, shape, area, faintest, by_distance
+            )
+            if screen.planes.shape[0] > 0:
+                clip_batch(room, position, begin, count, eye, shape, screen.planes)
+            sum_up(runs[run], room, 0, count)
