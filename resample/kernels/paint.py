@@ -91,51 +91,6 @@ def paint_members(
     return still_open - composite_sheet(pixel, sheet, dirty, style)
 
 
-@kernel
-def _paint_tile(
-    tile: int,
-    tiles: Tiles,
-    footprints: Records,
-    sheets: Sheets,
-    key_bits: NDArray[np.uint32],
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    film: Film,
-    tally: Tally,
-) -> None:
-    members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-    if members.size == 0:
-        return
-    subpixels = grid(tiles.spacing[tile], style)
-    tally[tile, 3] = subpixels
-    home, place, rows, columns = laid_out(
-        tile, tiles.size, tiles.columns, subpixels, tables.pixel_margin, screen
-    )
-    canvas = new_canvas(rows, columns)
-    if style.model in (EXACT, DISC):
-        cast_rays(canvas.ray, place, view, ellipsoid)
-    put_in_order(members, key_bits, footprints)
-    paint_members(
-        members,
-        footprints,
-        sheets,
-        canvas,
-        place,
-        home,
-        view,
-        ellipsoid,
-        screen.planes,
-        style,
-        tables,
-        rows * columns,
-        tally[tile],
-    )
-    resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, film)
-
-
 @parallel_kernel
 def paint_tiles(
     counter: Counter,
@@ -153,18 +108,31 @@ def paint_tiles(
     tally: Tally,
 ) -> None:
     """Paint the tiles listed in `turn`. No pixel is shared, so none meet."""
-    for place in tasks(counter, turn.size):
-        _paint_tile(
-            turn[place],
-            tiles,
+    for number in tasks(counter, turn.size):
+        tile = turn[number]
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        subpixels = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = subpixels
+        home, place, rows, columns = laid_out(
+            tile, tiles.size, tiles.columns, subpixels, tables.pixel_margin, screen
+        )
+        canvas = new_canvas(rows, columns)
+        if style.model in (EXACT, DISC):
+            cast_rays(canvas.ray, place, view, ellipsoid)
+        put_in_order(members, key_bits, footprints)
+        paint_members(
+            members,
             footprints,
             sheets,
-            key_bits,
+            canvas,
+            place,
+            home,
             view,
             ellipsoid,
-            screen,
+            screen.planes,
             style,
             tables,
-            film,
-            tally,
+            rows * columns,
+            tally[tile],
         )
+        resolve(canvas.pixel, subpixels, pixel_weights(tables, subpixels), home, film)

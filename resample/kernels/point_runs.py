@@ -309,94 +309,6 @@ def _sheet_of(run: Record, layer: Single) -> int:
     return sheet
 
 
-@kernel
-def _paint_tile(
-    tile: int,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    by_distance: bool,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    profile: Profile,
-    form: Spread,
-    cells: Doubles,
-    room: Doubles,
-    amount: Doubles,
-    film: Film,
-    taken: Flags,
-    tally: Tally,
-) -> None:
-    members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-    n = grid(tiles.spacing[tile], style)
-    tally[tile, 3] = n
-    home, place, height, width = laid_out(
-        tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
-    )
-    eye, shape, area, bounds = eye_of(view), shape_of(ellipsoid), area_of(screen), home_of(home)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    rows, open_groups = new_rows(height, width), open_rows(height, width)
-    taps, layer, opaque = _taps(form, n), np.float32(form.layer), np.float32(style.opaque)
-    ring = Ring(height + 2 * taps, width + 2 * taps, taps)
-    dirty = no_dirt(ring)
-    in_order(runs, members)
-    front = _sheet_of(runs[members[0]], layer)
-    slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
-    for m in range(members.size):
-        run = members[m]
-        sheet = _sheet_of(runs[run], layer)
-        while front < sheet and front <= behind:
-            scales = _scales(form, front)
-            close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
-            slot, front = (slot + 1) % SLOTS, front + 1
-        front = sheet
-        if front >= next_look:
-            next_look = front + BETWEEN_LOOKS
-            is_any_open = close_rows(open_groups, rows, width, opaque)
-            if not is_any_open:
-                break
-        if is_run_open(runs[run], place, height, width, open_groups):
-            taken[run] = 1
-            begin, count = start[run], start[run + 1] - start[run]
-            place_points(
-                room,
-                position,
-                extinction,
-                begin,
-                count,
-                eye,
-                shape,
-                place,
-                form,
-                bounds,
-                area,
-                style.faintest,
-                by_distance,
-            )
-            if screen.planes.shape[0] > 0:
-                drop_clipped(room, position, begin, count, eye, screen.planes)
-            _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
-            _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
-            _share_out(room, count)
-            _fill_lines(amount, room, samples.color, begin, count)
-            last = _spread_points(cells, dirty, ring, room, amount, count, taps, front, slot)
-            behind = max(behind, last)
-            for number in range(count):
-                tally[tile, 0] += int(room[np.uint64(number) + HOME])
-    while front <= behind:
-        if is_any_open:
-            scales = _scales(form, front)
-            close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
-        else:
-            empty_sheet(cells, dirty, slot, ring)
-        slot, front = (slot + 1) % SLOTS, front + 1
-    resolve_rows(rows, n, pixel_weights(tables, n), home, film)
-
-
 @parallel_kernel
 def paint_point_runs(
     counter: Counter,
@@ -446,27 +358,73 @@ def paint_point_runs(
     tally
         (T, 4) numbers of points painted by the tiles that hold their centers, and grids.
     """
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    layer, opaque = np.float32(form.layer), np.float32(style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
     room, amount = np.empty(ROOM, np.float64), np.zeros(LINE * BATCH, np.float64)
-    for place in tasks(counter, turn.size):
-        _paint_tile(
-            turn[place],
-            tiles,
-            runs,
-            start,
-            samples,
-            by_distance,
-            view,
-            ellipsoid,
-            screen,
-            style,
-            tables,
-            profile,
-            form,
-            cells,
-            room,
-            amount,
-            film,
-            taken,
-            tally,
+    for k in tasks(counter, turn.size):
+        tile = turn[k]
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        n = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = n
+        home, place, height, width = laid_out(
+            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
         )
+        bounds = home_of(home)
+        rows, open_groups = new_rows(height, width), open_rows(height, width)
+        taps = _taps(form, n)
+        ring = Ring(height + 2 * taps, width + 2 * taps, taps)
+        dirty = no_dirt(ring)
+        in_order(runs, members)
+        front = _sheet_of(runs[members[0]], layer)
+        slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
+        for m in range(members.size):
+            run = members[m]
+            sheet = _sheet_of(runs[run], layer)
+            while front < sheet and front <= behind:
+                scales = _scales(form, front)
+                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+                slot, front = (slot + 1) % SLOTS, front + 1
+            front = sheet
+            if front >= next_look:
+                next_look = front + BETWEEN_LOOKS
+                is_any_open = close_rows(open_groups, rows, width, opaque)
+                if not is_any_open:
+                    break
+            if is_run_open(runs[run], place, height, width, open_groups):
+                taken[run] = 1
+                begin, count = start[run], start[run + 1] - start[run]
+                place_points(
+                    room,
+                    position,
+                    extinction,
+                    begin,
+                    count,
+                    eye,
+                    shape,
+                    place,
+                    form,
+                    bounds,
+                    area,
+                    style.faintest,
+                    by_distance,
+                )
+                if screen.planes.shape[0] > 0:
+                    drop_clipped(room, position, begin, count, eye, screen.planes)
+                _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
+                _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
+                _share_out(room, count)
+                _fill_lines(amount, room, samples.color, begin, count)
+                last = _spread_points(cells, dirty, ring, room, amount, count, taps, front, slot)
+                behind = max(behind, last)
+                for number in range(count):
+                    tally[tile, 0] += int(room[np.uint64(number) + HOME])
+        while front <= behind:
+            if is_any_open:
+                scales = _scales(form, front)
+                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+            else:
+                empty_sheet(cells, dirty, slot, ring)
+            slot, front = (slot + 1) % SLOTS, front + 1
+        resolve_rows(rows, n, pixel_weights(tables, n), home, film)

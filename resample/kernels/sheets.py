@@ -275,65 +275,6 @@ def _paint_sheets(
     _count(block, last, members.size, place, home, style, True, tally)
 
 
-@kernel
-def _paint_tile(
-    tile: int,
-    tiles: Tiles,
-    footprints: Records,
-    sheets: Sheets,
-    key_bits: NDArray[np.uint32],
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    look: Palette,
-    lamp: Lamp,
-    is_field: bool,
-    is_cutting: bool,
-    film: Film,
-    value: Floats,
-    tally: Tally,
-) -> None:
-    members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-    if members.size == 0:
-        return
-    subpixels = grid(tiles.spacing[tile], style)
-    tally[tile, 3] = subpixels
-    home, place, rows, columns = laid_out(
-        tile, tiles.size, tiles.columns, subpixels, tables.pixel_margin, screen
-    )
-    canvas = new_canvas(rows, columns)
-    measured = is_field and style.projection in (MAXIMUM, AVERAGE, ADDITIVE)
-    state = np.zeros((rows, columns, 8) if is_field else (0, 0, 8), np.float32)
-    put_in_order(members, key_bits, footprints)
-    _paint_sheets(
-        members,
-        footprints,
-        sheets,
-        canvas,
-        place,
-        home,
-        view,
-        ellipsoid,
-        screen,
-        style,
-        tables,
-        look,
-        lamp,
-        is_field,
-        is_cutting,
-        state,
-        tally[tile],
-    )
-    weight = pixel_weights(tables, subpixels)
-    if measured:
-        voxel = ellipsoid.volume ** (1.0 / 3.0)
-        develop(state, canvas.pixel, voxel, style, look)
-        resolve_value(state, subpixels, weight, home, style.projection == ADDITIVE, value)
-    resolve(canvas.pixel, subpixels, weight, home, film)
-
-
 @parallel_kernel
 def paint_sheet_tiles(
     counter: Counter,
@@ -356,13 +297,25 @@ def paint_sheet_tiles(
     tally: Tally,
 ) -> None:
     """Paint the tiles listed in `turn`; `value` (H, W) is what projections of fields measure."""
-    for place in tasks(counter, turn.size):
-        _paint_tile(
-            turn[place],
-            tiles,
+    for number in tasks(counter, turn.size):
+        tile = turn[number]
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        subpixels = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = subpixels
+        home, place, rows, columns = laid_out(
+            tile, tiles.size, tiles.columns, subpixels, tables.pixel_margin, screen
+        )
+        canvas = new_canvas(rows, columns)
+        measured = is_field and style.projection in (MAXIMUM, AVERAGE, ADDITIVE)
+        state = np.zeros((rows, columns, 8) if is_field else (0, 0, 8), np.float32)
+        put_in_order(members, key_bits, footprints)
+        _paint_sheets(
+            members,
             footprints,
             sheets,
-            key_bits,
+            canvas,
+            place,
+            home,
             view,
             ellipsoid,
             screen,
@@ -372,7 +325,12 @@ def paint_sheet_tiles(
             lamp,
             is_field,
             is_cutting,
-            film,
-            value,
-            tally,
+            state,
+            tally[tile],
         )
+        weight = pixel_weights(tables, subpixels)
+        if measured:
+            voxel = ellipsoid.volume ** (1.0 / 3.0)
+            develop(state, canvas.pixel, voxel, style, look)
+            resolve_value(state, subpixels, weight, home, style.projection == ADDITIVE, value)
+        resolve(canvas.pixel, subpixels, weight, home, film)
