@@ -4,12 +4,18 @@ The quick way for what is painted most: splats of exact footprint, composited on
 else is painted from the records of `resample.kernels.footprints`. See `resample.kernels.deferred`.
 """
 
-from typing import Any, NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.orders import EverySample
+from resample.runs import (
+    RUN_EXTENT,
+    SAMPLES_PER_STEP,
+    Runs,
+    breaks,
+    counted,
+    dealt,
+    is_by_distance,
+)
 from resample.scene import (
     Clock,
     Painted,
@@ -18,23 +24,10 @@ from resample.scene import (
     in_steps,
     nothing_painted,
     size_of_tiles,
-    tiles_along,
 )
-from resample.types import DISC, EXACT, RUN, Blocks, Profile, Records, Samples, Statistics, Tiles
+from resample.types import DISC, EXACT, RUN, Blocks, Profile, Records, Samples, Statistics
 
 LONGEST_RUN = 64  # samples
-RUN_EXTENT = 8.0  # voxels
-SAMPLES_PER_STEP = 10_000_000  # between two looks at the progress and at Ctrl-C
-
-Indices = NDArray[np.int64]
-
-
-class Runs(NamedTuple):
-    """Samples of a scene, and what is known of runs of them."""
-
-    samples: Samples
-    start: Indices  # (R + 1,) where each run begins
-    known: Records  # (R,) of RUN
 
 
 def can_defer(scene: Scene, order: object) -> bool:
@@ -51,11 +44,6 @@ def can_defer(scene: Scene, order: object) -> bool:
     )
 
 
-def is_by_distance(scene: Scene, order: EverySample) -> bool:
-    """Whether samples are ordered by distance; where rays are parallel that is their depth."""
-    return order.key == "distance" and scene.view.perspective
-
-
 def runs_of(
     scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
 ) -> Runs | None:
@@ -64,9 +52,7 @@ def runs_of(
     from resample.kernels.outlines import outline_runs
     from resample.kernels.rows import MOST_COLUMNS
 
-    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
-    if blocks is not None:
-        start = np.union1d(start, blocks.start)
+    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN, blocks)
     known = np.zeros(start.size - 1, RUN)
     rest = (scene.view, scene.ellipsoid, scene.screen, scene.style.faintest)
     for by_boxes in (len(scene.screen.planes) == 0, False):
@@ -89,48 +75,6 @@ def _is_vague(scene: Scene, known: Records) -> bool:
     finest = grid(least, scene.style)
     no_more = most[known["seen"] > 0].min(initial=np.inf)
     return bool(finest != grid(no_more, scene.style) or least * finest <= scene.style.threshold)
-
-
-def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indices:
-    """Where runs of `longest` samples within `extent` voxels begin, and where the last one ends."""
-    from resample.kernels.outlines import CHUNKS, break_runs
-
-    samples_count = samples.extinction.size
-    start, count = np.empty(samples_count, np.int64), np.zeros(CHUNKS, np.int64)
-    extent *= scene.ellipsoid.volume ** (1 / 3)
-    break_runs(samples.position.reshape(-1), extent, longest, start, count)
-    first = samples_count * np.arange(CHUNKS) // CHUNKS
-    parts = [start[begin : begin + runs] for begin, runs in zip(first, count, strict=True)]
-    return np.concatenate([*parts, [samples_count]])
-
-
-def _dealt(scene: Scene, runs: Runs) -> tuple[Tiles, Indices]:
-    """Runs that tiles may show, and how many samples these have."""
-    from resample.kernels.deferred import count_runs, deal_runs, find_spacings
-    from resample.kernels.grid import grid
-
-    known, screen, style = runs.known, scene.screen, scene.style
-    least, most = known["least_spacing"].min(), known["most_spacing"].max()
-    size = size_of_tiles(grid(least, style))
-    rows, columns = tiles_along(screen, size)
-    count, load = np.zeros((2, rows * columns), np.int64)
-    count_runs(known, screen, size, columns, count)
-    start = np.concatenate([[0], np.cumsum(count)])
-    spacing = np.full(count.size, least, np.float32)
-    tiles = Tiles(start, np.zeros(start[-1], np.int32), spacing, size, columns)
-    deal_runs(known, screen, tiles, load)
-    if grid(most, style) < grid(least, style):
-        find_spacings(
-            tiles,
-            known,
-            runs.start,
-            runs.samples,
-            scene.view,
-            scene.ellipsoid,
-            screen,
-            style,
-        )
-    return tiles, load
 
 
 def paint_deferred(
@@ -158,14 +102,14 @@ def paint_deferred(
     blocks
         Of which it is to be said how many were outside the view, or hidden.
     """
-    from resample.kernels.deferred import paint_runs
+    from resample.kernels.deferred import find_spacings, paint_runs
 
     clock = Clock()
     runs = runs_of(scene, samples, order, blocks)
     if runs is None:
         return None
     clock.lap("project")
-    tiles, load = _dealt(scene, runs)
+    tiles, load = dealt(scene, runs, find_spacings)
     clock.lap("bin")
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
     taken, peak = np.zeros(runs.known.size, np.uint8), _peak(scene)
@@ -192,41 +136,10 @@ def paint_deferred(
             progress(done)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, counted(statistics, runs, taken, blocks)
+    return painted, counted(statistics, runs, taken, blocks, "splats")
 
 
 def _peak(scene: Scene) -> float:
     """Largest line integral of the kernel, through its center along its longest axis."""
     longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
     return float(scene.tables.footprint[0] * scene.ellipsoid.scale * longest)
-
-
-def counted(
-    statistics: Statistics,
-    runs: Runs,
-    taken: NDArray[np.uint8],
-    blocks: Blocks | None,
-    kind: str = "splats",
-) -> Statistics:
-    """What a rendering did, of which the painters know the samples at the centers of tiles only."""
-    seen, shown = runs.known["seen"], int(getattr(statistics, kind))
-    if blocks is None:
-        return _with_seen(statistics, kind, int(seen.sum()), shown)
-    count = np.diff(blocks.start)
-    first = np.searchsorted(runs.start, blocks.start[:-1])
-    of_block = np.add.reduceat(seen, first)
-    is_outside = of_block == 0
-    is_occluded = (np.maximum.reduceat(taken, first) == 0) & ~is_outside
-    return _with_seen(statistics, kind, int(of_block[~is_occluded].sum()), shown)._replace(
-        outside=int(count[is_outside].sum()),
-        occluded=int(count[is_occluded].sum()),
-        blocks=count.size,
-        blocks_outside=int(is_outside.sum()),
-        blocks_occluded=int(is_occluded.sum()),
-    )
-
-
-def _with_seen(statistics: Statistics, kind: str, seen: int, shown: int) -> Statistics:
-    """Statistics of samples of a kind, of which some were seen and some of these were painted."""
-    numbers: dict[str, Any] = {kind: seen, "hidden": seen - shown}
-    return statistics._replace(**numbers)

@@ -8,16 +8,16 @@ import math
 
 import numpy as np
 
-from resample.deferred import (
+from resample.orders import EverySample
+from resample.runs import (
     RUN_EXTENT,
     SAMPLES_PER_STEP,
-    Indices,
     Runs,
     breaks,
     counted,
+    dealt,
     is_by_distance,
 )
-from resample.orders import EverySample
 from resample.scene import (
     Clock,
     Painted,
@@ -26,9 +26,8 @@ from resample.scene import (
     in_steps,
     nothing_painted,
     size_of_tiles,
-    tiles_along,
 )
-from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics, Tiles
+from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics
 
 CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
 LONGEST_RUN = 256  # samples
@@ -48,9 +47,8 @@ def _runs_of(
     """Samples in runs within blocks; None if one is no point, or none is seen."""
     from resample.kernels.point_outlines import outline_point_runs
 
-    start = breaks(scene, samples, RUN_EXTENT * min(1.0, order.thickness), LONGEST_RUN)
-    if blocks is not None:
-        start = np.union1d(start, blocks.start)
+    extent = RUN_EXTENT * min(1.0, order.thickness)
+    start = breaks(scene, samples, extent, LONGEST_RUN, blocks)
     known, style = np.zeros(start.size - 1, RUN), scene.style
     outline_point_runs(
         known,
@@ -102,35 +100,6 @@ def _power_of_two(number: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
 
 
-def _dealt(scene: Scene, runs: Runs, finest: int) -> tuple[Tiles, Indices]:
-    """Runs that tiles may show, and how many samples these have."""
-    from resample.kernels.deferred import count_runs, deal_runs
-    from resample.kernels.grid import grid
-    from resample.kernels.point_outlines import find_point_spacings
-
-    known, screen, style = runs.known, scene.screen, scene.style
-    size = size_of_tiles(finest)
-    rows, columns = tiles_along(screen, size)
-    count, load = np.zeros((2, rows * columns), np.int64)
-    count_runs(known, screen, size, columns, count)
-    start = np.concatenate([[0], np.cumsum(count)])
-    spacing = np.full(count.size, known["least_spacing"].min(), np.float32)
-    tiles = Tiles(start, np.zeros(start[-1], np.int32), spacing, size, columns)
-    deal_runs(known, screen, tiles, load)
-    if grid(known["most_spacing"].max(), style) < finest:
-        find_point_spacings(
-            tiles,
-            known,
-            runs.start,
-            runs.samples,
-            scene.view,
-            scene.ellipsoid,
-            screen,
-            style,
-        )
-    return tiles, load
-
-
 def paint_points(
     scene: Scene,
     samples: Samples,
@@ -157,6 +126,7 @@ def paint_points(
         Of which it is to be said how many were outside the view, or hidden.
     """
     from resample.kernels.grid import grid
+    from resample.kernels.point_outlines import find_point_spacings
     from resample.kernels.point_runs import MOST_TAPS, paint_point_runs
 
     clock = Clock()
@@ -168,7 +138,7 @@ def paint_points(
     if form is None:
         return None
     clock.lap("project")
-    tiles, load = _dealt(scene, runs, finest)
+    tiles, load = dealt(scene, runs, find_point_spacings)
     clock.lap("bin")
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
     taken = np.zeros(runs.known.size, np.uint8)

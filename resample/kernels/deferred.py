@@ -13,18 +13,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.kernels.canvas import Home, laid_out, pixel_weights
+from resample.kernels.canvas import laid_out, pixel_weights
 from resample.kernels.footprints import Eye, Shape, area_of, eye_of, shape_of
 from resample.kernels.grid import grid
 from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.outlines import (
     BATCH,
-    BOTTOM,
-    LEFT,
-    RIGHT,
     ROOM,
-    SPACING,
-    TOP,
     Bounds,
     clip_batch,
     form_batch,
@@ -39,16 +34,14 @@ from resample.kernels.rows import (
     Members,
     cast_rays_of_rows,
     close_rows,
-    is_open,
     new_rows,
     open_rows,
     paint_cut_splat_on_rows,
     paint_splats_on_rows,
     resolve_rows,
 )
-from resample.kernels.sorting import HALF, Pairs, bits_of, member_of, paired, sort_pairs
-from resample.kernels.splats import first_inside, last_inside
-from resample.kernels.tiles import tiles_met
+from resample.kernels.runs import finest_of, home_of, in_order, is_run_open
+from resample.kernels.sorting import HALF, Pairs, bits_of, sort_pairs
 from resample.types import (
     Doubles,
     Ellipsoid,
@@ -56,7 +49,6 @@ from resample.types import (
     Floats,
     Place,
     Profile,
-    Record,
     Records,
     Samples,
     Screen,
@@ -77,38 +69,6 @@ Flags = NDArray[np.uint8]
 
 
 @kernel
-def count_runs(runs: Records, screen: Screen, size: int, columns: int, count: Indices) -> None:
-    """Add to `count` (T,) how many runs each tile of `size` px may show."""
-    rows = count.size // columns
-    for n in range(runs.size):
-        run = runs[n]
-        if run["seen"] > 0:
-            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
-            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
-            for row in range(top, bottom + 1):
-                for column in range(left, right + 1):
-                    count[row * columns + column] += 1
-
-
-@kernel
-def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> None:
-    """Write each tile's runs, and add to `load` (T,) how many samples these have."""
-    size, columns, member = tiles.size, tiles.columns, tiles.member
-    rows, position = load.size // columns, tiles.start[:-1].copy()
-    for n in range(runs.size):
-        run = runs[n]
-        if run["seen"] > 0:
-            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
-            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
-            for row in range(top, bottom + 1):
-                for column in range(left, right + 1):
-                    tile = row * columns + column
-                    member[position[tile]] = n
-                    position[tile] += 1
-                    load[tile] += run["seen"]
-
-
-@kernel
 def _find_spacing(
     tile: int,
     tiles: Tiles,
@@ -122,8 +82,7 @@ def _find_spacing(
 ) -> None:
     eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
     position, extinction = samples.position.reshape(-1), samples.extinction
-    room, size, columns = np.empty(ROOM, np.float32), tiles.size, tiles.columns
-    tile_rows, finest = tiles.spacing.size // columns, np.inf
+    room, finest = np.empty(ROOM, np.float32), np.inf
     for m in range(tiles.start[tile], tiles.start[tile + 1]):
         run = tiles.member[m]
         if grid(runs[run]["least_spacing"], style) <= grid(finest, style) and finest < np.inf:
@@ -134,17 +93,7 @@ def _find_spacing(
         )
         if screen.planes.shape[0] > 0:
             clip_batch(room, position, begin, count, eye, shape, screen.planes)
-        for n in range(count):
-            k = np.uint64(n)
-            if room[k + LEFT] <= room[k + RIGHT]:
-                left, right = tiles_met(
-                    room[k + LEFT], room[k + RIGHT], screen.margin, size, columns
-                )
-                top, bottom = tiles_met(
-                    room[k + TOP], room[k + BOTTOM], screen.margin, size, tile_rows
-                )
-                if left <= tile % columns <= right and top <= tile // columns <= bottom:
-                    finest = min(finest, float(room[k + SPACING]))
+        finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
     tiles.spacing[tile] = finest
 
 
@@ -173,30 +122,6 @@ def find_spacings(
             screen,
             style,
         )
-
-
-@kernel
-def is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
-    """Whether a run may be seen on a canvas of `height` rows and `width` columns."""
-    n = place.subpixels
-    left = first_inside(run["left"], place.x, n)
-    right = last_inside(run["right"], place.x, n, width)
-    top = first_inside(run["top"], place.y, n)
-    bottom = last_inside(run["bottom"], place.y, n, height)
-    return left < right and top < bottom and is_open(open_groups, top, bottom, left, right)
-
-
-@kernel
-def home_of(home: Home) -> Bounds:
-    """Where centers of samples belong to a tile; tiles at the frame's edge have all beyond it."""
-    far = np.float32(np.inf)
-    right, bottom = home.left + home.size, home.top + home.size
-    return (
-        np.float32(home.left) if home.left > 0 else -far,
-        np.float32(right) if right < home.width else far,
-        np.float32(home.top) if home.top > 0 else -far,
-        np.float32(bottom) if bottom < home.height else far,
-    )
 
 
 @kernel
@@ -266,17 +191,6 @@ def _paint_samples(
                 )
                 n += 1
     return at_home
-
-
-@kernel
-def in_order(runs: Records, members: Members) -> None:
-    """Put runs in order of their nearest samples."""
-    pair, other = np.empty(members.size, np.uint64), np.empty(members.size, np.uint64)
-    for n in range(members.size):
-        pair[n] = paired(bits_of(runs[members[n]]["key"]), members[n])
-    sort_pairs(pair, other)
-    for n in range(members.size):
-        members[n] = member_of(pair[n])
 
 
 @parallel_kernel

@@ -23,7 +23,7 @@ from resample.kernels.outlines import (
     TOP,
     sum_up,
 )
-from resample.kernels.tiles import tiles_met
+from resample.kernels.runs import finest_of
 from resample.kernels.vectors import combine, dot, multiply
 from resample.types import (
     Doubles,
@@ -207,9 +207,8 @@ def _find_spacing(
     style: Style,
 ) -> None:
     eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    position, extinction, margin = samples.position.reshape(-1), samples.extinction, screen.margin
-    room, size, columns = np.empty(ROOM, np.float32), tiles.size, tiles.columns
-    tile_rows, finest = tiles.spacing.size // columns, np.inf
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    room, finest = np.empty(ROOM, np.float32), np.inf
     for m in range(tiles.start[tile], tiles.start[tile + 1]):
         run = tiles.member[m]
         if grid(runs[run]["least_spacing"], style) <= grid(finest, style) and finest < np.inf:
@@ -218,13 +217,7 @@ def _find_spacing(
         outline_points(room, position, extinction, begin, count, eye, shape, area, style, False)
         if screen.planes.shape[0] > 0:
             clip_points(room, position, begin, count, eye, screen.planes)
-        for n in range(count):
-            k = np.uint64(n)
-            if room[k + LEFT] <= room[k + RIGHT]:
-                left, right = tiles_met(room[k + LEFT], room[k + RIGHT], margin, size, columns)
-                top, bottom = tiles_met(room[k + TOP], room[k + BOTTOM], margin, size, tile_rows)
-                if left <= tile % columns <= right and top <= tile // columns <= bottom:
-                    finest = min(finest, float(room[k + SPACING]))
+        finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
     tiles.spacing[tile] = finest
 
 

@@ -24,7 +24,6 @@ from resample.kernels.cells import (
     no_dirt,
     touch,
 )
-from resample.kernels.deferred import home_of, in_order, is_run_open
 from resample.kernels.eights import spread
 from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
 from resample.kernels.grid import grid, point_width
@@ -44,6 +43,7 @@ from resample.kernels.rows import (
     open_rows,
     resolve_rows,
 )
+from resample.kernels.runs import home_of, in_order, is_run_open
 from resample.kernels.vectors import combine, dot, multiply
 from resample.types import (
     Doubles,

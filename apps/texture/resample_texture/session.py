@@ -107,7 +107,7 @@ def announce_compilation(*, mesh: bool = False) -> None:
     from resample_texture.kernels.painting import paint_blocks
 
     if not is_stored(paint if mesh else paint_blocks):
-        say("compiling kernels, once per installation: about half a minute")
+        say("compiling kernels, once per installation: about 20 seconds")
 
 
 def _curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:

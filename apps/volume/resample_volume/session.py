@@ -89,7 +89,7 @@ def announce_compilation(resampler: Resampler) -> None:
     from resample.kernels.jit import is_stored
 
     if not is_stored(_painter(resampler)):
-        say("compiling kernels, once per installation: about half a minute")
+        say("compiling kernels, once per installation: about 20 seconds")
 
 
 def _painter(resampler: Resampler) -> Callable[..., None]:

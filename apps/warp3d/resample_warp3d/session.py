@@ -279,4 +279,4 @@ def announce_compilation() -> None:
     from resample_warp3d.kernels.linking import link_rows
 
     if not is_stored(link_rows):
-        say("compiling kernels, once per installation: about half a minute")
+        say("compiling kernels, once per installation: about 20 seconds")
