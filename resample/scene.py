@@ -313,7 +313,6 @@ class Scene:
     def _paint_tiles(
         self, turn: NDArray[np.int64], sheets: Sheets, tiles: Tiles, painted: Painted
     ) -> None:
-
         common = (
             turn,
             tiles,
