@@ -113,6 +113,7 @@ def close_sheet(
             rows[k + DEPTH] += depth
             rows[k + WEIGHT] += cover * scales.cover if is_open else zero
             known = rows[k + FIRST]
-            near = scales.front + scales.thickness * scales.opacity * behind / total
+            within = scales.opacity * behind / total if is_open else zero
+            near = scales.front + scales.thickness * within
             rows[k + FIRST] = near if (known == far) & is_open & (after > visible) else known
     empty_sheet(cells, dirty, slot, ring)

@@ -203,7 +203,7 @@ def _weigh(
             v4 = v2 * v2
             weight = (p0 + v * p1) + v2 * (p2 + v * p3)
             weight += v4 * ((p4 + v * p5) + v2 * (p6 + v * p7)) + v4 * (v4 * p8)
-            rounded = ((weight if v < one else zero) + ROUND_WEIGHT) - ROUND_WEIGHT
+            rounded = (float(weight if v < one else zero) + ROUND_WEIGHT) - ROUND_WEIGHT
             room[k + column] = rounded
             room[k + total] = rounded if is_first else room[k + total] + rounded
 
