@@ -9,20 +9,18 @@ import numpy as np
 from resample.orders import EverySample
 from resample.runs import (
     RUN_EXTENT,
-    SAMPLES_PER_STEP,
     Runs,
     breaks,
     counted,
     dealt,
     is_by_distance,
+    paint_in_steps,
 )
 from resample.scene import (
     Clock,
     Painted,
     Progress,
     Scene,
-    in_steps,
-    nothing_painted,
     size_of_tiles,
 )
 from resample.types import DISC, EXACT, RUN, Blocks, Profile, Records, Samples, Statistics
@@ -109,31 +107,11 @@ def paint_deferred(
     if runs is None:
         return None
     clock.lap("project")
-    tiles, load = dealt(scene, runs, find_spacings)
+    deal = dealt(scene, runs, find_spacings)
     clock.lap("bin")
-    painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
-    taken, peak = np.zeros(runs.known.size, np.uint8), _peak(scene)
-    for turn, done in in_steps(load, SAMPLES_PER_STEP):
-        paint_runs(
-            turn,
-            tiles,
-            runs.known,
-            runs.start,
-            samples,
-            is_by_distance(scene, order),
-            scene.view,
-            scene.ellipsoid,
-            scene.screen,
-            scene.style,
-            scene.tables,
-            profile,
-            peak,
-            painted.film,
-            taken,
-            painted.tally,
-        )
-        if progress is not None:
-            progress(done)
+    painted, taken = paint_in_steps(
+        paint_runs, (profile, _peak(scene)), scene, runs, deal, order, progress
+    )
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
     return painted, counted(statistics, runs, taken, blocks, "splats")

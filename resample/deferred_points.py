@@ -11,20 +11,18 @@ import numpy as np
 from resample.orders import EverySample
 from resample.runs import (
     RUN_EXTENT,
-    SAMPLES_PER_STEP,
     Runs,
     breaks,
     counted,
     dealt,
     is_by_distance,
+    paint_in_steps,
 )
 from resample.scene import (
     Clock,
     Painted,
     Progress,
     Scene,
-    in_steps,
-    nothing_painted,
     size_of_tiles,
 )
 from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics
@@ -138,33 +136,12 @@ def paint_points(
     if form is None:
         return None
     clock.lap("project")
-    tiles, load = dealt(scene, runs, find_point_spacings)
+    deal = dealt(scene, runs, find_point_spacings)
     clock.lap("bin")
-    painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
-    taken = np.zeros(runs.known.size, np.uint8)
-    size = (tiles.size + 2 * scene.tables.pixel_margin) * finest + 2 * MOST_TAPS
-    for turn, done in in_steps(load, SAMPLES_PER_STEP):
-        paint_point_runs(
-            turn,
-            tiles,
-            runs.known,
-            runs.start,
-            samples,
-            is_by_distance(scene, order),
-            scene.view,
-            scene.ellipsoid,
-            scene.screen,
-            scene.style,
-            scene.tables,
-            profile,
-            form,
-            size,
-            painted.film,
-            taken,
-            painted.tally,
-        )
-        if progress is not None:
-            progress(done)
+    size = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest + 2 * MOST_TAPS
+    painted, taken = paint_in_steps(
+        paint_point_runs, (profile, form, size), scene, runs, deal, order, progress
+    )
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
     return painted, counted(statistics, runs, taken, blocks, "points")

@@ -7,13 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.orders import EverySample
-from resample.scene import Scene, size_of_tiles, tiles_along
+from resample.scene import (
+    Painted,
+    Progress,
+    Scene,
+    in_steps,
+    nothing_painted,
+    size_of_tiles,
+    tiles_along,
+)
 from resample.types import Blocks, Records, Samples, Statistics, Tiles
 
 RUN_EXTENT = 8.0  # voxels
 SAMPLES_PER_STEP = 10_000_000  # between two looks at the progress and at Ctrl-C
 
 Indices = NDArray[np.int64]
+Deal = tuple[Tiles, Indices]  # runs that tiles may show, and how many samples these have
 
 
 class Runs(NamedTuple):
@@ -48,7 +57,7 @@ def breaks(
     return begins if blocks is None else np.union1d(begins, blocks.start)
 
 
-def dealt(scene: Scene, runs: Runs, find_spacings: Callable[..., None]) -> tuple[Tiles, Indices]:
+def dealt(scene: Scene, runs: Runs, find_spacings: Callable[..., None]) -> Deal:
     """Runs that tiles may show, and how many samples these have.
 
     `find_spacings` is the kernel that fills in the tiles' spacings.
@@ -78,6 +87,45 @@ def dealt(scene: Scene, runs: Runs, find_spacings: Callable[..., None]) -> tuple
             style,
         )
     return tiles, load
+
+
+def paint_in_steps(
+    kernel: Callable[..., None],
+    own: tuple[Any, ...],
+    scene: Scene,
+    runs: Runs,
+    deal: Deal,
+    order: EverySample,
+    progress: Progress | None,
+) -> tuple[Painted, NDArray[np.uint8]]:
+    """Tiles painted by a kernel from runs, in steps that can be watched; and which runs it took.
+
+    `own` are the arguments that only this kernel has.
+    """
+    tiles, load = deal
+    painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
+    taken = np.zeros(runs.known.size, np.uint8)
+    for turn, done in in_steps(load, SAMPLES_PER_STEP):
+        kernel(
+            turn,
+            tiles,
+            runs.known,
+            runs.start,
+            runs.samples,
+            is_by_distance(scene, order),
+            scene.view,
+            scene.ellipsoid,
+            scene.screen,
+            scene.style,
+            scene.tables,
+            *own,
+            painted.film,
+            taken,
+            painted.tally,
+        )
+        if progress is not None:
+            progress(done)
+    return painted, taken
 
 
 def counted(

@@ -40,7 +40,7 @@ from resample.kernels.rows import (
     paint_splats_on_rows,
     resolve_rows,
 )
-from resample.kernels.runs import finest_of, home_of, in_order, is_run_open
+from resample.kernels.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
 from resample.kernels.sorting import HALF, Pairs, bits_of, sort_pairs
 from resample.types import (
     Doubles,
@@ -68,35 +68,6 @@ Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, su
 Flags = NDArray[np.uint8]
 
 
-@kernel
-def _find_spacing(
-    tile: int,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-) -> None:
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    room, finest = np.empty(ROOM, np.float32), np.inf
-    for m in range(tiles.start[tile], tiles.start[tile + 1]):
-        run = tiles.member[m]
-        if grid(runs[run]["least_spacing"], style) <= grid(finest, style) and finest < np.inf:
-            continue
-        begin, count = start[run], start[run + 1] - start[run]
-        outline_batch(
-            room, position, extinction, begin, count, eye, shape, area, style.faintest, False
-        )
-        if screen.planes.shape[0] > 0:
-            clip_batch(room, position, begin, count, eye, shape, screen.planes)
-        finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
-    tiles.spacing[tile] = finest
-
-
 @parallel_kernel
 def find_spacings(
     counter: Counter,
@@ -110,18 +81,30 @@ def find_spacings(
     style: Style,
 ) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    room = np.empty(ROOM, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
-        _find_spacing(
-            tile,
-            tiles,
-            runs,
-            start,
-            samples,
-            view,
-            ellipsoid,
-            screen,
-            style,
-        )
+        finest = np.inf
+        for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
+            if may_be_finer(runs[run], finest, style):
+                begin, count = start[run], start[run + 1] - start[run]
+                outline_batch(
+                    room,
+                    position,
+                    extinction,
+                    begin,
+                    count,
+                    eye,
+                    shape,
+                    area,
+                    style.faintest,
+                    False,
+                )
+                if screen.planes.shape[0] > 0:
+                    clip_batch(room, position, begin, count, eye, shape, screen.planes)
+                finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
+        tiles.spacing[tile] = finest
 
 
 @kernel

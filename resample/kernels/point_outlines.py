@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
-from resample.kernels.grid import POINT_SPACING, grid
+from resample.kernels.grid import POINT_SPACING
 from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.outlines import (
-    BATCH,
     BOTTOM,
     CHUNKS,
     KEY,
@@ -23,7 +22,7 @@ from resample.kernels.outlines import (
     TOP,
     sum_up,
 )
-from resample.kernels.runs import finest_of
+from resample.kernels.runs import finest_of, may_be_finer
 from resample.kernels.vectors import combine, dot, multiply
 from resample.types import (
     Doubles,
@@ -132,49 +131,37 @@ def outline_points(
 
 
 @kernel
-def clip_points(
-    room: Floats, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
-) -> None:
-    """Hide the points whose centers lie beyond a clipping plane (M, 5)."""
-    for n in range(count):
-        k, first = np.uint64(n), 3 * (begin + n)
-        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
-        for m in range(planes.shape[0]):
-            normal = (planes[m, 0], planes[m, 1], planes[m, 2])
-            if dot(normal, center) + planes[m, 3] <= 0.0:
-                room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
+def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool:
+    """Whether a point's center lies beyond one of the clipping planes (M, 5)."""
+    first = 3 * sample
+    world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
+    center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+    for m in range(planes.shape[0]):
+        if dot((planes[m, 0], planes[m, 1], planes[m, 2]), center) + planes[m, 3] <= 0.0:
+            return True
+    return False
 
 
 @kernel
-def _outline_chunk(
-    runs: Records,
-    start: Indices,
+def _outline_run(
+    room: Floats,
     samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    area: Area,
     screen: Screen,
     style: Style,
     by_distance: bool,
-    chunk: int,
 ) -> None:
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
     position, extinction = samples.position.reshape(-1), samples.extinction
-    room = np.empty(ROOM, np.float32)
-    first, last = runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS
-    while first < last:
-        begin, behind = start[first], first + 1
-        while behind < last and start[behind + 1] - begin <= BATCH:
-            behind += 1
-        count = start[behind] - begin
-        outline_points(
-            room, position, extinction, begin, count, eye, shape, area, style, by_distance
-        )
-        if screen.planes.shape[0] > 0:
-            clip_points(room, position, begin, count, eye, screen.planes)
-        for run in range(first, behind):
-            sum_up(runs[run], room, start[run] - begin, start[run + 1] - begin)
-        first = behind
+    outline_points(room, position, extinction, begin, count, eye, shape, area, style, by_distance)
+    if screen.planes.shape[0] > 0:
+        for n in range(count):
+            if is_clipped(position, begin + n, eye, screen.planes):
+                room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
 
 
 @parallel_kernel
@@ -190,35 +177,13 @@ def outline_point_runs(
     by_distance: bool,
 ) -> None:
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
-    for chunk in tasks(counter, CHUNKS):
-        _outline_chunk(runs, start, samples, view, ellipsoid, screen, style, by_distance, chunk)
-
-
-@kernel
-def _find_spacing(
-    tile: int,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-) -> None:
     eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    room, finest = np.empty(ROOM, np.float32), np.inf
-    for m in range(tiles.start[tile], tiles.start[tile + 1]):
-        run = tiles.member[m]
-        if grid(runs[run]["least_spacing"], style) <= grid(finest, style) and finest < np.inf:
-            continue
-        begin, count = start[run], start[run + 1] - start[run]
-        outline_points(room, position, extinction, begin, count, eye, shape, area, style, False)
-        if screen.planes.shape[0] > 0:
-            clip_points(room, position, begin, count, eye, screen.planes)
-        finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
-    tiles.spacing[tile] = finest
+    room = np.empty(ROOM, np.float32)
+    for chunk in tasks(counter, CHUNKS):
+        for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+            begin, count = start[run], start[run + 1] - start[run]
+            _outline_run(room, samples, begin, count, eye, shape, area, screen, style, by_distance)
+            sum_up(runs[run], room, 0, count)
 
 
 @parallel_kernel
@@ -234,5 +199,13 @@ def find_point_spacings(
     style: Style,
 ) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    room = np.empty(ROOM, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
-        _find_spacing(tile, tiles, runs, start, samples, view, ellipsoid, screen, style)
+        finest = np.inf
+        for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
+            if may_be_finer(runs[run], finest, style):
+                begin, count = start[run], start[run + 1] - start[run]
+                _outline_run(room, samples, begin, count, eye, shape, area, screen, style, False)
+                finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
+        tiles.spacing[tile] = finest

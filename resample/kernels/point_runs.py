@@ -29,7 +29,7 @@ from resample.kernels.footprints import Area, Eye, Shape, area_of, eye_of, shape
 from resample.kernels.grid import grid, point_width
 from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
 from resample.kernels.outlines import BATCH, Bounds
-from resample.kernels.point_outlines import spacing_on_grid
+from resample.kernels.point_outlines import is_clipped, spacing_on_grid
 from resample.kernels.rows import (
     DEEPEST,
     E1,
@@ -44,7 +44,7 @@ from resample.kernels.rows import (
     resolve_rows,
 )
 from resample.kernels.runs import home_of, in_order, is_run_open
-from resample.kernels.vectors import combine, dot, multiply
+from resample.kernels.vectors import combine, multiply
 from resample.types import (
     Doubles,
     Ellipsoid,
@@ -171,13 +171,9 @@ def drop_clipped(
 ) -> None:
     """Take samples out of a batch whose centers lie beyond a clipping plane (M, 5)."""
     for n in range(count):
-        k, first = np.uint64(n), 3 * (begin + n)
-        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
-        for m in range(planes.shape[0]):
-            normal = (planes[m, 0], planes[m, 1], planes[m, 2])
-            if dot(normal, center) + planes[m, 3] <= 0.0:
-                room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
+        if is_clipped(position, begin + n, eye, planes):
+            k = np.uint64(n)
+            room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
 
 
 @kernel

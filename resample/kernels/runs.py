@@ -4,13 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.kernels.canvas import Home
+from resample.kernels.grid import grid
 from resample.kernels.jit import kernel
 from resample.kernels.outlines import BOTTOM, LEFT, RIGHT, SPACING, TOP, Bounds
 from resample.kernels.rows import Groups, Members, is_open
 from resample.kernels.sorting import bits_of, member_of, paired, sort_pairs
 from resample.kernels.splats import first_inside, last_inside
 from resample.kernels.tiles import tiles_met
-from resample.types import Floats, Place, Record, Records, Screen, Tiles
+from resample.types import Floats, Place, Record, Records, Screen, Style, Tiles
 
 Indices = NDArray[np.int64]
 
@@ -45,6 +46,12 @@ def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> Non
                     member[position[tile]] = n
                     position[tile] += 1
                     load[tile] += run["seen"]
+
+
+@kernel
+def may_be_finer(run: Record, finest: float, style: Style) -> bool:
+    """Whether a run may ask for finer sub-pixels than samples of this spacing do."""
+    return bool(not finest < np.inf or grid(run["least_spacing"], style) > grid(finest, style))
 
 
 @kernel
