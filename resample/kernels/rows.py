@@ -254,7 +254,7 @@ def paint_splats_on_rows(
                 )
                 first_column, last_column = min(first_column, first), max(last_column, last)
             base = np.uint64(pair * PAIR)
-            # Two loops of one body, each of a constant count: a function for both is not made lanes.
+            # Two loops of constant counts with one body: a function for both is not made lanes.
             if right - left <= COLUMNS // 2:
                 first_k = base + np.uint64(2 * left)
                 dx_start = across + np.float32(left) * step
