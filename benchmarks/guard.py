@@ -48,7 +48,7 @@ def lattice() -> Any:
 
 def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
     """Our picture of the cube, its camera's places in px with depths (N, 3), and opacities."""
-    from resample.cameras import Pinhole, orbit
+    from resample.cameras.models import Pinhole, orbit
     from resample.resampler import Primitive, Resampler
     from resample.types import Samples
 
@@ -173,11 +173,11 @@ def supersampled(texels: Any, matrix: Any, size: int, rays: int) -> Any:
 
 def warp3d() -> Work:
     """A depth image moved aside, against summing the nearest of twice as many samples each way."""
-    from resample.kernels.jit import threads
-    from resample_warp3d.cameras import Camera
-    from resample_warp3d.equation import between, places, warp_places
-    from resample_warp3d.hybrid import Hybrid
-    from resample_warp3d.preparation import prepare
+    from resample.engine.jit import threads
+    from resample_warp3d.cameras.models import Camera
+    from resample_warp3d.depth.equation import between, places, warp_places
+    from resample_warp3d.depth.preparation import prepare
+    from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.types import DepthImage
 
     size = 256

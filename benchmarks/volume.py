@@ -8,15 +8,15 @@ from typing import Any
 from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, contest
 from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
-from resample.cameras import Camera
+from resample.cameras.models import Camera
 from resample.resampler import Primitive, Resampler
 from resample.types import Blocked, Field, Samples
 from resample.types import View as Perspective
-from resample_volume.figures import timing
-from resample_volume.figures.data import Shelf
-from resample_volume.peers import Peer, VtkRenderer
 from resample_volume.rendering import Appearance, Subject
-from resample_volume.shading import Light
+from resample_volume.rivals.peers import Peer, VtkRenderer
+from resample_volume.showing import timing
+from resample_volume.showing.data import Shelf
+from resample_volume.voxels.shading import Light
 from tests.benchmarks.volume_scenes import object_psnr
 
 VIEWS = ("all splats", "mixed", "all points")

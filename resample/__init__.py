@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample.cameras import Camera, Orthographic, Pinhole, look_at, orbit
+    from resample.cameras.models import Camera, Orthographic, Pinhole, look_at, orbit
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
     from resample.types import Frame, Samples
 
 _HOMES = {
-    "Camera": "cameras",
+    "Camera": "cameras.models",
     "Footprint": "resampler",
     "Frame": "types",
     "Opacity": "resampler",
-    "Orthographic": "cameras",
-    "Pinhole": "cameras",
+    "Orthographic": "cameras.models",
+    "Pinhole": "cameras.models",
     "Primitive": "resampler",
     "Resampler": "resampler",
     "Samples": "types",
-    "look_at": "cameras",
-    "orbit": "cameras",
+    "look_at": "cameras.models",
+    "orbit": "cameras.models",
 }
 
 __all__ = [

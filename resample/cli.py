@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.options import run
+from resample.command.options import run
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -58,7 +58,7 @@ def compare(
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
-    from resample import compare as comparison
+    from resample.measuring import compare as comparison
 
     if not pictures:
         raise ValueError("compare needs at least one picture besides the reference")

@@ -3,7 +3,7 @@
 The picture is the one that all samples would give, bit for bit: tiles get the grid that they would
 have, and only that is left out which would have fallen on opaque pixels. Blocks are tested as in
 Zhang, Manocha, Hudson and Hoff, Visibility Culling Using Hierarchical Occlusion Maps, 1997; the
-occluders are what has been painted so far. See `resample.kernels.culling`.
+occluders are what has been painted so far. See `resample.engine.culling`.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.orders import LAST_SHEET, EverySample
+from resample.profiles.orders import LAST_SHEET, EverySample
 from resample.scene import (
     Clock,
     Painted,
@@ -42,7 +42,7 @@ from resample.types import (
 )
 
 if TYPE_CHECKING:
-    from resample.kernels.culling import Canvases, Outlines, Pyramid
+    from resample.engine.culling import Canvases, Outlines, Pyramid
 
 BLOCK_SIZE = 8  # voxels
 PASSES = 6  # at most
@@ -173,7 +173,7 @@ class _Stage:
     @cached_property
     def outlines(self) -> "Outlines":
         """What is known of blocks before any of their samples is looked at."""
-        from resample.kernels.culling import Outlines, outline_blocks
+        from resample.engine.culling import Outlines, outline_blocks
 
         blocks, scene = self.given.blocks, self.scene
         count = len(blocks.low)
@@ -203,8 +203,8 @@ class _Stage:
         Some samples say how fine a grid must be at least, and blocks how fine it could have to be
         at most. Where these do not agree, all samples of the block are looked at.
         """
-        from resample.kernels.grid import grid
-        from resample.kernels.tiles import smallest_spacing
+        from resample.engine.grid import grid
+        from resample.engine.tiles import smallest_spacing
 
         scene = self.scene
         screen, style = scene.screen, scene.style
@@ -225,7 +225,7 @@ class _Stage:
 
     def _doubtful(self, size: int, columns: int, smallest: Floats) -> NDArray[np.bool_]:
         """Blocks (B,) that may need a finer grid than the smallest spacing known of a tile does."""
-        from resample.kernels.culling import mark_doubtful
+        from resample.engine.culling import mark_doubtful
 
         marked = np.zeros(self.outlines.front.size, bool)
         mark_doubtful(
@@ -238,7 +238,7 @@ class _Canvases:
     """All tiles' sub-pixels from pass to pass, and the occlusion map above them."""
 
     def __init__(self, scene: Scene, size: int, spacing: Floats) -> None:
-        from resample.kernels.culling import lay_out
+        from resample.engine.culling import lay_out
 
         self.scene, self.size, self.spacing = scene, size, spacing
         self.margin = scene.tables.pixel_margin
@@ -255,7 +255,7 @@ class _Canvases:
     @cached_property
     def canvases(self) -> "Canvases":
         """What the kernels write to."""
-        from resample.kernels.culling import Canvases
+        from resample.engine.culling import Canvases
 
         side = self.size + 2 * self.margin
         return Canvases(
@@ -268,7 +268,7 @@ class _Canvases:
     @cached_property
     def pyramid(self) -> "Pyramid":
         """Room for the occlusion map."""
-        from resample.kernels.culling import Pyramid
+        from resample.engine.culling import Pyramid
 
         screen = self.scene.screen
         rows, columns = [screen.height + 2 * self.margin], [screen.width + 2 * self.margin]
@@ -281,7 +281,7 @@ class _Canvases:
 
     def paint(self, records: Records, sheets: Sheets, first: int, last: int) -> None:
         """Go on with samples of the sheets from `first` to before `last`."""
-        from resample.kernels.culling import paint_pass
+        from resample.engine.culling import paint_pass
 
         scene = self.scene
         tiles = dealt_to_tiles(records, scene.screen, self.size)._replace(spacing=self.spacing)
@@ -305,7 +305,7 @@ class _Canvases:
 
     def covered(self, blocks: Indices, bounds: Doubles) -> NDArray[np.bool_]:
         """Which of the blocks (K,) lie behind opaque sub-pixels only."""
-        from resample.kernels.culling import fill_pyramid, mark_covered
+        from resample.engine.culling import fill_pyramid, mark_covered
 
         fill_pyramid(self.canvases.light, self.size, self.columns, self.pyramid)
         covered = np.zeros(blocks.size, bool)
@@ -314,7 +314,7 @@ class _Canvases:
 
     def resolved(self) -> Painted:
         """The picture."""
-        from resample.kernels.culling import resolve_tiles
+        from resample.engine.culling import resolve_tiles
 
         scene = self.scene
         resolve_tiles(

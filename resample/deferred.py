@@ -1,12 +1,13 @@
 """Splats in runs of neighbours, which only those tiles project that show them.
 
 The quick way for what is painted most: splats of exact footprint, composited one by one. All
-else is painted from the records of `resample.kernels.footprints`. See `resample.kernels.deferred`.
+else is painted from the records of `resample.engine.ellipsoids.footprints`. See
+`resample.engine.ellipsoids.deferred`.
 """
 
 import numpy as np
 
-from resample.orders import EverySample
+from resample.profiles.orders import EverySample
 from resample.runs import (
     RUN_EXTENT,
     Runs,
@@ -46,9 +47,9 @@ def runs_of(
     scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
 ) -> Runs | None:
     """Samples in runs, none of which goes beyond a block; None if one is no splat."""
-    from resample.kernels.grid import grid
-    from resample.kernels.outlines import outline_runs
-    from resample.kernels.rows import MOST_COLUMNS
+    from resample.engine.ellipsoids.outlines import outline_runs
+    from resample.engine.ellipsoids.rows import MOST_COLUMNS
+    from resample.engine.grid import grid
 
     start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN, blocks)
     known = np.zeros(start.size - 1, RUN)
@@ -67,7 +68,7 @@ def runs_of(
 
 def _is_vague(scene: Scene, known: Records) -> bool:
     """Whether bounds of the least spacing do not tell the grid, or whether all are splats."""
-    from resample.kernels.grid import grid
+    from resample.engine.grid import grid
 
     least, most = known["least_spacing"].min(), known["most_spacing"]
     finest = grid(least, scene.style)
@@ -100,7 +101,7 @@ def paint_deferred(
     blocks
         Of which it is to be said how many were outside the view, or hidden.
     """
-    from resample.kernels.deferred import find_spacings, paint_runs
+    from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
 
     clock = Clock()
     runs = runs_of(scene, samples, order, blocks)

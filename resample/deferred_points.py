@@ -1,14 +1,15 @@
 """Points in runs of neighbours, which only those tiles project that show them.
 
 The quick way for scenes in which all samples are points under a filter that is smooth; others are
-painted from the records of `resample.kernels.footprints`. See `resample.kernels.point_runs`.
+painted from the records of `resample.engine.ellipsoids.footprints`. See
+`resample.engine.points.runs`.
 """
 
 import math
 
 import numpy as np
 
-from resample.orders import EverySample
+from resample.profiles.orders import EverySample
 from resample.runs import (
     RUN_EXTENT,
     Runs,
@@ -43,7 +44,7 @@ def _runs_of(
     scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
 ) -> Runs | None:
     """Samples in runs within blocks; None if one is no point, or none is seen."""
-    from resample.kernels.point_outlines import outline_point_runs
+    from resample.engine.points.outlines import outline_point_runs
 
     extent = RUN_EXTENT * min(1.0, order.thickness)
     start = breaks(scene, samples, extent, LONGEST_RUN, blocks)
@@ -65,8 +66,8 @@ def _runs_of(
 
 def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
     """How points are spread; None if filters, rows, sheets or crowds do not fit."""
-    from resample.kernels.point_runs import MOST_TAPS
-    from resample.kernels.rows import MOST_COLUMNS
+    from resample.engine.ellipsoids.rows import MOST_COLUMNS
+    from resample.engine.points.runs import MOST_TAPS
 
     style, known, ellipsoid = scene.style, runs.known, scene.ellipsoid
     least, most = known["least_spacing"].min(), float(known["most_spacing"].max())
@@ -117,15 +118,15 @@ def paint_points(
     order
         By depth or by distance.
     profile
-        Of the filter of points, see `resample.filters.profile`.
+        Of the filter of points, see `resample.profiles.filters.profile`.
     progress
         Called with the share of the work that is done.
     blocks
         Of which it is to be said how many were outside the view, or hidden.
     """
-    from resample.kernels.grid import grid
-    from resample.kernels.point_outlines import find_point_spacings
-    from resample.kernels.point_runs import MOST_TAPS, paint_point_runs
+    from resample.engine.grid import grid
+    from resample.engine.points.outlines import find_point_spacings
+    from resample.engine.points.runs import MOST_TAPS, paint_point_runs
 
     clock = Clock()
     runs = _runs_of(scene, samples, order, blocks)

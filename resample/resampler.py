@@ -12,15 +12,15 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras import Camera
-from resample.correction import correction_table
+from resample.cameras.models import Camera
 from resample.culling import check_blocked, paint_blocks
 from resample.deferred import can_defer, paint_deferred
 from resample.deferred_points import can_defer_points, paint_points
-from resample.filters import Box, Gaussian, PixelFilter, profile
-from resample.filters import table as filter_table
-from resample.orders import CompositingOrder, EverySample, Summing
-from resample.reconstruction import (
+from resample.profiles.correction import correction_table
+from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
+from resample.profiles.filters import table as filter_table
+from resample.profiles.orders import CompositingOrder, EverySample, Summing
+from resample.profiles.reconstruction import (
     GaussianKernel,
     Reconstruction,
     footprint_profile,
@@ -84,7 +84,7 @@ class Primitive(StrEnum):
 
 
 class Footprint(StrEnum):
-    """Model of a splat's footprint, see `resample.kernels.footprints`."""
+    """Model of a splat's footprint, see `resample.engine.ellipsoids.footprints`."""
 
     AFFINE = "affine"
     CORRECTED = "corrected"
@@ -472,7 +472,7 @@ def _as_gray(value: Floats) -> Floats:
 
 @contextmanager
 def _kernels(threads: int | None) -> Iterator[None]:
-    from resample.kernels.jit import threads as limited
+    from resample.engine.jit import threads as limited
 
     with limited(threads):
         yield

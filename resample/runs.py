@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.orders import EverySample
+from resample.profiles.orders import EverySample
 from resample.scene import (
     Painted,
     Progress,
@@ -45,7 +45,7 @@ def breaks(
 
     They have at most `longest` samples, within `extent` voxels and one block.
     """
-    from resample.kernels.outlines import CHUNKS, break_runs
+    from resample.engine.ellipsoids.outlines import CHUNKS, break_runs
 
     samples_count = samples.extinction.size
     start, count = np.empty(samples_count, np.int64), np.zeros(CHUNKS, np.int64)
@@ -62,8 +62,8 @@ def dealt(scene: Scene, runs: Runs, find_spacings: Callable[..., None]) -> Deal:
 
     `find_spacings` is the kernel that fills in the tiles' spacings.
     """
-    from resample.kernels.grid import grid
-    from resample.kernels.runs import count_runs, deal_runs
+    from resample.engine.grid import grid
+    from resample.engine.runs import count_runs, deal_runs
 
     known, screen, style = runs.known, scene.screen, scene.style
     least, most = known["least_spacing"].min(), known["most_spacing"].max()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.orders import Summing
+from resample.profiles.orders import Summing
 from resample.types import (
     FOOTPRINT,
     Classifier,
@@ -179,8 +179,8 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
 
 def finest_grid(footprints: Records, style: Style) -> int:
     """Sub-pixels per side of a pixel where samples lie closest."""
-    from resample.kernels.grid import grid
-    from resample.kernels.tiles import smallest_spacing
+    from resample.engine.grid import grid
+    from resample.engine.tiles import smallest_spacing
 
     return int(grid(smallest_spacing(footprints), style))
 
@@ -202,7 +202,7 @@ def tiles_along(screen: Screen, size: int) -> tuple[int, int]:
 
 def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
     """Members of every tile of `size` px."""
-    from resample.kernels.tiles import CHUNKS, count_members, deal_members
+    from resample.engine.tiles import CHUNKS, count_members, deal_members
 
     rows, columns = tiles_along(screen, size)
     count = np.zeros((CHUNKS, rows * columns), np.int64)
@@ -288,7 +288,7 @@ class Scene:
 
     def project(self, samples: Samples, footprints: Records | None = None) -> Records:
         """Records of samples that have the scene's lattice, in an array that may be given."""
-        from resample.kernels.footprints import project
+        from resample.engine.ellipsoids.footprints import project
 
         if footprints is None:
             footprints = np.zeros(samples.extinction.size, FOOTPRINT)
@@ -326,11 +326,11 @@ class Scene:
             self.tables,
         )
         if self.summing is Summing.POINTS:
-            from resample.kernels.paint import paint_tiles
+            from resample.engine.paint import paint_tiles
 
             paint_tiles(*common, painted.film, painted.tally)
             return
-        from resample.kernels.sheets import paint_sheet_tiles
+        from resample.engine.slabs.sheets import paint_sheet_tiles
 
         is_field = self.classifier is not None
         is_cutting = self.summing is Summing.SLABS

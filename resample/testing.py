@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.filters import PixelFilter
-from resample.interpolation import LARGEST_RADIUS, Interpolation, prefilter, taps
-from resample.orders import CompositingOrder, Summing
-from resample.reconstruction import Reconstruction, ripple
+from resample.profiles.filters import PixelFilter
+from resample.profiles.interpolation import LARGEST_RADIUS, Interpolation, prefilter, taps
+from resample.profiles.orders import CompositingOrder, Summing
+from resample.profiles.reconstruction import Reconstruction, ripple
 from resample.types import FOOTPRINT, Seen, Sheets, View
 
 LARGEST_RIPPLE = 0.1  # of a constant field; a plainly visible lattice

@@ -25,12 +25,12 @@ Single = Any  # a number kept in float32: half the bytes, and twice as many at o
 # (paper, section 4.2). Beyond it kernels evaluate the formula.
 LARGEST_CONE = math.radians(15)
 
-# The footprint models; see `resample.kernels.footprints`.
+# The footprint models; see `resample.engine.ellipsoids.footprints`.
 AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
 NO_PLANES = np.zeros((0, 5))
 
-# What sheets are projected to; see `resample.kernels.fields`.
+# What sheets are projected to; see `resample.engine.slabs.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from resample.kernels.jit import kernel
+from resample.engine.jit import kernel
 from resample.types import Doubles, Ellipsoid, Floats, View
 
 

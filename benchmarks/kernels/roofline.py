@@ -6,7 +6,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from resample.kernels.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 
 CHAIN = 16  # multiply-adds in turn on each number

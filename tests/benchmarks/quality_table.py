@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.cameras import Pinhole, orbit
-from resample.quality import psnr, rms
+from resample.cameras.models import Pinhole, orbit
+from resample.measuring.quality import psnr, rms
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Frame, Samples
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.compare import plain
+from resample.measuring.compare import plain
 from resample_texture import Homography, warp
 from resample_texture.types import Warped
 

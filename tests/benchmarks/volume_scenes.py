@@ -10,20 +10,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras import Orthographic, Pinhole, orbit
-from resample.quality import psnr, rms
+from resample.cameras.models import Orthographic, Pinhole, orbit
+from resample.measuring.quality import psnr, rms
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Field, Samples
-from resample_volume.fields import field_voxels, lit_field
-from resample_volume.framing import centered
-from resample_volume.generated import checker_box
-from resample_volume.peers import Peer, VtkRenderer
-from resample_volume.presets import load_transfer
-from resample_volume.shading import Light, shade
-from resample_volume.source import open_volume
-from resample_volume.transfer import Transfer, from_points
+from resample_volume.cameras.framing import centered
+from resample_volume.files.generated import checker_box
+from resample_volume.files.source import open_volume
+from resample_volume.looks.presets import load_transfer
+from resample_volume.looks.transfer import Transfer, from_points
+from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
-from resample_volume.voxels import Voxels, classify
+from resample_volume.voxels.fields import field_voxels, lit_field
+from resample_volume.voxels.shading import Light, shade
+from resample_volume.voxels.visible import Voxels, classify
 
 DATA = Path(__file__).parents[2] / "../shared/data/volumes"
 SPLATS = Resampler(primitive=Primitive.SPLATS)

@@ -15,15 +15,15 @@ from functools import partial
 
 import numpy as np
 
-from resample.cameras import Pinhole, orbit
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.quality import largest
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Pinhole, orbit
+from resample.measuring.quality import largest
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Projection, Resampler
 from resample.types import Field, Samples
-from resample_volume.generated import vessel_tree
-from resample_volume.presets import load_transfer
-from resample_volume.raycasting import Casting, cast_rays
+from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.presets import load_transfer
+from resample_volume.rivals.raycasting import Casting, cast_rays
 from tests.benchmarks import volume_scenes as scenes
 from tests.benchmarks.volume_scenes import FORMS, RAYS, SPLATS, TRUTH, Flicker, Scene, Shot
 from tests.naive import all_line_integrals, composite, in_camera

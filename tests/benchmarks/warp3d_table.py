@@ -25,15 +25,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample import registry
-from resample.kernels.jit import threads
-from resample.quality import psnr
-from resample_warp3d.cameras import Camera
-from resample_warp3d.compare import Case, scene_case, screen_of
-from resample_warp3d.equation import between
-from resample_warp3d.pairs import load_pairs
-from resample_warp3d.preparation import prepare
-from resample_warp3d.scenes import STANDS, generated
-from resample_warp3d.scoring import Target, delivered, filled_alike, flicker, hole_percent, score
+from resample.engine.jit import threads
+from resample.measuring.quality import psnr
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.depth.equation import between
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.showing.compare import Case, scene_case, screen_of
+from resample_warp3d.showing.pairs import load_pairs
+from resample_warp3d.showing.scenes import STANDS, generated
+from resample_warp3d.showing.scoring import (
+    Target,
+    delivered,
+    filled_alike,
+    flicker,
+    hole_percent,
+    score,
+)
 from resample_warp3d.types import DepthImage, Source
 
 BENCH = Path(__file__).parents[2] / "../shared/bench"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from resample.animations import Shots, check_count, check_film, fingerprint, write_film
+from resample.files.animations import Shots, check_count, check_film, fingerprint, write_film
 
 COLORS = np.array([(200, 30, 60), (30, 220, 40), (20, 30, 230), (128, 128, 128)], np.uint8)
 
@@ -161,7 +161,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from resample.animations import Shots, write_film
+from resample.files.animations import Shots, write_film
 
 STEPS = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir"}
 shots = Shots(3, lambda n: np.full((8, 8, 3), 40 * n, np.uint8), {})
@@ -249,7 +249,7 @@ def test_frames_of_unknown_origin_are_not_taken_for_ones_own(tmp_path):
 
 
 def test_a_film_that_cannot_be_written_in_the_end_keeps_its_frames(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample.animations.QUALITY", {"libx264": {"preset": "magic"}})
+    monkeypatch.setattr("resample.files.animations.QUALITY", {"libx264": {"preset": "magic"}})
     with pytest.raises(OSError, match="cannot be written"):
         write_film(tmp_path / "a.mp4", shots(), 24)
     assert files(tmp_path) == [".a.mp4.frames"]

@@ -12,8 +12,8 @@ from benchmarks.core import SPLATS, fragments
 from benchmarks.measure import LEAST, Spread, exponent, machine, ratio, take_turns
 from benchmarks.scenes import floor_matrix
 from benchmarks.tables import Section, as_json, document, markdown, number, shown
-from resample.cameras import Pinhole, orbit
-from resample.quality import psnr
+from resample.cameras.models import Pinhole, orbit
+from resample.measuring.quality import psnr
 from resample.types import Samples
 from tests.processes import python
 

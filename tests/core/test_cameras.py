@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at, orbit
+from resample.cameras.models import Orthographic, Pinhole, look_at, orbit
 from resample.resampler import Resampler
 from resample.types import Samples
 

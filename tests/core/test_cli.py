@@ -9,8 +9,8 @@ import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.images import read_image, write_png
-from resample.options import run
+from resample.command.options import run
+from resample.files.images import read_image, write_png
 from tests.processes import python
 
 HEAVY = ["numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "pydantic"]
@@ -140,8 +140,8 @@ def test_an_application_that_cannot_be_imported_is_one_line(monkeypatch, capsys)
 @pytest.mark.parametrize("arguments", ["['--help']", "['plugins', 'filters']"])
 def test_heavy_libraries_are_not_imported_before_they_are_needed(arguments):
     imported = python(
-        "import sys, resample.cli, resample.options\n"
-        f"try: resample.options.run(resample.cli.app, {arguments})\n"
+        "import sys, resample.cli, resample.command.options\n"
+        f"try: resample.command.options.run(resample.cli.app, {arguments})\n"
         "except SystemExit: print('imported', *sys.modules)"
     )
     assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
@@ -166,7 +166,13 @@ def test_the_version_is_that_of_the_distribution(capsys):
 
 
 def test_the_module_runs_without_home_and_terminal():
-    command = [sys.executable, "-c", "from resample.cli import main; main()", "plugins", "filters"]
+    command = [
+        sys.executable,
+        "-c",
+        "from resample.cli import main; main()",
+        "plugins",
+        "filters",
+    ]
     environment = {key: value for key, value in os.environ.items() if key not in ("HOME", "TERM")}
     ended = subprocess.run(
         command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Samples
 from tests import naive

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from resample.compare import MARGIN, contact_sheet, measure_files, plain, shown, table
-from resample.images import read_image, to_srgb, write_png
+from resample.colors import to_srgb
+from resample.files.images import read_image, write_png
+from resample.measuring.compare import MARGIN, contact_sheet, measure_files, plain, shown, table
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from resample import console
-from resample.console import check_targets, progress_bar, require_memory, rows_as_json, say
+from resample.command.console import progress_bar, say
+from resample.files.writing import check_targets, rows_as_json
+from resample.memory import require_memory
 
 
 def test_targets_are_tried_and_left_alone(tmp_path):
@@ -25,7 +26,7 @@ def test_targets_that_cannot_be_written_are_refused(tmp_path):
 
 
 def test_what_cannot_fit_is_refused_with_a_remedy(monkeypatch):
-    monkeypatch.setattr(console, "physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
     require_memory(1 << 30, "all", "do less")
     with pytest.raises(ValueError, match=r"all needs 2\.0 GiB, .* has 1\.0 GiB of memory; do less"):
         require_memory(1 << 31, "all", "do less")

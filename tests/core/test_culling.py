@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from resample import culling
-from resample.cameras import Orthographic, Pinhole, look_at
+from resample.cameras.models import Orthographic, Pinhole, look_at
 from resample.culling import blocked, bricks
-from resample.filters import Gaussian
-from resample.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.filters import Gaussian
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.resampler import FOOTPRINTS, Footprint, Primitive, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 

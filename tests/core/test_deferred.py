@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from resample import deferred, resampler
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.filters import Gaussian
-from resample.kernels import outlines
-from resample.kernels.pool import ask_for
-from resample.orders import EverySample
-from resample.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.engine.ellipsoids import outlines
+from resample.engine.ellipsoids.pool import ask_for
+from resample.profiles.filters import Gaussian
+from resample.profiles.orders import EverySample
+from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
 from resample.resampler import Primitive, Resampler
 from resample.types import Samples
 

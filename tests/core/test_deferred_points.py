@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from resample import deferred_points, resampler
-from resample.cameras import Orthographic, Pinhole, look_at
+from resample.cameras.models import Orthographic, Pinhole, look_at
 from resample.culling import blocked
-from resample.filters import Box, Gaussian, Mitchell, profile, table
-from resample.kernels.eights import spread
-from resample.orders import EverySample
-from resample.reconstruction import BSplineKernel
+from resample.engine.eights import spread
+from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
+from resample.profiles.orders import EverySample
+from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Opacity, Primitive, Resampler
 from resample.types import Samples
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Primitive, Projection, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.filters import Box, CatmullRom, Gaussian, Lanczos, Mitchell, Tent, table
+from resample.profiles.filters import Box, CatmullRom, Gaussian, Lanczos, Mitchell, Tent, table
 from resample.testing import check_filter
 
 CONTINUOUS = [

@@ -9,18 +9,9 @@ import numpy as np
 import OpenImageIO
 import pytest
 
-from resample.images import (
-    from_srgb,
-    over,
-    read_channels,
-    read_image,
-    replacing,
-    straight,
-    to_srgb,
-    write_exr,
-    write_frame,
-    write_png,
-)
+from resample.colors import from_srgb, over, straight, to_srgb
+from resample.files.images import read_channels, read_image, write_exr, write_frame, write_png
+from resample.files.writing import replacing
 from resample.types import Frame
 
 
@@ -274,7 +265,7 @@ def test_replacing_refuses_a_folder_without_permission(tmp_path):
 FULL_DISK = """
 import resource, sys
 import numpy as np
-from resample.images import write_frame
+from resample.files.images import write_frame
 from resample.types import Frame
 size = int(sys.argv[2])
 noise = np.random.default_rng(7).random((size, size, 4), np.float32)

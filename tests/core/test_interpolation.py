@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.interpolation import (
+from resample.profiles.interpolation import (
     Bilinear,
     CatmullRom,
     InterpolatingGaussian,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resample import types
-from resample.kernels import jit, lookup, paint
+from resample.engine import jit, lookup, paint
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
@@ -27,10 +27,10 @@ def copied(tmp_path, monkeypatch):
     """The package's kernels and types in a folder of our own, where the digest now looks."""
     kernels = Path(jit.__file__).parent
     shutil.copytree(
-        kernels, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__", "*.nb?")
+        kernels, tmp_path / "engine", ignore=shutil.ignore_patterns("__pycache__", "*.nb?")
     )
     shutil.copy(types.__file__, tmp_path / "types.py")
-    monkeypatch.setattr(jit, "__file__", str(tmp_path / "kernels" / "jit.py"))
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "engine" / "jit.py"))
     return tmp_path
 
 
@@ -39,7 +39,7 @@ def test_the_digest_is_that_of_the_sources(copied):
     assert jit._digest() == jit.SOURCES
 
 
-@pytest.mark.parametrize("source", ["kernels/over.py", "kernels/lookup.py", "types.py"])
+@pytest.mark.parametrize("source", ["engine/over.py", "engine/points/cells.py", "types.py"])
 @pytest.mark.usefixtures("copied")
 def test_a_changed_source_changes_the_digest(source, copied):
     with (copied / source).open("a") as text:
@@ -48,7 +48,7 @@ def test_a_changed_source_changes_the_digest(source, copied):
 
 
 def test_a_new_kernel_changes_the_digest(copied):
-    (copied / "kernels" / "another.py").write_text("ANSWER = 42\n")
+    (copied / "engine" / "another.py").write_text("ANSWER = 42\n")
     assert jit._digest() != jit.SOURCES
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import FOOTPRINTS, Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
 from tests import naive

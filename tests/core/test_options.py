@@ -6,7 +6,7 @@ import pytest
 from cyclopts import App
 from pydantic import BaseModel, Field
 
-from resample.options import run
+from resample.command.options import run
 
 
 class Camera(BaseModel):
@@ -126,7 +126,10 @@ def test_a_bug_shows_its_traceback(bug):
 def test_a_reader_that_has_seen_enough_is_no_error():
     read_end, write_end = os.pipe()
     os.close(read_end)
-    code = "from resample.cli import app; from resample.options import run; run(app, ['plugins'])"
+    code = (
+        "from resample.cli import app; from resample.command.options import run;"
+        "run(app, ['plugins'])"
+    )
     command = [sys.executable, "-c", code]
     process = subprocess.run(command, stdout=write_end, stderr=subprocess.PIPE, check=False)
     os.close(write_end)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras import Orthographic, Pinhole
-from resample.filters import CatmullRom, Gaussian, Lanczos, Mitchell
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole
+from resample.profiles.filters import CatmullRom, Gaussian, Lanczos, Mitchell
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Samples
 from tests import naive

@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.reconstruction import GaussianKernel, variance
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import MEASURING, Footprint, Primitive, Projection, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive

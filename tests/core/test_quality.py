@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from resample import quality
+from resample.measuring import quality
 
 
 @pytest.fixture

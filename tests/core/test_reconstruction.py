@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import quad
 
 from resample import registry
-from resample.reconstruction import (
+from resample.profiles.reconstruction import (
     BSplineKernel,
     GaussianKernel,
     density_table,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from resample import registry
-from resample.filters import Gaussian
+from resample.profiles.filters import Gaussian
 
 
 class Options:
@@ -125,7 +125,7 @@ def test_a_value_that_the_plugin_cannot_use_is_a_value_error():
         registry.build("filters", "gaussian:radius=wide")
 
 
-@pytest.mark.parametrize("value", ["no_such_module:X", "resample.filters:NoSuchFilter"])
+@pytest.mark.parametrize("value", ["no_such_module:X", "resample.profiles.filters:NoSuchFilter"])
 def test_a_plugin_that_cannot_be_imported_names_its_distribution(installed, value):
     installed(entry("hann", value, "outside"))
     with pytest.raises(
@@ -136,7 +136,9 @@ def test_a_plugin_that_cannot_be_imported_names_its_distribution(installed, valu
 
 
 def test_a_broken_plugin_does_not_disturb_the_others(installed):
-    installed(entry("hann", "no_module:X", "outside"), entry("box", "resample.filters:Box", "a"))
+    installed(
+        entry("hann", "no_module:X", "outside"), entry("box", "resample.profiles.filters:Box", "a")
+    )
     assert registry.names("filters") == ["box", "hann"]
     assert registry.build("filters", "box").radius == 0.5
 
@@ -144,9 +146,9 @@ def test_a_broken_plugin_does_not_disturb_the_others(installed):
 @pytest.fixture
 def rivals(installed):
     installed(
-        entry("box", "resample.filters:Box", "hybrid-resample"),
-        entry("box", "resample.filters:Tent", "outside"),
-        entry("tent", "resample.filters:Tent", "hybrid-resample"),
+        entry("box", "resample.profiles.filters:Box", "hybrid-resample"),
+        entry("box", "resample.profiles.filters:Tent", "outside"),
+        entry("tent", "resample.profiles.filters:Tent", "hybrid-resample"),
     )
 
 

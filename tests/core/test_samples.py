@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole
+from resample.cameras.models import Pinhole
 from resample.resampler import Primitive, Resampler
 from resample.scene import check_samples
 from resample.types import Samples

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from resample.filters import Gaussian
-from resample.images import from_srgb
+from resample.colors import from_srgb
+from resample.command.settings import SPLAT_COLOR, Picture, Resampling, linear_color
+from resample.profiles.filters import Gaussian
 from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
-from resample.settings import SPLAT_COLOR, Picture, Resampling, linear_color
 
 
 def test_the_defaults_are_the_resamplers_own():
@@ -115,7 +115,7 @@ def test_a_color_that_is_none_is_refused(name):
 
 
 def test_settings_import_no_numerics():
-    code = "import sys, resample.settings; print(*sys.modules)"
+    code = "import sys, resample.command.settings; print(*sys.modules)"
     imported = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at, orbit
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.quality import psnr
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at, orbit
+from resample.measuring.quality import psnr
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Primitive, Resampler
 from resample.types import FOOTPRINT, Samples, Seen
 from tests import naive

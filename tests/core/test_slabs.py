@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.reconstruction import (
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import (
     BSplineKernel,
     GaussianKernel,
     footprint_table,

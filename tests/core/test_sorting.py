@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.kernels.sorting import FEW, member_of, paired, put_in_order, sort_pairs
+from resample.engine.sorting import FEW, member_of, paired, put_in_order, sort_pairs
 from resample.types import FOOTPRINT
 
 COLUMNS = ("y", "x", "extinction", "red", "green", "blue")

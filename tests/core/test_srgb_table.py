@@ -2,7 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.images import from_srgb, read_image
+from resample.colors import from_srgb
+from resample.files.images import read_image
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

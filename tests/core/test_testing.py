@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.orders import EverySample, Summing
-from resample.reconstruction import GaussianKernel, ripple
+from resample.profiles.orders import EverySample, Summing
+from resample.profiles.reconstruction import GaussianKernel, ripple
 from resample.testing import check_filter, check_order, check_reconstruction
 from resample.types import Sheets
 

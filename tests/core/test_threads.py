@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole, look_at
+from resample.cameras.models import Pinhole, look_at
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 
@@ -60,7 +60,7 @@ def test_any_number_of_threads_will_do(threads):
 PLAIN = """
 import sys
 import numpy as np
-from resample.cameras import Pinhole, look_at
+from resample.cameras.models import Pinhole, look_at
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole, look_at
-from resample.filters import Gaussian
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Pinhole, look_at
+from resample.profiles.filters import Gaussian
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
 from tests import naive

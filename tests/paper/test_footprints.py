@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.correction import correction_table, true_distance
-from resample.kernels import lookup
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.engine import lookup
+from resample.profiles.correction import correction_table, true_distance
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import LARGEST_CONE, Samples
 from tests import naive

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.quality import rms
-from resample.reconstruction import GaussianKernel, variance
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.measuring.quality import rms
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import (
     EWA_VARIANCE,
     FOOTPRINTS,

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from resample_texture import Edge, Homography
-from resample_texture.methods import Hybrid, Paper, Points, Splats, Supersample
-from resample_texture.rivals import Bilinear
+from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
+from resample_texture.rivals.backward import Bilinear
 
 SOURCE = 160  # texels per side
 SHAPE = (60, 120)  # px

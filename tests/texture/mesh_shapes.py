@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.interpolation import CatmullRom
-from resample_texture.mesh import Mesh, MeshStyle, render_mesh
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.interpolation import CatmullRom
+from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FALLING = np.array([[0, 1, 2], [0, 2, 3]])  # the two ways to halve it

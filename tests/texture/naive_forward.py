@@ -9,10 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from resample.filters import Area
-from resample.interpolation import prefilter
-from resample_texture.forward import blocks_of, moved, oriented, widened
-from resample_texture.geometry import Homography
+from resample.profiles.filters import Area
+from resample.profiles.interpolation import prefilter
+from resample_texture.geometry.mappings import Homography
+from resample_texture.texels.forward import blocks_of, moved, oriented, widened
 from resample_texture.types import Edge
 
 

@@ -4,13 +4,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.filters import Area, Box, Gaussian, Mitchell, Tent
-from resample.interpolation import CatmullRom, InterpolatingGaussian, Nearest, Spline
-from resample.kernels.jit import threads
-from resample_texture.adjoint import adjoint
-from resample_texture.forward import Cells, blocks_of, project
-from resample_texture.geometry import BackwardMap, ForwardMap, Homography
-from resample_texture.kernels.blocks import LEVEL
+from resample.engine.jit import threads
+from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
+from resample.profiles.interpolation import CatmullRom, InterpolatingGaussian, Nearest, Spline
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+from resample_texture.texels.adjoint import adjoint
+from resample_texture.texels.forward import Cells, blocks_of, project
+from resample_texture.texels.kernels.blocks import LEVEL
 from resample_texture.types import Edge
 
 MAGNIFIED = Homography([[2.3, 0.4, -1.0], [-0.3, 1.9, 2.0], [0.002, 0.003, 1.0]])

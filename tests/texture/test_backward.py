@@ -5,12 +5,18 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.filters import Area, Gaussian, Tent
-from resample.interpolation import Bilinear, CatmullRom, InterpolatingGaussian, Nearest, Spline
+from resample.profiles.filters import Area, Gaussian, Tent
+from resample.profiles.interpolation import (
+    Bilinear,
+    CatmullRom,
+    InterpolatingGaussian,
+    Nearest,
+    Spline,
+)
 from resample_texture import BackwardMap, Edge, Homography, warp
-from resample_texture.backward import collect_from, extended
-from resample_texture.forward import Cells
-from resample_texture.geometry import source_coordinates
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.texels.backward import collect_from, extended
+from resample_texture.texels.forward import Cells
 from tests.texture import naive_forward
 
 GROWN = np.array([[2.3, 0.4, -1.0], [-0.3, 1.9, 2.0], [0.002, 0.003, 1.0]])

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import zlib
+from importlib import import_module
 from pathlib import Path
 
 import cv2
@@ -12,11 +13,11 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.console import say
-from resample.images import read_channels, read_image
-from resample.options import run
-from resample_texture import cli
-from resample_texture.session import announce_compilation
+from resample.command.console import say
+from resample.command.options import run
+from resample.files.images import read_channels, read_image
+from resample_texture.command import cli
+from resample_texture.command.session import announce_compilation
 from tests.processes import python
 
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
@@ -39,7 +40,7 @@ def folder(tmp_path, monkeypatch, photo):
     """The working folder of every command, with photo.png in it; nothing is announced."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample_texture.session.announce_compilation", lambda **_: None)
+    monkeypatch.setattr("resample_texture.command.session.announce_compilation", lambda **_: None)
     return tmp_path
 
 
@@ -368,8 +369,8 @@ def test_what_is_no_picture_is_one_line(command, capsys):
 
 def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypatch, capsys):
     cv2.imwrite("large.png", np.zeros((4000, 4000), np.uint8))
-    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 28)
-    monkeypatch.setattr("resample.pictures.read_image", None)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 28)
+    monkeypatch.setattr("resample.files.pictures.read_image", None)
     error = refused(capsys, "warp", "large.png", "-o", "out.png", *HALF)
     assert "large.png of 4000 x 4000 pixels needs 0.3 GiB" in error
 
@@ -383,7 +384,7 @@ def test_a_header_that_claims_too_much_is_one_line(capsys):
 
 
 def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
-    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
     error = refused(capsys, "warp", "photo.png", "-o", "out.png", *HALF, "--size", "6000")
     assert "a picture of 6000 x 6000 pixels needs" in error
 
@@ -452,7 +453,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
     words, complaint, monkeypatch, capsys
 ):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample.pictures.read_picture", None)
+    monkeypatch.setattr("resample.files.pictures.read_picture", None)
     assert complaint in refused(capsys, "warp", "photo.png", *HALF, *words)
 
 
@@ -569,7 +570,7 @@ def test_mesh_refuses_in_one_line(model, words, complaint, capsys):
 
 
 def test_compare_prints_a_row_for_each_zone_and_method(monkeypatch, capsys):
-    monkeypatch.setattr("resample_texture.scenes.SMALLEST_SIDE", 96)
+    monkeypatch.setattr("resample_texture.showing.scenes.SMALLEST_SIDE", 96)
     assert ended("compare", "photo.png", "--methods", "bilinear, hybrid") == 0
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split() == ["zone", "method", "psnr", "ssim", "flip", "ms"]
@@ -611,7 +612,7 @@ def test_compare_of_a_picture_that_equals_the_truth_is_valid_json(capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample.pictures.read_picture", None)
+    monkeypatch.setattr("resample.files.pictures.read_picture", None)
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 
@@ -648,15 +649,17 @@ def test_animate_refuses_in_one_line(words, complaint, capsys):
 
 
 def small(monkeypatch) -> None:
-    monkeypatch.setattr("resample_texture.scenes.SMALLEST_SIDE", 64)
+    monkeypatch.setattr("resample_texture.showing.scenes.SMALLEST_SIDE", 64)
     for name in ("checker", "bricks"):
-        picture = getattr(__import__("resample_texture.scenes").scenes, name)(64)
-        monkeypatch.setattr(f"resample_texture.scenes.{name}", lambda picture=picture: picture)
+        picture = getattr(import_module("resample_texture.showing.scenes"), name)(64)
+        monkeypatch.setattr(
+            f"resample_texture.showing.scenes.{name}", lambda picture=picture: picture
+        )
 
 
 def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
     small(monkeypatch)
-    monkeypatch.setattr("resample_texture.figures.FIGURE", {"points": "a", "bilinear": "c"})
+    monkeypatch.setattr("resample_texture.showing.figures.FIGURE", {"points": "a", "bilinear": "c"})
     assert ended("figures", "-o", "deep/figures") == 0
     written = {path.name for path in Path("deep/figures").iterdir()}
     assert {"figure5.png", "table.txt", "checker-points.png", "bricks-truth.png"} <= written
@@ -686,7 +689,7 @@ def test_a_mistyped_command_or_option_is_put_right(capsys):
 
 def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
     say("hello")
-    monkeypatch.setattr("resample.kernels.jit.is_stored", lambda _: False)
+    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
     announce_compilation()
     out, error = capsys.readouterr()
     assert out == ""
@@ -697,8 +700,8 @@ def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
 @pytest.mark.parametrize("words", [["--help"], ["warp", "--help"], ["--version"]])
 def test_help_imports_nothing_heavy(words):
     imported = python(
-        "import sys, resample_texture.cli, resample.options\n"
-        f"try: resample.options.run(resample_texture.cli.app, {words})\n"
+        "import sys, resample_texture.command.cli, resample.command.options\n"
+        f"try: resample.command.options.run(resample_texture.command.cli.app, {words})\n"
         "except SystemExit: print('imported', *sys.modules)"
     )
     assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
@@ -706,7 +709,7 @@ def test_help_imports_nothing_heavy(words):
 
 INTERRUPTIBLE = """
 import contextlib, time
-from resample_texture import session
+from resample_texture.command import session
 
 @contextlib.contextmanager
 def watched(what):
@@ -715,7 +718,7 @@ def watched(what):
     yield None
 
 session.progress_bar = watched
-from resample_texture.cli import main
+from resample_texture.command.cli import main
 main()
 """
 

@@ -3,12 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from resample.images import read_image, to_srgb
-from resample.settings import method_names
-from resample_texture import compare
-from resample_texture.compare import Judge, enlarged, measured, sheet, source_values, timed
-from resample_texture.geometry import Homography
-from resample_texture.scenes import Scene
+from resample.colors import to_srgb
+from resample.command.settings import method_names
+from resample.files.images import read_image
+from resample_texture.geometry.mappings import Homography
+from resample_texture.showing import compare
+from resample_texture.showing.compare import Judge, enlarged, measured, sheet, source_values, timed
+from resample_texture.showing.scenes import Scene
 from resample_texture.types import Edge, Warped
 
 MIXED = np.array([[0.5, 0.1, 2], [0, 1.2, 3], [0, 0.004, 1]])

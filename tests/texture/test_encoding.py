@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample.images import from_srgb
-from resample_texture.encoding import DTYPES, decoded, encoded, without_gaps
+from resample.colors import from_srgb
+from resample_texture.texels.encoding import DTYPES, decoded, encoded, without_gaps
 from resample_texture.types import Warped
 
 

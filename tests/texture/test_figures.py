@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from resample.images import read_image
-from resample_texture import scenes
-from resample_texture.figures import FIGURE, compare_floors, write_figures
+from resample.files.images import read_image
+from resample_texture.showing import scenes
+from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
 
 
 @pytest.fixture

@@ -5,12 +5,18 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.filters import Area, Box, Gaussian, Mitchell, Tent
-from resample.interpolation import Bilinear, CatmullRom, InterpolatingGaussian, Nearest, Spline
-from resample.kernels.jit import threads
-from resample_texture.forward import Cells, blocks_of, project
-from resample_texture.geometry import BackwardMap, ForwardMap, Homography
-from resample_texture.kernels.blocks import (
+from resample.engine.jit import threads
+from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
+from resample.profiles.interpolation import (
+    Bilinear,
+    CatmullRom,
+    InterpolatingGaussian,
+    Nearest,
+    Spline,
+)
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+from resample_texture.texels.forward import Cells, blocks_of, project
+from resample_texture.texels.kernels.blocks import (
     BOTTOM,
     CUT,
     FIRST,

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from resample_texture.geometry import (
+from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
     Homography,

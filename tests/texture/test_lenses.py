@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_texture.geometry import pixel_centers
-from resample_texture.lenses import Lens
+from resample_texture.geometry.lenses import Lens
+from resample_texture.geometry.mappings import pixel_centers
 
 CAMERA = np.array([[90.0, 0.0, 49.0], [0.0, 85.0, 41.0], [0.0, 0.0, 1.0]])
 SHAPE = (80, 100)

@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from resample_texture.maps import read_map
+from resample_texture.geometry.maps import read_map
 
 
 def numbers(height=3, width=5):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_texture.geometry import source_coordinates
-from resample_texture.matrices import Convention, homography, parse_matrix
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.geometry.matrices import Convention, homography, parse_matrix
 
 NINE = np.array([[1.5, 0.25, 3], [-0.5, 2, 4], [0.001, 0, 1]])
 SIX = np.array([[1.5, 0.25, 3], [-0.5, 2, 4], [0, 0, 1]])

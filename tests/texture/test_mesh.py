@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole, look_at
-from resample.kernels.jit import threads
-from resample_texture.mesh import Mesh, fitted_camera
+from resample.cameras.models import Pinhole, look_at
+from resample.engine.jit import threads
+from resample_texture.mesh.rendering import Mesh, fitted_camera
 from tests.texture.mesh_shapes import (
     FALLING,
     RISING,

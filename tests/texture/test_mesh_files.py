@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.mesh_files import load_mesh
+from resample_texture.mesh.files import load_mesh
 from tests.conftest import DATA
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

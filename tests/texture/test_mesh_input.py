@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from resample.filters import Box, Gaussian, Lanczos
-from resample_texture.mesh import Mesh, MeshStyle, fitted_camera, render_mesh
+from resample.profiles.filters import Box, Gaussian, Lanczos
+from resample_texture.mesh.rendering import Mesh, MeshStyle, fitted_camera, render_mesh
 from tests.texture.mesh_shapes import (
     FALLING,
     SQUARE,

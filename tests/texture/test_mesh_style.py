@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.filters import Box, Gaussian, Lanczos, Mitchell, Tent
-from resample.interpolation import Bilinear, InterpolatingGaussian
-from resample_texture.mesh import Mesh, pixel_profile
+from resample.profiles.filters import Box, Gaussian, Lanczos, Mitchell, Tent
+from resample.profiles.interpolation import Bilinear, InterpolatingGaussian
+from resample_texture.mesh.rendering import Mesh, pixel_profile
 from tests.texture.mesh_shapes import (
     FALLING,
     SQUARE,

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.filters import Area, Box, Gaussian
-from resample.interpolation import Bilinear, CatmullRom
+from resample.profiles.filters import Area, Box, Gaussian
+from resample.profiles.interpolation import Bilinear, CatmullRom
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, warp
-from resample_texture.geometry import source_coordinates
-from resample_texture.methods import Hybrid, Paper, Points, Splats, Supersample
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
 
 NAMES = registry.names("methods")
 VARIANTS = [

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.kernels.placing import Spread, place_on_map, place_on_plane
+from resample_texture.texels.kernels.placing import Spread, place_on_map, place_on_plane
 
 BLOCK = np.array([[0, 4, 1, 0, 4, 0], [0, 4, 1, 0, 4, 0]])
 BOUNDS = np.array([0, 0, 8, 8])

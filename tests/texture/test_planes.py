@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample_texture.geometry import source_coordinates
-from resample_texture.planes import plane_seen_by
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.geometry.planes import plane_seen_by
 
 TEXTURE = (40, 60)
 ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down along −z with +y upwards

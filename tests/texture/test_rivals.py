@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.kernels.jit import threads
-from resample_texture.geometry import BackwardMap, ForwardMap, Homography, source_coordinates
-from resample_texture.pyramid import pyramid, shrunk
-from resample_texture.rivals import (
+from resample.engine.jit import threads
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Homography,
+    source_coordinates,
+)
+from resample_texture.rivals.backward import (
     OIIO_FILTERS,
     Anisotropic,
     Area,
@@ -18,6 +22,7 @@ from resample_texture.rivals import (
     Supersampled,
     Warp,
 )
+from resample_texture.texels.pyramid import pyramid, shrunk
 from resample_texture.types import Edge
 
 POINTWISE = [Bilinear(), Cubic(), Lanczos4(), Area()]

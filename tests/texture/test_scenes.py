@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from resample_texture import scenes
-from resample_texture.geometry import Homography
-from resample_texture.scenes import Scene, scene_of, tiled, truth, zones
+from resample_texture.geometry.mappings import Homography
+from resample_texture.showing import scenes
+from resample_texture.showing.scenes import Scene, scene_of, tiled, truth, zones
 
 
 def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> Scene:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.shifts import shifted, whole_shift
+from resample_texture.geometry.shifts import shifted, whole_shift
 from resample_texture.types import Edge
 
 PADDINGS = {Edge.CLAMP: "edge", Edge.WRAP: "wrap", Edge.MIRROR: "symmetric"}

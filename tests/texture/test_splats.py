@@ -4,11 +4,16 @@ import math
 import numpy as np
 import pytest
 
-from resample.filters import Box
-from resample.kernels.jit import threads
-from resample_texture.geometry import BackwardMap, ForwardMap, Homography, source_coordinates
-from resample_texture.kernels.splat_shapes import RIM
-from resample_texture.splatting import Splatting, splat
+from resample.engine.jit import threads
+from resample.profiles.filters import Box
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Homography,
+    source_coordinates,
+)
+from resample_texture.texels.kernels.splat_shapes import RIM
+from resample_texture.texels.splatting import Splatting, splat
 from resample_texture.types import Edge
 
 SHAPE = (30, 34)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from resample.interpolation import CatmullRom, Spline
-from resample_texture.forward import Cells, project
-from resample_texture.geometry import Homography
-from resample_texture.streaming import warp_rows
+from resample.profiles.interpolation import CatmullRom, Spline
+from resample_texture.geometry.mappings import Homography
+from resample_texture.texels.forward import Cells, project
+from resample_texture.texels.streaming import warp_rows
 from resample_texture.types import Edge
 
 MATRIX = np.array([[0.5, 0.1, -3.0], [0.02, 0.4, 5.0], [0.0, 0.0004, 1.0]])

@@ -4,10 +4,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.images import from_srgb, to_srgb
+from resample.colors import from_srgb, to_srgb
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, Hybrid, warp
-from resample_texture.encoding import DTYPES
-from resample_texture.geometry import source_coordinates
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.texels.encoding import DTYPES
 
 PERSPECTIVE = np.array([[0.8, 0.1, 2.0], [-0.05, 0.9, 1.0], [0.002, 0.004, 1.0]])
 FRAME = (18, 22)

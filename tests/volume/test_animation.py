@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from resample.animations import write_film
-from resample.cameras import Orthographic, Pinhole
-from resample.images import write_png
+from resample.cameras.models import Orthographic, Pinhole
+from resample.files.animations import write_film
+from resample.files.images import write_png
 from resample.resampler import Primitive, Resampler
-from resample_volume.animation import (
+from resample_volume.cameras.framing import Orbit, Spot
+from resample_volume.cameras.keyframes import Keyframes
+from resample_volume.command.animation import (
     FRAMES,
     PATHS,
     Flight,
@@ -19,11 +21,9 @@ from resample_volume.animation import (
     frame,
     shots,
 )
-from resample_volume.framing import Orbit, Spot
-from resample_volume.generated import vessel_tree
-from resample_volume.keyframes import Keyframes
+from resample_volume.files.generated import vessel_tree
 from resample_volume.rendering import Appearance, Subject, as_volume, render
-from resample_volume.shading import Light
+from resample_volume.voxels.shading import Light
 
 SIZE = (24, 32)
 SKY = Paint(size=SIZE, background=(0.0, 0.0, 0.5))

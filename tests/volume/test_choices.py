@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from resample.orders import ImageSheets
+from resample.command.settings import Resampling
+from resample.profiles.orders import ImageSheets
 from resample.resampler import MEASURING, Resampler
-from resample.settings import Resampling
-from resample_volume.choices import Look, Projecting, Source
-from resample_volume.framing import Orbit
-from resample_volume.generated import checker_box
-from resample_volume.labels import Rule
-from resample_volume.presets import load_transfer
+from resample_volume.cameras.framing import Orbit
+from resample_volume.command.choices import Look, Projecting, Source
+from resample_volume.files.generated import checker_box
+from resample_volume.looks.labels import Rule
+from resample_volume.looks.presets import load_transfer
 from resample_volume.rendering import LEVELS, Appearance
-from resample_volume.shading import DepthCue, Light
+from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.console import say
-from resample.images import read_channels, read_image
-from resample.options import run
+from resample.command.console import say
+from resample.command.options import run
+from resample.files.images import read_channels, read_image
 from resample.resampler import Resampler
-from resample_volume import cli
-from resample_volume.session import announce_compilation
-from resample_volume.source import open_volume
+from resample_volume.command import cli
+from resample_volume.command.session import announce_compilation
+from resample_volume.files.source import open_volume
 from tests.processes import python
 
 BOX = "checker-box:size=16,block=4"
@@ -43,7 +43,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -363,7 +363,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     ],
 )
 def test_a_size_that_is_none_is_refused_before_any_work(size, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", f"--size={size}")
 
 
@@ -484,8 +484,8 @@ def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
 
 
 def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
-    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_volume.source.open_volume", None)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
     error = refused(capsys, "render", BOX, "-o", "out.png", "--size", "4000")
     assert "needs 1.5 GiB, this machine has 1.0 GiB of memory; take a smaller size" in error
 
@@ -509,7 +509,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
 ):
     Path("folder.png").mkdir()
     Path("notes.txt").write_text("keep me")
-    monkeypatch.setattr("resample_volume.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
     assert complaint in refused(capsys, "render", BOX, *SMALL, *words)
 
 
@@ -570,7 +570,7 @@ def test_compare_of_equal_pictures_is_valid_json(capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
     assert complaint in refused(capsys, "compare", BOX, *words)
 
 
@@ -649,7 +649,7 @@ def test_a_mistyped_command_or_option_is_put_right(capsys):
 
 def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
     say("hello")
-    monkeypatch.setattr("resample.kernels.jit.is_stored", lambda _: False)
+    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
     announce_compilation(Resampler())
     out, error = capsys.readouterr()
     assert out == ""
@@ -667,8 +667,8 @@ def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
 )
 def test_help_imports_nothing_heavy(words):
     imported = python(
-        "import sys, resample_volume.cli, resample.options\n"
-        f"try: resample.options.run(resample_volume.cli.app, {words})\n"
+        "import sys, resample_volume.command.cli, resample.command.options\n"
+        f"try: resample.command.options.run(resample_volume.command.cli.app, {words})\n"
         "except SystemExit: print('imported', *sys.modules)"
     )
     assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
@@ -676,7 +676,7 @@ def test_help_imports_nothing_heavy(words):
 
 INTERRUPTIBLE = """
 import contextlib, sys, time
-from resample_volume import session
+from resample_volume.command import session
 
 @contextlib.contextmanager
 def watched(what):
@@ -686,7 +686,7 @@ def watched(what):
     yield progress
 
 session.progress_bar = watched
-from resample_volume.cli import main
+from resample_volume.command.cli import main
 main()
 """
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.images import read_channels, read_image
-from resample.options import run
-from resample.orders import ImageSheets
+from resample.command.options import run
+from resample.files.images import read_channels, read_image
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
-from resample_volume import cli
-from resample_volume.compare import thickest, variants
+from resample_volume.command import cli
+from resample_volume.showing.compare import thickest, variants
 
 BOX = "checker-box:size=16,block=4"  # values 64 and 192
 TREE = "vessel-tree:size=24"
@@ -31,7 +31,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -235,7 +235,7 @@ def test_what_does_not_go_together_is_refused_before_any_work(
     def work(*_):
         raise AssertionError("the volume was read")
 
-    monkeypatch.setattr("resample_volume.choices.Source.open", work)
+    monkeypatch.setattr("resample_volume.command.choices.Source.open", work)
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
 
 

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from resample_volume.color_bar import _ticks, color_bar, with_color_bar
-from resample_volume.presets import PRESETS, load_transfer
-from resample_volume.regions import Faded, Region, RegionTransfer
-from resample_volume.transfer import from_points
+from resample_volume.looks.presets import PRESETS, load_transfer
+from resample_volume.looks.regions import Faded, Region, RegionTransfer
+from resample_volume.looks.transfer import from_points
+from resample_volume.showing.color_bar import _ticks, color_bar, with_color_bar
 
 BYTE = (0.0, 255.0)
 WHITE, GREEN = (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)
@@ -125,7 +125,8 @@ def test_a_bar_of_another_height_is_refused() -> None:
 def test_the_modules_load_without_heavy_libraries() -> None:
     heavy = {"numba", "matplotlib", "scipy", "cv2", "PIL"}
     code = (
-        "import sys, resample_volume.color_bar, resample_volume.labels, resample_volume.cropping;"
+        "import sys, resample_volume.showing.color_bar, resample_volume.looks.labels;"
+        "import resample_volume.voxels.cropping;"
         f"sys.exit(', '.join({heavy} & set(sys.modules)) or 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

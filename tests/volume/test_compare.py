@@ -4,16 +4,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole, look_at
-from resample.filters import Gaussian
-from resample.images import to_srgb
-from resample.orders import ImageSheets
+from resample.cameras.models import Pinhole, look_at
+from resample.colors import to_srgb
+from resample.profiles.filters import Gaussian
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Footprint, Primitive, Resampler
-from resample_volume.choices import Look
-from resample_volume.compare import Contest, variants
-from resample_volume.framing import centered
-from resample_volume.generated import checker_box
+from resample_volume.cameras.framing import centered
+from resample_volume.command.choices import Look
+from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject
+from resample_volume.showing.compare import Contest, variants
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)
 

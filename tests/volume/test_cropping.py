@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from resample_volume.cropping import inside, keep, planes
-from resample_volume.transfer import from_points
+from resample_volume.looks.transfer import from_points
 from resample_volume.types import Volume
-from resample_volume.voxels import classify, lattice_of
+from resample_volume.voxels.cropping import inside, keep, planes
+from resample_volume.voxels.visible import classify, lattice_of
 
 WHITE = from_points([(0, (1.0, 1.0, 1.0), 0.5)])
 SHAPE = (5, 6, 7)

@@ -8,9 +8,9 @@ import pytest
 from rich.progress import Progress
 from werkzeug import Response
 
-from resample_volume import fetch as module
-from resample_volume.fetch import available, fetch
-from resample_volume.source import open_volume
+from resample_volume.files import fetch as module
+from resample_volume.files.fetch import available, fetch
+from resample_volume.files.source import open_volume
 
 VALUES = np.arange(24, dtype="<u2").reshape(2, 3, 4)
 FILE = "tiny_4x3x2_uint16.raw"

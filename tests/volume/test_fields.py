@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.orders import ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Projection, Resampler
 from resample.types import Field, Frame
-from resample_volume.fields import FieldVoxels, field_voxels, framed, lit_field
-from resample_volume.framing import Orbit, centered, sphere_around
-from resample_volume.generated import vessel_tree
-from resample_volume.presets import load_transfer
+from resample_volume.cameras.framing import Orbit, centered, sphere_around
+from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.presets import load_transfer
+from resample_volume.looks.transfer import TransferFunction, from_points
 from resample_volume.rendering import LEVELS
-from resample_volume.shading import Light
-from resample_volume.transfer import TransferFunction, from_points
 from resample_volume.types import Volume
+from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
+from resample_volume.voxels.shading import Light
 
 SLABS = Resampler(order=ImageSheets(0.5))
 TREE = centered(vessel_tree(16))[0]

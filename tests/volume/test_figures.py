@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.images import read_image
-from resample.orders import AxisSheets, EverySample
+from resample.files.images import read_image
+from resample.profiles.orders import AxisSheets, EverySample
 from resample.resampler import Footprint, Primitive, Resampler
-from resample_volume import figures
-from resample_volume.figures import data, footprints, gallery, popping, schematic, timing
-from resample_volume.figures.data import Shelf
-from resample_volume.figures.footprints import Sphere
-from resample_volume.figures.writing import write_numbers
-from resample_volume.source import generate
-from resample_volume.writing import write_volume
+from resample_volume.files.source import generate
+from resample_volume.files.writing import write_volume
+from resample_volume.showing import data, figures, footprints, gallery, popping, schematic, timing
+from resample_volume.showing.data import Shelf
+from resample_volume.showing.footprints import Sphere
+from resample_volume.showing.writing import write_numbers
 
 SMALL = "vessel-tree:size=24"
 

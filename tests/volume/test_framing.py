@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole
-from resample_volume.framing import Orbit, Sphere, Spot, parse_camera, sphere_around
-from resample_volume.presets import load_transfer
+from resample.cameras.models import Orthographic, Pinhole
+from resample_volume.cameras.framing import Orbit, Sphere, Spot, parse_camera, sphere_around
+from resample_volume.looks.presets import load_transfer
 from resample_volume.rendering import as_volume
-from resample_volume.voxels import classify
+from resample_volume.voxels.visible import classify
 
 BALL = Sphere(np.array([1.0, 2.0, 3.0]), 2.0)
 

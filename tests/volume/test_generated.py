@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from resample import console
-from resample_volume.generated import GENERATED, checker_box, marschner_lobb, vessel_tree
+from resample_volume.files.generated import GENERATED, checker_box, marschner_lobb, vessel_tree
 
 
 @pytest.mark.parametrize("make", GENERATED.values(), ids=GENERATED)
@@ -29,7 +28,7 @@ def test_a_size_without_voxels_is_refused(make):
 
 @pytest.mark.parametrize("make", GENERATED.values(), ids=GENERATED)
 def test_a_size_that_cannot_fit_is_refused(make, monkeypatch):
-    monkeypatch.setattr(console, "physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
     with pytest.raises(ValueError, match=r"needs .* GiB, this machine has 1\.0 GiB"):
         make(size=5000)
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole
-from resample.orders import AxisSheets, EverySample, ImageSheets
-from resample.quality import largest
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Pinhole
+from resample.measuring.quality import largest
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Projection, Resampler
-from resample_volume.framing import centered
-from resample_volume.generated import vessel_tree
-from resample_volume.presets import load_transfer
-from resample_volume.raycasting import Casting, cast_rays
+from resample_volume.cameras.framing import centered
+from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.presets import load_transfer
+from resample_volume.rivals.raycasting import Casting, cast_rays
 from tests.benchmarks import volume_scenes as scenes
 from tests.benchmarks.volume_scenes import SPLATS, Scene, Shot
 from tests.naive import all_line_integrals, composite, in_camera

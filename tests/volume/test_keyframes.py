@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.cameras import Pinhole
-from resample_volume.framing import Orbit, Spot
-from resample_volume.keyframes import Keyframes, read_keyframes
+from resample.cameras.models import Pinhole
+from resample_volume.cameras.framing import Orbit, Spot
+from resample_volume.cameras.keyframes import Keyframes, read_keyframes
 
 ANGLES = """
 [[camera]]

@@ -11,9 +11,9 @@ TIMES = 20
 FILM = """
 from pathlib import Path
 
-from resample.animations import write_film
-from resample_volume.animation import Flight, Paint, cameras_of, shots
-from resample_volume.generated import vessel_tree
+from resample.files.animations import write_film
+from resample_volume.command.animation import Flight, Paint, cameras_of, shots
+from resample_volume.files.generated import vessel_tree
 from resample_volume.rendering import Appearance, Subject
 
 subject = Subject.of(vessel_tree(24), Appearance())

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.images import from_srgb
-from resample_volume.labels import Labels, Rule, parse_rules, read_labels
-from resample_volume.regions import Region, RegionTransfer
-from resample_volume.transfer import from_points
+from resample.colors import from_srgb
+from resample_volume.looks.labels import Labels, Rule, parse_rules, read_labels
+from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.looks.transfer import from_points
 from resample_volume.types import Volume
-from resample_volume.voxels import classify
+from resample_volume.voxels.visible import classify
 
 GRAY, TOMATO = (0.5, 0.5, 0.5), (1.0, 99 / 255, 71 / 255)
 EVEN = from_points([(0, GRAY, 0.5)])

@@ -3,17 +3,17 @@ import builtins
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at, orbit
-from resample.quality import psnr
-from resample.reconstruction import GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at, orbit
+from resample.measuring.quality import psnr
+from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Classifier, Field, Lamp
-from resample_volume.generated import vessel_tree
-from resample_volume.peers import Peer, VtkRenderer, vtk_picture
-from resample_volume.raycasting import Casting, cast_rays
-from resample_volume.shading import Light
-from resample_volume.transfer import extinction, from_points
+from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.transfer import extinction, from_points
+from resample_volume.rivals.peers import Peer, VtkRenderer, vtk_picture
+from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
-from resample_volume.voxels import lattice_of
+from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import lattice_of
 
 SIZE = {"height": 60, "width": 80}
 FAINT = from_points([(0, (0.5, 0.5, 0.5), 0), (200, (1, 0.5, 0.2), 0.02)], opacity_unit=1.0)

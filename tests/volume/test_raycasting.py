@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic, Pinhole, look_at
-from resample.reconstruction import BSplineKernel, GaussianKernel
+from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.resampler import Primitive, Projection, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
-from resample_volume.raycasting import Casting, cast_rays
+from resample_volume.rivals.raycasting import Casting, cast_rays
 
 SKEW = np.array([[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.3, 0.0, -1.3]])  # left-handed too
 UNLIT = Lamp(np.zeros(3), np.array([0.0, 0.0, -1.0, 0.0]), 1.0, 0.0, 0.0, 1.0, 0.0)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import SimpleITK
 
-from resample import console
-from resample_volume import memory
-from resample_volume.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
+from resample.memory import physical_memory
+from resample_volume.files import memory
+from resample_volume.files.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
@@ -335,7 +335,7 @@ def test_types_that_fit_into_a_known_one_are_widened(given, kept, values, tmp_pa
 
 
 def test_importing_the_readers_imports_no_heavy_library():
-    code = """import sys, resample_volume.readers
+    code = """import sys, resample_volume.files.readers
 print({"SimpleITK", "OpenImageIO", "vtkmodules", "numba"} & set(sys.modules))"""
     printed = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -638,7 +638,7 @@ def test_raw_that_does_not_tell_its_shape_is_refused(tmp_path):
     "form", ["a.nrrd", "a.mha", "a.nii", "a.nii.gz", "a.tif", "a.raw.gz", "dcm"]
 )
 def test_what_cannot_fit_is_refused_before_it_is_read(form, values, tmp_path, monkeypatch):
-    monkeypatch.setattr(console, "physical_memory", lambda: 2000)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 2000)
     if form == "dcm":
         reader, path = Dicom(), write_dicom(tmp_path, values)
     elif form == "a.raw.gz":
@@ -655,7 +655,7 @@ def test_a_huge_header_does_not_allocate(tmp_path):
 
 def test_a_platform_that_does_not_tell_its_memory_refuses_nothing(monkeypatch):
     monkeypatch.delattr("os.sysconf")
-    assert console.physical_memory() is None
+    assert physical_memory() is None
     memory.require_memory(1 << 80, "all")
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.images import from_srgb
+from resample.colors import from_srgb
 from resample.types import Floats
-from resample_volume.presets import PRESETS, load_transfer
-from resample_volume.regions import Faded, Region, RegionTransfer
-from resample_volume.transfer import MOST_OPAQUE, from_points, tabulated
-from resample_volume.transfer_files import save_transfer
+from resample_volume.looks.files import save_transfer
+from resample_volume.looks.presets import PRESETS, load_transfer
+from resample_volume.looks.regions import Faded, Region, RegionTransfer
+from resample_volume.looks.transfer import MOST_OPAQUE, from_points, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels import classify, steepness
+from resample_volume.voxels.visible import classify, steepness
 
 RED, BLUE, WHITE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 BYTE = (0.0, 255.0)
@@ -126,7 +126,7 @@ def test_many_values_are_looked_at_in_chunks(
 ) -> None:
     value, slope = rng.uniform(0, 255, 99), rng.uniform(0, 50, 99).astype(np.float32)
     whole = one(BOX, SOFT).looks(value, slope, BYTE, 1.0)
-    monkeypatch.setattr("resample_volume.regions.CHUNK", 10)
+    monkeypatch.setattr("resample_volume.looks.regions.CHUNK", 10)
     for left, right in zip(one(BOX, SOFT).looks(value, slope, BYTE, 1.0), whole, strict=True):
         np.testing.assert_array_equal(left, right)
 

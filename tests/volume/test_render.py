@@ -6,15 +6,15 @@ import pytest
 
 import resample
 import resample_volume
-from resample.cameras import Orthographic, Pinhole, look_at
+from resample.cameras.models import Orthographic, Pinhole, look_at
 from resample.resampler import Primitive, Resampler
-from resample_volume.framing import Orbit
-from resample_volume.generated import checker_box, vessel_tree
-from resample_volume.presets import PRESETS, load_transfer
+from resample_volume.cameras.framing import Orbit
+from resample_volume.files.generated import checker_box, vessel_tree
+from resample_volume.looks.presets import PRESETS, load_transfer
+from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Appearance, as_volume, render
-from resample_volume.shading import Light
-from resample_volume.transfer import from_points
 from resample_volume.types import Volume
+from resample_volume.voxels.shading import Light
 
 SIZE = {"height": 48, "width": 48}
 BIG = {"height": 96, "width": 96}
@@ -76,7 +76,7 @@ def test_rendering_loads_no_forms_of_files_that_are_not_read():
     imported = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
-    unused = {"pydantic", "numba", "resample.animations", "resample_volume.transfer_files"}
+    unused = {"pydantic", "numba", "resample.files.animations", "resample_volume.looks.files"}
     assert unused & set(imported) == set()
 
 

@@ -6,11 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from resample.cameras import Camera, Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic, Pinhole, look_at
 from resample.types import Doubles, Floats
-from resample_volume.framing import Shifted, Sphere
-from resample_volume.shading import DepthCue, Light, cue_range, cued, shade
-from resample_volume.voxels import Voxels
+from resample_volume.cameras.framing import Shifted, Sphere
+from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade
+from resample_volume.voxels.visible import Voxels
 
 EYE = (0.0, 0.0, -10.0)
 VIEW = (0.0, 0.0, 1.0)
@@ -54,7 +54,7 @@ def lit(gradient: object, light: Light = MATT) -> Floats:
 
 @pytest.mark.parametrize("exponent", [0.05, 0.5, 1.0, 16.0, 250.0, 1e4])
 def test_powers_are_those_of_the_library(exponent: float) -> None:
-    from resample_volume.kernels.shading import power
+    from resample_volume.voxels.kernels.shading import power
 
     bases = np.concatenate([[0.0, 1e-300, 1e-20, 1 - 1e-12, 1.0], np.linspace(0.001, 1.0, 400)])
     found = [power(float(base), exponent) for base in bases]
@@ -157,7 +157,7 @@ def test_a_parallel_view_is_that_of_an_eye_far_away(rng: np.random.Generator) ->
 
 
 def test_threads_do_not_change_colors(rng: np.random.Generator) -> None:
-    from resample.kernels.jit import threads
+    from resample.engine.jit import threads
 
     voxels = scattered(rng, 9000)  # three chunks
     with threads(1):
@@ -256,7 +256,8 @@ def test_an_impossible_depth_cue_is_refused(share: float) -> None:
 
 def test_the_modules_load_without_numba_and_matplotlib() -> None:
     code = (
-        "import sys, resample_volume.shading, resample_volume.transfer, resample_volume.voxels;"
+        "import sys, resample_volume.voxels.shading, resample_volume.looks.transfer;"
+        "import resample_volume.voxels.visible;"
         "sys.exit(', '.join({'numba', 'matplotlib'} & set(sys.modules)) or 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

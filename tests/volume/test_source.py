@@ -7,9 +7,9 @@ import pytest
 import SimpleITK
 
 from resample import registry
-from resample_volume import source
-from resample_volume.readers import Dicom, Nifti, Npy, Raw, TiffStack
-from resample_volume.source import describe, find_reader, generate, open_volume
+from resample_volume.files import source
+from resample_volume.files.readers import Dicom, Nifti, Npy, Raw, TiffStack
+from resample_volume.files.source import describe, find_reader, generate, open_volume
 from resample_volume.types import Volume
 
 SUFFIXES = [
@@ -174,7 +174,7 @@ def test_a_histogram_without_bins_is_refused():
 def test_slabs_change_nothing(rng, monkeypatch):
     made = volume(rng.integers(0, 255, (9, 4, 4)).astype(np.uint8))
     whole = describe(made)
-    monkeypatch.setattr("resample_volume.slabs.CHUNK", 40)
+    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 40)
     assert describe(made) == whole
 
 

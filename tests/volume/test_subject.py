@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras import Orthographic
-from resample.orders import AxisSheets, EverySample, ImageSheets
+from resample.cameras.models import Orthographic
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.resampler import Projection, Resampler
 from resample.types import Field, Samples
-from resample_volume.fields import FieldVoxels
-from resample_volume.framing import Orbit
-from resample_volume.generated import checker_box, vessel_tree
-from resample_volume.labels import Labels, Rule
+from resample_volume.cameras.framing import Orbit
+from resample_volume.files.generated import checker_box, vessel_tree
+from resample_volume.looks.labels import Labels, Rule
 from resample_volume.rendering import Appearance, Classification, Subject, render
-from resample_volume.shading import DepthCue, Light
-from resample_volume.voxels import Voxels
+from resample_volume.voxels.fields import FieldVoxels
+from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.visible import Voxels
 
 TREE = vessel_tree(16)
 PLAIN = Appearance()

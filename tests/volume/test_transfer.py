@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.images import from_srgb
-from resample_volume.presets import PRESETS, load_transfer
-from resample_volume.transfer import (
+from resample.colors import from_srgb
+from resample_volume.looks.files import save_transfer
+from resample_volume.looks.presets import PRESETS, load_transfer
+from resample_volume.looks.transfer import (
     MOST_OPAQUE,
     TransferFunction,
     evaluated,
@@ -16,7 +17,6 @@ from resample_volume.transfer import (
     from_points,
     places_seen,
 )
-from resample_volume.transfer_files import save_transfer
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 RAMP = from_points([(10.0, BLACK, 0.2), (20.0, WHITE, 0.6)])

@@ -8,13 +8,12 @@ import pytest
 from scipy.ndimage import sobel
 from scipy.spatial.transform import Rotation
 
-from resample import console
-from resample.reconstruction import GaussianKernel
+from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Doubles
-from resample_volume.presets import load_transfer
-from resample_volume.transfer import Looks, from_points, tabulated
+from resample_volume.looks.presets import load_transfer
+from resample_volume.looks.transfer import Looks, from_points, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels import (
+from resample_volume.voxels.visible import (
     GRADIENTS,
     Voxels,
     classify,
@@ -135,7 +134,7 @@ def test_large_volumes_are_looked_at_in_chunks(
 ) -> None:
     volume = unit_volume(rng.normal(50, 30, (7, 6, 5)))
     whole = classify(volume, UPPER)
-    monkeypatch.setattr("resample_volume.slabs.CHUNK", 70)  # 2 slices, 1 left over
+    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 70)  # 2 slices, 1 left over
     assert_same(classify(volume, UPPER), whole)
 
 
@@ -169,7 +168,7 @@ def test_missing_values_are_not_seen() -> None:
 
 
 def test_the_range_leaves_out_what_is_not_finite(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("resample_volume.slabs.CHUNK", 1)
+    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 1)
     values = np.array([np.nan, -3, np.inf, 8, -np.inf, np.nan]).reshape(6, 1, 1)
     assert finite_range(values) == (-3, 8)
     assert finite_range(np.full((2, 2, 2), np.nan)) == (0, 1)
@@ -314,7 +313,7 @@ def test_impossible_choices_are_refused(
 
 
 def test_what_does_not_fit_in_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "physical_memory", lambda: 1000)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1000)
     assert len(classify(unit_volume(np.ones((1, 1, 5))), ALL).position) == 5
     with pytest.raises(ValueError, match="test with 6 visible voxels needs"):
         classify(unit_volume(np.ones((1, 1, 6))), ALL)
@@ -397,7 +396,7 @@ def test_reach_does_not_depend_on_chunks(
 ) -> None:
     volume, looks = unit_volume(smooth("f4", rng)), looks_of(SHOWN["above"])
     whole = reachable(volume, looks)
-    monkeypatch.setattr("resample_volume.slabs.CHUNK", 250)
+    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 250)
     np.testing.assert_array_equal(reachable(volume, looks), whole)
 
 

@@ -1,21 +1,21 @@
 import numpy as np
 import pytest
 
-from resample.images import to_srgb
-from resample.orders import ImageSheets
+from resample.colors import to_srgb
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Projection, Resampler
-from resample_volume.generated import vessel_tree
-from resample_volume.readers import Npy
-from resample_volume.rendering import Appearance, render
-from resample_volume.source import open_volume
-from resample_volume.types import Volume
-from resample_volume.writing import (
+from resample_volume.files.generated import vessel_tree
+from resample_volume.files.readers import Npy
+from resample_volume.files.source import open_volume
+from resample_volume.files.writing import (
     SUFFIXES,
     check_color_bar,
     check_memory,
     with_bar,
     write_volume,
 )
+from resample_volume.rendering import Appearance, render
+from resample_volume.types import Volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -71,11 +71,11 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, name):
 
 
 def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("resample.console.physical_memory", lambda: 100 << 20)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 100 << 20)
     check_memory(1000, 1000)
     with pytest.raises(ValueError, match=r"a picture of 3000 x 1000 pixels needs 0.3 GiB"):
         check_memory(1000, 3000)
-    monkeypatch.setattr("resample.console.physical_memory", lambda: None)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: None)
     check_memory(10**6, 10**6)
 
 

@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 
-from resample_warp3d.cameras import Camera
-from resample_warp3d.equation import between, places
-from resample_warp3d.preparation import prepare
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.depth.equation import between, places
+from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Equation, Rendered
 
 EMPTY = np.empty((0, 0, 2))

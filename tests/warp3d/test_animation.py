@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from resample.animations import write_film
-from resample_warp3d.animation import (
+from resample.files.animations import write_film
+from resample_warp3d.cameras.models import Camera, camera_to_world
+from resample_warp3d.command.animation import (
     PATHS,
     Flight,
     Range,
@@ -13,7 +14,6 @@ from resample_warp3d.animation import (
     shots,
     stepped,
 )
-from resample_warp3d.cameras import Camera, camera_to_world
 from resample_warp3d.types import Warped
 
 HERE, ROOM = np.eye(4), Range(near=2.0, middle=4.0)

@@ -4,7 +4,8 @@ import sys
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras import (
+from resample_warp3d.cameras.lens import fold
+from resample_warp3d.cameras.models import (
     Camera,
     Convention,
     camera_to_world,
@@ -13,8 +14,7 @@ from resample_warp3d.cameras import (
     pixel_centers,
     undistorted_places,
 )
-from resample_warp3d.equation import between, warp_places
-from resample_warp3d.lens import fold
+from resample_warp3d.depth.equation import between, warp_places
 
 MATRIX = np.array([[90.0, 2.0, 49.0], [0.0, -85.0, 41.0], [0.0, 0.0, 1.0]])
 SHAPE = (80, 100)
@@ -235,7 +235,7 @@ def test_other_counts_of_coefficients_are_refused(given):
 
 def test_importing_cameras_and_files_of_poses_loads_nothing_heavy():
     code = (
-        "import sys, resample_warp3d.poses, resample_warp3d.depth\n"
+        "import sys, resample_warp3d.cameras.poses, resample_warp3d.depth.files\n"
         "heavy = {'numba', 'cv2', 'OpenImageIO', 'scipy', 'trimesh', 'matplotlib', 'PIL'}\n"
         "print(*sorted(heavy & set(sys.modules)))"
     )

@@ -11,9 +11,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from resample.images import read_channels, read_image
-from resample.options import run
-from resample_warp3d import cli
+from resample.command.options import run
+from resample.files.images import read_channels, read_image
+from resample_warp3d.command import cli
 from resample_warp3d.types import Hole
 from tests.conftest import DATA
 
@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[8:16, 12:20] = 1000
     cv2.imwrite("depth.png", depth)
-    monkeypatch.setattr("resample_warp3d.session.announce_compilation", lambda: None)
+    monkeypatch.setattr("resample_warp3d.command.session.announce_compilation", lambda: None)
     return tmp_path
 
 
@@ -346,7 +346,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
 @pytest.mark.parametrize("name", ["out.gif", "out", "none/out.png", "folder.png"])
 def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeypatch, capsys):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample_warp3d.inputs.read_view", None)
+    monkeypatch.setattr("resample_warp3d.command.inputs.read_view", None)
     assert name in refused(capsys, *render(*RIGHT, "-o", name))
 
 
@@ -394,8 +394,8 @@ def test_damaged_files_are_one_line(which, capsys):
 
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
-    monkeypatch.setattr("resample.console.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.session.prepare", None)
+    monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
+    monkeypatch.setattr("resample_warp3d.command.session.prepare", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 
@@ -535,7 +535,7 @@ def test_a_number_of_frames_is_checked(capsys):
 
 KILLED = """
 import os, signal, sys
-from resample_warp3d import session
+from resample_warp3d.command import session
 whole = session.on_screen
 made = []
 
@@ -546,7 +546,7 @@ def killing(*arguments, **choices):
     return whole(*arguments, **choices)
 
 session.on_screen = killing
-from resample_warp3d.cli import main
+from resample_warp3d.command.cli import main
 main()
 """
 
@@ -679,8 +679,8 @@ def test_figures_take_ones_own_pictures(capsys):
 
 @pytest.mark.slow
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
-    monkeypatch.setattr("resample_warp3d.session.DEMO_SIZE", 48)
-    monkeypatch.setattr("resample_warp3d.session.DEMO_FRAMES", 2)
+    monkeypatch.setattr("resample_warp3d.command.session.DEMO_SIZE", 48)
+    monkeypatch.setattr("resample_warp3d.command.session.DEMO_FRAMES", 2)
     assert ended("demo", "-o", "demo") == 0
     assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
     assert {"figure-6.png", "sway.gif"} <= {path.name for path in Path("demo").iterdir()}

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.images import from_srgb
-from resample_warp3d.cloud_files import Cloud, read_cloud
+from resample.colors import from_srgb
+from resample_warp3d.clouds.files import Cloud, read_cloud
 from tests.conftest import DATA
 
 RNG = np.random.default_rng(7)

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.images import from_srgb, read_image
-from resample_warp3d import figures
-from resample_warp3d.compare import (
+from resample.colors import from_srgb
+from resample.files.images import read_image
+from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.showing import figures
+from resample_warp3d.showing.compare import (
     Case,
     busiest,
     compare_cases,
@@ -16,9 +19,7 @@ from resample_warp3d.compare import (
     screen_of,
     sheet,
 )
-from resample_warp3d.equation import of_rectified
-from resample_warp3d.preparation import prepare
-from resample_warp3d.scoring import Target
+from resample_warp3d.showing.scoring import Target
 from resample_warp3d.types import DepthImage, Rendered
 
 SIZE = 32

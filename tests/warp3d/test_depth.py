@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras import Camera, directions, pixel_centers, undistorted_places
-from resample_warp3d.depth import read_depth
-from resample_warp3d.encodings import (
+from resample_warp3d.cameras.models import Camera, directions, pixel_centers, undistorted_places
+from resample_warp3d.depth.encodings import (
     ENCODINGS,
     BareDisparity,
     Disparity,
@@ -12,7 +11,8 @@ from resample_warp3d.encodings import (
     RayLength,
     check_scale,
 )
-from resample_warp3d.equation import of_rectified, places, warp_places
+from resample_warp3d.depth.equation import of_rectified, places, warp_places
+from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
 from tests.conftest import DATA
 

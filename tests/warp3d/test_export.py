@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from resample.images import from_srgb
-from resample_warp3d.cameras import Camera
-from resample_warp3d.export import check_export, cloud, mesh, triangles, write_geometry
-from resample_warp3d.preparation import prepare
+from resample.colors import from_srgb
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.command.export import check_export, cloud, mesh, triangles, write_geometry
+from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Source
 
 NOWHERE = np.empty((0, 0, 2))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.filling import fill, rim_of
+from resample_warp3d.sheet.filling import fill, rim_of
 from resample_warp3d.types import Hole, Warped
 
 BACK, FRONT = (0.1, 0.4, 0.2), (9.0, 0.0, 0.0)

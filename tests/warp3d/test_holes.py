@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras import Camera, distorted_places, pixel_centers
-from resample_warp3d.equation import between, inverse, warp_places
-from resample_warp3d.holes import bridged
+from resample_warp3d.cameras.models import Camera, distorted_places, pixel_centers
+from resample_warp3d.depth.equation import between, inverse, warp_places
+from resample_warp3d.sheet.holes import bridged
 from resample_warp3d.types import Hole, Rendered
 from resample_warp3d.warping import warp
 from tests.warp3d.naive_sheet import camera_at

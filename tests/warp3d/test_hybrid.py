@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import resample_texture.warping
-from resample.quality import psnr
-from resample_warp3d.cameras import Camera
-from resample_warp3d.equation import between, of_rectified
-from resample_warp3d.hybrid import Hybrid, Preview
-from resample_warp3d.preparation import prepare
+from resample.measuring.quality import psnr
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Hole
 from resample_warp3d.warping import render
 from tests.warp3d.naive_sheet import (

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from resample.kernels.jit import threads
-from resample_warp3d.equation import inverse
-from resample_warp3d.layered import LayeredDepthImage, build, patches, splat
-from resample_warp3d.mcmillan import McMillan
-from resample_warp3d.preparation import prepare
+from resample.engine.jit import threads
+from resample_warp3d.depth.equation import inverse
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.rivals.layered import LayeredDepthImage, build, patches, splat
+from resample_warp3d.rivals.mcmillan import McMillan
 from resample_warp3d.types import DepthImage, Equation
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, blocks, moved, random_source
 

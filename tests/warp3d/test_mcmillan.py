@@ -1,11 +1,17 @@
 import numpy as np
 import pytest
 
-from resample.kernels.jit import threads
-from resample_warp3d.equation import of_rectified
-from resample_warp3d.kernels.mcmillan import copy_rows, place_samples
-from resample_warp3d.mcmillan import McMillan, McMillanZBuffer, blank, eye_in_source, walks_of
-from resample_warp3d.preparation import prepare
+from resample.engine.jit import threads
+from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.rivals.kernels.mcmillan import copy_rows, place_samples
+from resample_warp3d.rivals.mcmillan import (
+    McMillan,
+    McMillanZBuffer,
+    blank,
+    eye_in_source,
+    walks_of,
+)
 from resample_warp3d.types import DepthImage, Equation
 from tests.warp3d import naive_warp
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, blocks, moved, random_source

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.preparation import prepare
-from resample_warp3d.sheets import sheet_of
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DepthImage
 from tests.warp3d.naive_sheet import (
     EMPTY,

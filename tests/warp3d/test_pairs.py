@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from resample_warp3d.equation import of_rectified, warp_places
-from resample_warp3d.pairs import edges_in_view, load_pairs, seen_nearness
+from resample_warp3d.depth.equation import of_rectified, warp_places
+from resample_warp3d.showing.pairs import edges_in_view, load_pairs, seen_nearness
 from resample_warp3d.types import DepthImage, Equation
 from tests.conftest import DATA
 

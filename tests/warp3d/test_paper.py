@@ -4,9 +4,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from resample.kernels.jit import threads
-from resample_warp3d.paper import CUT, LARGEST_RADIUS, Paper, Point, Splat, blank, place
-from resample_warp3d.preparation import prepare
+from resample.engine.jit import threads
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.paper import CUT, LARGEST_RADIUS, Paper, Point, Splat, blank, place
 from resample_warp3d.types import DepthImage, Equation, Source
 from tests.warp3d import naive_paper
 
@@ -309,7 +309,7 @@ def test_given_places_say_where_samples_are():
 
 
 def test_jacobian_and_gradient_are_those_of_small_steps():
-    from resample_warp3d.kernels import jacobian
+    from resample_warp3d.methods.kernels import jacobian
 
     x, y = centers(20, 24)
     depth = (0.5 + 0.004 * x - 0.002 * y).astype(np.float32)
@@ -325,7 +325,7 @@ def test_jacobian_and_gradient_are_those_of_small_steps():
 
 
 def test_a_segment_knows_the_rows_it_may_touch():
-    from resample_warp3d.kernels import jacobian
+    from resample_warp3d.methods.kernels import jacobian
 
     source = wall(10, 130)
     placed = place(source, shift(0.0, 3.0), jacobian.Footprint(1.5, 1.0, 8.0), (12, 130))

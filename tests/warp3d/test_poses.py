@@ -4,12 +4,18 @@ import json
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras import Camera, camera_to_world, directions, pixel_centers
-from resample_warp3d.depth import read_depth
-from resample_warp3d.encodings import PlanarDepth
-from resample_warp3d.equation import between, places, warp_places
-from resample_warp3d.pose_files import KINDS, from_quaternion, read_shots
-from resample_warp3d.poses import looks_inverted, read_camera, read_pose, read_poses, read_shot
+from resample_warp3d.cameras.files import KINDS, from_quaternion, read_shots
+from resample_warp3d.cameras.models import Camera, camera_to_world, directions, pixel_centers
+from resample_warp3d.cameras.poses import (
+    looks_inverted,
+    read_camera,
+    read_pose,
+    read_poses,
+    read_shot,
+)
+from resample_warp3d.depth.encodings import PlanarDepth
+from resample_warp3d.depth.equation import between, places, warp_places
+from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
 from tests.conftest import DATA
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.preparation import prepare
+from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 from tests.warp3d.naive_sheet import EMPTY, ball, camera_at, depth_image, flat, plane
 

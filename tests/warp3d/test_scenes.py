@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras import Camera, pixel_centers
-from resample_warp3d.equation import between, places, warp_places
-from resample_warp3d.scenes import (
+from resample_warp3d.cameras.models import Camera, pixel_centers
+from resample_warp3d.depth.equation import between, places, warp_places
+from resample_warp3d.showing.scenes import (
     STANDS,
     Ball,
     Look,
@@ -159,7 +159,7 @@ def test_pictures_are_the_same_each_time(small):
 
 
 def test_a_picture_does_not_depend_on_the_count_of_threads(small):
-    from resample.kernels.jit import threads
+    from resample.engine.jit import threads
 
     pictures = []
     for count in (1, 2):

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.kernels import fragments, screen, segments
-from resample_warp3d.kernels.colors import write_colors
-from resample_warp3d.kernels.segments import BEGIN, END, PIXEL, WAY, Frame
-from resample_warp3d.sheets import sheet_of
+from resample_warp3d.sheet.kernels import fragments, screen, segments
+from resample_warp3d.sheet.kernels.colors import write_colors
+from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, Frame
+from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP
 from tests.warp3d.naive_warp import random_source
 from tests.warp3d.test_sheets import torn_source

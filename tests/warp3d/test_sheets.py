@@ -3,8 +3,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from resample_warp3d.preparation import prepare
-from resample_warp3d.sheets import sheet_of
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 from tests.warp3d import naive_sheet
 from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, flat, pattern, plane

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from resample.kernels.jit import threads
-from resample_warp3d.preparation import prepare
-from resample_warp3d.subsampling import Subsample
+from resample.engine.jit import threads
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.rivals.subsampling import Subsample
 from resample_warp3d.types import DepthImage, Equation
 from tests.warp3d import naive_warp
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, random_source

@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.quality import psnr
-from resample_warp3d.cameras import Camera, undistorted_places
-from resample_warp3d.equation import between
-from resample_warp3d.hybrid import Hybrid
-from resample_warp3d.preparation import prepare
+from resample.measuring.quality import psnr
+from resample_warp3d.cameras.models import Camera, undistorted_places
+from resample_warp3d.depth.equation import between
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.hybrid import Hybrid
 from resample_warp3d.types import DepthImage, Equation, Hole
 from resample_warp3d.warping import as_light, nearness_of, render, warp, warp_disparity
 from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, pattern, plane

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_texture.geometry import BackwardMap, ForwardMap, Homography
-    from resample_texture.methods import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+    from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
     from resample_texture.opencv import warp_like_opencv
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
 
 _HOMES = {
-    "BackwardMap": "geometry",
+    "BackwardMap": "geometry.mappings",
     "Edge": "types",
-    "ForwardMap": "geometry",
-    "Homography": "geometry",
-    "Hybrid": "methods",
-    "Paper": "methods",
-    "Points": "methods",
-    "Splats": "methods",
-    "Supersample": "methods",
+    "ForwardMap": "geometry.mappings",
+    "Homography": "geometry.mappings",
+    "Hybrid": "methods.forward",
+    "Paper": "methods.forward",
+    "Points": "methods.forward",
+    "Splats": "methods.forward",
+    "Supersample": "methods.forward",
     "Warped": "types",
     "warp": "warping",
     "warp_like_opencv": "opencv",

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Floats
-from resample_texture.encoding import decoded, encoded, light, without_gaps
-from resample_texture.matrices import homography
+from resample_texture.geometry.matrices import homography
+from resample_texture.texels.encoding import decoded, encoded, light, without_gaps
 from resample_texture.types import Edge, Method, Warped
 from resample_texture.warping import check_shape, method_named, moved, run, shift_of, whole_pair
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.geometry import Geometry
+from resample_texture.geometry.mappings import Geometry
 
 
 class Edge(StrEnum):

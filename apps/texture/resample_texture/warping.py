@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.types import Floats
-from resample_texture.encoding import Encoding, decoded, encoded
-from resample_texture.geometry import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.matrices import homography
-from resample_texture.shifts import shifted, whole_shift
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.matrices import homography
+from resample_texture.geometry.shifts import shifted, whole_shift
+from resample_texture.texels.encoding import Encoding, decoded, encoded
 from resample_texture.types import Edge, Method, Warped
 
 LARGEST_PICTURE = 1 << 30  # pixels; more is a mistake in a size
@@ -122,7 +122,7 @@ def run(
     threads: int | None = None,
 ) -> Warped:
     """Warp on so many threads, whose tasks are handed out one by one."""
-    from resample.kernels import jit
+    from resample.engine import jit
 
     with jit.threads(threads):
         return method(*given)

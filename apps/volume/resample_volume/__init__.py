@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_volume.framing import Orbit
-    from resample_volume.presets import load_transfer
+    from resample_volume.cameras.framing import Orbit
+    from resample_volume.files.source import open_volume
+    from resample_volume.looks.presets import load_transfer
+    from resample_volume.looks.transfer import TransferFunction
     from resample_volume.rendering import Appearance, as_volume, render
-    from resample_volume.shading import Light
-    from resample_volume.source import open_volume
-    from resample_volume.transfer import TransferFunction
     from resample_volume.types import Volume
+    from resample_volume.voxels.shading import Light
 
 _HOMES = {
     "Appearance": "rendering",
-    "Light": "shading",
-    "Orbit": "framing",
-    "TransferFunction": "transfer",
+    "Light": "voxels.shading",
+    "Orbit": "cameras.framing",
+    "TransferFunction": "looks.transfer",
     "Volume": "types",
     "as_volume": "rendering",
-    "load_transfer": "presets",
-    "open_volume": "source",
+    "load_transfer": "looks.presets",
+    "open_volume": "files.source",
     "render": "rendering",
 }
 

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras import Camera
-from resample.orders import Summing
+from resample.cameras.models import Camera
+from resample.profiles.orders import Summing
 from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import Blocked, Blocks, Doubles, Field, Frame, Samples, View
-from resample_volume.cropping import chosen, faced, keep, planes
-from resample_volume.fields import FieldVoxels, field_voxels, framed, lit_field
-from resample_volume.framing import (
+from resample_volume.cameras.framing import (
     Orbit,
     Shifted,
     Sphere,
@@ -23,15 +21,17 @@ from resample_volume.framing import (
     centered,
     sphere_around,
 )
-from resample_volume.presets import transfer_for
-from resample_volume.regions import Faded
-from resample_volume.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
-from resample_volume.transfer import Transfer, from_points
+from resample_volume.looks.presets import transfer_for
+from resample_volume.looks.regions import Faded
+from resample_volume.looks.transfer import Transfer, from_points
 from resample_volume.types import Volume
-from resample_volume.voxels import Voxels, classify
+from resample_volume.voxels.cropping import chosen, faced, keep, planes
+from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
+from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
+from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
-    from resample_volume.labels import Labels
+    from resample_volume.looks.labels import Labels
 
 # Values as gray levels, which is how they are read where they are not classified. Nothing is made
 # of the least value: in a picture on black that is no difference, and most voxels may have it.
@@ -257,7 +257,7 @@ class Subject:
 
     def facts(self) -> dict[str, Any]:
         """What pictures depend on besides camera and renderer, as JSON holds it."""
-        from resample.animations import fingerprint
+        from resample.files.animations import fingerprint
 
         looks = self.voxels.looks if isinstance(self.voxels, FieldVoxels) else ()
         parts = [part for part in self.voxels if part is not looks]

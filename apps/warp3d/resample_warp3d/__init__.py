@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_warp3d.cameras import Camera
-    from resample_warp3d.equation import between, of_rectified
-    from resample_warp3d.hybrid import Hybrid
+    from resample_warp3d.cameras.models import Camera
+    from resample_warp3d.depth.equation import between, of_rectified
+    from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.merging import merge
-    from resample_warp3d.preparation import prepare
+    from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.warping import render, warp, warp_disparity
 
 _HOMES = {
-    "Camera": "cameras",
+    "Camera": "cameras.models",
     "DepthImage": "types",
     "Equation": "types",
     "Hole": "types",
-    "Hybrid": "hybrid",
+    "Hybrid": "methods.hybrid",
     "Source": "types",
     "Warped": "types",
-    "between": "equation",
+    "between": "depth.equation",
     "merge": "merging",
-    "of_rectified": "equation",
-    "prepare": "preparation",
+    "of_rectified": "depth.equation",
+    "prepare": "depth.preparation",
     "render": "warping",
     "warp": "warping",
     "warp_disparity": "warping",

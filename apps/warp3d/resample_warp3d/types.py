@@ -63,7 +63,7 @@ class Sheet(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A depth image prepared for warping; see `resample_warp3d.preparation`."""
+    """A depth image prepared for warping; see `resample_warp3d.depth.preparation`."""
 
     color: Floats  # (H, W, C)
     nearness: Floats  # (H, W) smoothed along surfaces where it is noisy or coarse; 0: none

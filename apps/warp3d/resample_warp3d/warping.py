@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras import Camera, undistorted_places
-from resample_warp3d.equation import between, of_rectified
-from resample_warp3d.filling import fill as fill_holes
-from resample_warp3d.holes import explained
-from resample_warp3d.preparation import prepare
+from resample_warp3d.cameras.models import Camera, undistorted_places
+from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.sheet.filling import fill as fill_holes
+from resample_warp3d.sheet.holes import explained
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
 
 CLOSEST = 1e-30  # scene units: a depth below this is none
@@ -177,7 +177,7 @@ def render(
     ValueError
         The shape or the equation cannot be worked with.
     """
-    from resample.kernels import jit
+    from resample.engine import jit
 
     height, width = _height_and_width(shape)
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:

@@ -1,0 +1,120 @@
+"""A camera that flies over a picture, or turns around it, frame by frame."""
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+
+from resample.cameras.models import Camera, Pinhole, look_at
+from resample.colors import over
+from resample.engine.jit import threads
+from resample.files.animations import Levels, Shots, check_count, fingerprint
+from resample.measuring.compare import shown
+from resample.types import Doubles, Floats
+from resample_texture.geometry.planes import plane_seen_by
+from resample_texture.types import Edge, Method
+
+FOV = 50.0  # degrees along the frame's shorter side
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A closed path of a camera; the picture's longer side has length 1.
+
+    Parameters
+    ----------
+    path
+        `fly`: low over the picture, forth and back; `turn`: around its middle.
+    frames
+        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+    size
+        Height and width of a frame, px.
+
+    Raises
+    ------
+    ValueError
+        There are too few or too many frames.
+    """
+
+    path: Literal["fly", "turn"] = "fly"
+    frames: int = 48
+    size: tuple[int, int] = (240, 426)
+
+    def __post_init__(self) -> None:
+        check_count(self.frames)
+
+    def camera(self, n: int) -> Camera:
+        """Camera of a frame."""
+        eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
+        height, width = self.size
+        pose = look_at(eye, target)
+        return Pinhole.from_fov(FOV, height=height, width=width, world_to_camera=pose)
+
+    def _fly(self, n: int) -> tuple[Doubles, Doubles]:
+        phase = 2.0 * np.pi * n / self.frames
+        eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
+        ahead = np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
+        return eye, eye + ahead
+
+    def _turn(self, n: int) -> tuple[Doubles, Doubles]:
+        angle, elevation = 2.0 * np.pi * n / self.frames, np.radians(35.0)
+        around = np.array([np.sin(angle), -np.cos(angle)]) * np.cos(elevation)
+        return 1.3 * np.array([*around, np.sin(elevation)]), np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Paint:
+    """How frames are made: by which method, with what at the edges and behind the picture."""
+
+    method: Method
+    edge: Edge = Edge.TRANSPARENT
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
+
+
+def shots(source: Floats, flight: Flight, paint: Paint) -> Shots:
+    """Frames of a flight over a picture as `frame` takes it."""
+    job = {
+        **asdict(flight),
+        "picture": fingerprint(source),
+        "method": repr(paint.method),
+        "edge": paint.edge.value,
+        "background": paint.background,
+    }
+    return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
+
+
+def frame(source: Floats, flight: Flight, paint: Paint, n: int) -> Levels:
+    """Frame (H, W, 3) as a screen takes it.
+
+    Parameters
+    ----------
+    source
+        (H, W, 4) linear light, premultiplied; see `with_alpha`.
+    flight, paint
+        Where the camera is and what it shows.
+    n
+        Which frame; 0 is the first.
+    """
+    texel_size = 1.0 / max(source.shape[:2])
+    geometry = plane_seen_by(flight.camera(n), source.shape[:2], texel_size=texel_size)
+    with threads(None):
+        image = paint.method(source, geometry, flight.size, paint.edge).image
+    screen = shown(over(image, paint.background))
+    levels: Levels = np.floor(screen * 255.0 + 0.5).astype(np.uint8)
+    return levels
+
+
+def with_alpha(picture: Floats) -> Floats:
+    """RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha.
+
+    Raises
+    ------
+    ValueError
+        It has another number of channels.
+    """
+    channels = picture.shape[2]
+    if channels not in (1, 2, 3, 4):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    color = picture[..., [0, 0, 0]] if channels < 3 else picture[..., :3]
+    alpha = picture[..., -1:] if channels in (2, 4) else np.ones_like(color[..., :1])
+    return np.ascontiguousarray(np.concatenate([color, alpha], axis=2), np.float32)

@@ -1,0 +1,403 @@
+"""The `resample-texture` command."""
+
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Literal, NoReturn
+
+from cyclopts import App, Parameter
+
+from resample.command.options import run
+from resample.command.settings import Written, height_and_width, method_names
+from resample_texture.command.choices import (
+    Edges,
+    Hyphen,
+    Place,
+    Target,
+    View,
+    Warping,
+    region,
+)
+
+Flat = Parameter(name="*")  # a model's fields are flags of their own
+Output = Annotated[Path, Parameter(alias="-o")]
+
+app = App(
+    name="resample-texture",
+    help="Texture mapping and image warping: points where texels shrink, parts of them where they "
+    "grow.\n\nExample: resample-texture warp photo.png --corners "
+    "'0,0 400,60 400,240 0,300' -o out.png",
+    version=lambda: version("hybrid-resample"),
+)
+
+PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), View()
+PAGE = Warping(edge="clamp")  # a page that reaches the photo's edge does not fade there
+COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
+SHEETS = (".png", ".html")
+FIGURES, DEMO = Path("figures"), Path("demo")
+
+
+@app.command
+def warp(
+    image: Path,
+    /,
+    *,
+    output: Output,
+    place: Annotated[Place, Flat] = PLACE,
+    warping: Annotated[Warping, Flat] = WARPING,
+    written: Annotated[Written, Flat] = WRITTEN,
+    roi: str | None = None,
+    coverage: Path | None = None,
+    stats: Path | None = None,
+) -> None:
+    """Warp a picture by a matrix, by corners, by a map or by a lens.
+
+    Example: resample-texture warp photo.png --matrix 0.5,0,0,0,0.5,0 --size 640x480 -o out.png
+
+    Parameters
+    ----------
+    image
+        Any picture; float files are linear light, the others sRGB.
+    output
+        .png, .tif, .exr with what the file holds, or .jpg over a background.
+    roi
+        Write only this part of the target: left,top,width,height in px.
+    coverage
+        Also write the share of each pixel that is covered (.png, .tif, .exr).
+    stats
+        Also write sizes and times (.json).
+    """
+    from resample.files.pictures import Look, check_output, look_of, read_picture, write_picture
+    from resample.files.writing import check_targets, write_json
+    from resample_texture.command.session import Session, coverage_picture
+
+    place.check()
+    warping.check()
+    part, look = region(roi), look_of(written)
+    check_output(output, look, transparent=warping.edge == "transparent" and not warping.total)
+    if coverage is not None:
+        check_output(coverage, Look(is_light=False), transparent=False)
+    check_targets(output, coverage, stats)
+    session = Session()
+    with session.stage("read"):
+        picture = read_picture(image)
+        target = place.target((picture.data.shape[0], picture.data.shape[1]))
+    result, share = session.warped(picture, target, warping, part)
+    with session.stage("write"):
+        write_picture(output, result, look)
+        if coverage is not None:
+            write_picture(coverage, coverage_picture(share), Look(is_light=False))
+    if stats is not None:
+        write_json(stats, session.report(picture, result, warping))
+
+
+@app.command
+def rectify(
+    photo: Path,
+    /,
+    *,
+    corners: Annotated[str, Hyphen],
+    output: Output,
+    size: str | None = None,
+    warping: Annotated[Warping, Flat] = PAGE,
+    written: Annotated[Written, Flat] = WRITTEN,
+) -> None:
+    """Turn a photographed page into a page.
+
+    Example: resample-texture rectify desk.jpg --corners "82,60 590,41 655,430 20,455" -o page.png
+
+    Parameters
+    ----------
+    photo
+        Any picture.
+    corners
+        x,y of the page's four corners in px of the photo, in any order.
+    output
+        As in warp.
+    size
+        Of the page in px, 640x480. What the page's sides have in the photo.
+    """
+    from resample.files.pictures import check_output, look_of, read_picture, write_picture
+    from resample.files.writing import check_targets
+    from resample_texture.command.session import Session
+    from resample_texture.geometry.corners import (
+        from_corners,
+        order_corners,
+        page_corners,
+        parse_points,
+        rectified_shape,
+    )
+
+    warping.check()
+    ordered = order_corners(parse_points(corners))
+    shape = rectified_shape(ordered) if size is None else height_and_width(size)
+    look = look_of(written)
+    check_output(output, look, transparent=warping.edge == "transparent")
+    check_targets(output)
+    target = Target(from_corners(ordered, page_corners(shape)), shape)
+    page, _ = Session().warped(read_picture(photo), target, warping)
+    write_picture(output, page, look)
+
+
+@app.command
+def mesh(
+    model: Path,
+    /,
+    *,
+    output: Output,
+    view: Annotated[View, Flat] = VIEW,
+    size: str = "512",
+    texture: Path | None = None,
+    reconstruction: str = "catmull-rom",
+    filter: str = "box",  # noqa: A002
+    background: str | None = None,
+    bits: Literal[8, 16] = 8,
+) -> None:
+    """Show a mesh with its texture.
+
+    Example: resample-texture mesh cow.obj --camera 120/20/1.2 -o cow.png
+
+    Parameters
+    ----------
+    model
+        OBJ with its MTL, GLB, glTF or PLY.
+    output
+        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+    size
+        Pixels: 400 for a square, 640x480 for width and height.
+    texture
+        Picture to use in place of the textures that the file names.
+    reconstruction
+        Interpolation between texels.
+    filter
+        Pixel filter, such as gaussian:sigma=0.5.
+    background
+        black, white, #rrggbb or none for transparent.
+    bits
+        Per channel of a PNG.
+    """
+    from resample import registry
+    from resample.command.console import progress_bar
+    from resample.command.settings import linear_color
+    from resample.files.images import check_suffix, write_frame
+    from resample.files.writing import check_targets
+    from resample_texture.command.session import announce_compilation, check_memory, framed
+    from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
+
+    check_suffix(output)
+    height, width = height_and_width(size)
+    view.angles()
+    behind = None if background is None else linear_color(background)
+    style = MeshStyle(
+        interpolation=registry.build("interpolations", reconstruction),
+        pixel_filter=registry.build("filters", filter),
+        shading=view.shading,
+    )
+    check_targets(output)
+    check_memory((height, width), 16)
+    shape = load_mesh(model, texture)
+    camera = view.placed(shape, (height, width))
+    announce_compilation(mesh=True)
+    with progress_bar("painting"):
+        frame = render_mesh(shape, camera, height=height, width=width, style=style)
+    write_frame(output, framed(frame), bits=bits, background=behind)
+
+
+@app.command
+def compare(
+    image: Path,
+    /,
+    *,
+    scene: Annotated[str, Hyphen] = "floor",
+    methods: str = COMPARED,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    truth: Literal["box", "gaussian"] = "box",
+    linear: bool = True,
+    edge: Edges = "transparent",
+    size: str | None = None,
+) -> None:
+    """Warp a picture by several methods and measure them where texels shrink and where they grow.
+
+    The truth is made of 16 x 16 rays per pixel through a Catmull-Rom spline of the picture.
+
+    Example: resample-texture compare brick.png --methods bilinear,hybrid,oiio -o compare.html
+
+    Parameters
+    ----------
+    image
+        A picture; a small one is tiled with its mirror images.
+    scene
+        floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes it.
+    methods
+        Separated by commas; parameters as in opencv-supersample:n=8,kernel=linear.
+    output
+        A page with sliders (.html), or all pictures side by side with details enlarged (.png).
+    as_json
+        Print JSON instead of a table; the PSNR of equal pictures is null.
+    truth
+        Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
+    linear
+        Filter light; otherwise values as they are encoded.
+    edge
+        What the methods are told lies beyond the picture; it is not measured.
+    size
+        Of the views in px, 640x480. Half of the (tiled) picture's; for a matrix the picture's.
+    """
+    from resample import registry
+    from resample.files.pictures import flattened, read_picture
+    from resample.files.writing import check_targets, rows_as_json
+    from resample.measuring.compare import plain
+    from resample_texture.command.session import announce_compilation
+    from resample_texture.showing.compare import Judge, sheet, source_values
+    from resample_texture.showing.scenes import check_scene, scene_of
+    from resample_texture.types import Edge
+
+    names = method_names(methods)
+    registry.check("methods", names)
+    check_scene(scene)
+    shape = None if size is None else height_and_width(size)
+    if output is not None and output.suffix.lower() not in SHEETS:
+        raise ValueError(f"{output}: comparisons are written as {' or '.join(SHEETS)}")
+    check_targets(output)
+    picture = flattened(read_picture(image), (0.0, 0.0, 0.0))
+    if len(picture.kind.channels) not in (1, 3):
+        raise ValueError(f"{image} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
+    announce_compilation()
+    values = source_values(picture.data, linear=linear)
+    judge = Judge(truth, Edge(edge), linear)
+    seen = scene_of(values, scene, shape)
+    comparison = judge.compare(f"{image.name}, {scene}", seen, names)
+    if output is not None and output.suffix.lower() == ".html":
+        from resample_texture.showing.report import write_report
+
+        write_report(comparison, output, about=judge.about(seen))
+    elif output is not None:
+        sheet(comparison, output)
+    sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
+
+
+@app.command
+def animate(
+    image: Path,
+    /,
+    *,
+    output: Output,
+    path: Literal["fly", "turn"] = "fly",
+    frames: int = 48,
+    fps: float = 24.0,
+    size: str = "426x240",
+    method: str = "hybrid",
+    edge: Edges = "transparent",
+    background: str = "#9dbbd8",
+    resume: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Fly over a picture, or turn around it.
+
+    Example: resample-texture animate map.png -o fly.gif
+
+    Parameters
+    ----------
+    image
+        Any picture.
+    output
+        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+    path
+        fly: low over the picture, forth and back; turn: around its middle.
+    frames
+        How many.
+    fps
+        Frames per second.
+    size
+        Of a frame in px.
+    method
+        As in warp.
+    edge
+        What lies beyond the picture's edges.
+    background
+        Behind the picture.
+    resume
+        Keep the frames that a run which ended early has made.
+    """
+    from resample import registry
+    from resample.command.console import progress_bar
+    from resample.command.settings import linear_color
+    from resample.files.animations import check_film, write_film
+    from resample.files.pictures import read_picture
+    from resample_texture.command import animation
+    from resample_texture.command.session import announce_compilation, check_memory
+    from resample_texture.types import Edge
+
+    flight = animation.Flight(path, frames, height_and_width(size))
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
+    check_film(output, fps)
+    check_memory(flight.size, flight.frames)
+    picture = animation.with_alpha(read_picture(image).data)
+    announce_compilation()
+    with progress_bar("flying") as progress:
+        shots = animation.shots(picture, flight, paint)
+        write_film(output, shots, fps, resume=resume, progress=progress)
+
+
+@app.command
+def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
+    """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
+
+    Parameters
+    ----------
+    output
+        Folder for figure5.png, the single pictures and table.txt; created if missing.
+    image
+        Picture to show beside the checkerboard. A generated wall of bricks.
+    """
+    from resample.files.pictures import flattened, read_picture
+    from resample_texture.command.session import announce_compilation
+    from resample_texture.showing.figures import FIGURE, SHEET, compare_floors, write_figures
+    from resample_texture.showing.scenes import bricks, checker
+
+    subjects = {"checker": checker()}
+    if image is None:
+        subjects["bricks"] = bricks()
+    else:
+        subjects["picture"] = flattened(read_picture(image), (0.0, 0.0, 0.0)).data
+    output.mkdir(parents=True, exist_ok=True)
+    announce_compilation()
+    comparisons = compare_floors(subjects, list(FIGURE))
+    sys.stdout.write(write_figures(output, comparisons, FIGURE, SHEET))
+
+
+@app.command
+def demo(*, output: Output = DEMO) -> None:
+    """Show floors of generated pictures by several methods, and a flight over one.
+
+    Parameters
+    ----------
+    output
+        Folder; created if missing.
+    """
+    from resample import registry
+    from resample.command.console import progress_bar
+    from resample.files.animations import write_film
+    from resample_texture.command import animation
+    from resample_texture.command.session import announce_compilation
+    from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
+    from resample_texture.showing.scenes import bricks, checker
+
+    output.mkdir(parents=True, exist_ok=True)
+    announce_compilation()
+    wall = bricks()
+    subjects = {"checker": checker(), "bricks": wall}
+    comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
+    write_figures(output, comparisons, FIGURE, "floors.png")
+    paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
+    with progress_bar("flying") as progress:
+        flight = animation.Flight(frames=24, size=(180, 320))
+        shots = animation.shots(animation.with_alpha(wall), flight, paint)
+        write_film(output / "flight.gif", shots, 12, progress=progress)
+    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)

@@ -1,0 +1,1 @@
+"""Where texels go: matrices, corners, maps, lenses and planes."""

@@ -1,0 +1,242 @@
+"""Where texels go, or where pixels come from.
+
+Continuous pixel coordinates: pixel (row i, column j) has its center at (j + 0.5, i + 0.5), in the
+source as in the target. OpenCV counts from pixel centers; its maps are converted here, its matrices
+in `matrices`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.types import Doubles
+from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
+
+LARGEST_CONDITION = 1e12  # of a matrix freed of its units; beyond it its inverse has no 4 digits
+LARGEST_EXPONENT = 690.0  # of e in a determinant, which kernels divide by
+
+
+@dataclass(frozen=True, eq=False)
+class Homography:
+    """Projective map from source to target.
+
+    Parameters
+    ----------
+    matrix
+        (3, 3); (u, v, 1) of the source goes to d (x, y, 1) with d in the last row.
+    is_signed
+        What has d > 0 is in front of the eye. Otherwise the sign of `matrix` means nothing and the
+        source's center is in front, see `oriented`.
+
+    Raises
+    ------
+    ValueError
+        The matrix has another shape, is not finite or has no inverse.
+    """
+
+    matrix: Doubles
+    is_signed: bool = False
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, np.float64)
+        if matrix.shape != (3, 3):
+            raise ValueError(f"a homography is a matrix of shape (3, 3), not {matrix.shape}")
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"a homography's numbers must be finite, not {matrix.tolist()}")
+        if _is_singular(matrix):
+            raise ValueError(f"the homography {matrix.tolist()} has no inverse in float64")
+        object.__setattr__(self, "matrix", matrix)
+
+    def inverse(self) -> Doubles:
+        """Matrix (3, 3) from target to source."""
+        return np.asarray(np.linalg.inv(self.matrix), np.float64)
+
+    def oriented(self, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
+        """Matrix (3, 3) times 1 or −1, so that what is in front of the eye has d > 0."""
+        return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardMap:
+    """Target coordinates of every texel's center.
+
+    Parameters
+    ----------
+    x, y
+        (H, W) of the source, px; not a number where a texel goes nowhere.
+
+    Raises
+    ------
+    ValueError
+        They are not two pictures of one shape.
+    """
+
+    x: Doubles
+    y: Doubles
+
+    def __post_init__(self) -> None:
+        _keep_pair(self, "forward map")
+
+    @classmethod
+    def from_flow(cls, flow: ArrayLike) -> "ForwardMap":
+        """Map that moves every texel by a vector (x, y) of `flow`, (H, W, 2) px."""
+        moves = as_pairs(flow, "a flow")
+        x, y = pixel_centers(moves.shape[:2])
+        return cls(x + moves[..., 0], y + moves[..., 1])
+
+
+@dataclass(frozen=True, eq=False)
+class BackwardMap:
+    """Source coordinates of every pixel's center.
+
+    Parameters
+    ----------
+    x, y
+        (h, w) of the target, px; not a number where a pixel sees nothing.
+
+    Raises
+    ------
+    ValueError
+        They are not two pictures of one shape.
+    """
+
+    x: Doubles
+    y: Doubles
+
+    def __post_init__(self) -> None:
+        _keep_pair(self, "backward map")
+
+    @classmethod
+    def from_opencv(cls, map_x: ArrayLike, map_y: ArrayLike | None = None) -> "BackwardMap":
+        """Map as `cv2.remap` takes it, in any of its forms.
+
+        Parameters
+        ----------
+        map_x, map_y
+            Two pictures (h, w); or (h, w, 2) alone; or OpenCV's fixed-point pair, int16 (h, w, 2)
+            and uint16 (h, w). Pixel centers are at integers.
+
+        Raises
+        ------
+        ValueError
+            The shapes do not fit each other.
+        """
+        first = np.asarray(map_x)
+        second = None if map_y is None else np.asarray(map_y)
+        if second is None or second.size == 0:
+            both = as_pairs(first, "a single OpenCV map")
+            return cls(both[..., 0] + 0.5, both[..., 1] + 0.5)
+        if first.ndim == 3:
+            both = from_fixed_point(first, second)
+            return cls(both[..., 0] + 0.5, both[..., 1] + 0.5)
+        _check_pictures(first, second, "OpenCV map")
+        return cls(first + np.float64(0.5), second + np.float64(0.5))
+
+
+Geometry = Homography | ForwardMap | BackwardMap
+
+
+def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
+    """Matrix times 1 or −1, so that the source's center has d > 0.
+
+    A matrix and its negative map points alike; of a source that the horizon cuts, the half that
+    holds the center is taken to be in front of the eye. If the horizon passes through the center,
+    the corner farthest from it decides.
+
+    Parameters
+    ----------
+    matrix
+        (3, 3) from source to target.
+    source_shape
+        Height and width of the source, px; without it the first texel is in front.
+    """
+    height, width = source_shape
+    center = np.array([width / 2, height / 2, 1.0])
+    d = float(matrix[2] @ center)
+    if abs(d) <= 1e-9 * float(np.abs(matrix[2]) @ center):
+        corner = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], float)
+        distance = corner @ matrix[2]
+        d = float(distance[np.argmax(np.abs(distance))])
+    return -matrix if d < 0 else matrix
+
+
+def source_coordinates(
+    geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int] = (1, 1)
+) -> tuple[Doubles, Doubles]:
+    """Source coordinates of the centers of a target's pixels.
+
+    Parameters
+    ----------
+    geometry
+        A homography or a backward map.
+    shape
+        Height and width of the target, px.
+    source_shape
+        Height and width of the source, px; decides what is in front of the eye, see `oriented`.
+
+    Returns
+    -------
+    x and y, (height, width) each; not a number where a pixel looks above the horizon or sees
+    nothing.
+
+    Raises
+    ------
+    ValueError
+        A forward map, or the map is of another shape.
+    """
+    if isinstance(geometry, ForwardMap):
+        raise ValueError("a forward map cannot be inverted; give a homography or a backward map")
+    if isinstance(geometry, BackwardMap):
+        if geometry.x.shape != tuple(shape):
+            raise ValueError(f"a map of {geometry.x.shape} pixels does not fit a target of {shape}")
+        return geometry.x, geometry.y
+    # H (u, v, 1) = d (x, y, 1), hence H⁻¹ (x, y, 1) = (u, v, 1) / d: its last number has d's sign.
+    inverse = np.linalg.inv(geometry.oriented(source_shape))
+    x, y = pixel_centers(shape)
+    u, v, w = (row[0] * x + row[1] * y + row[2] for row in inverse)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u, v = u / w, v / w
+    is_seen = (w > 0) & np.isfinite(u) & np.isfinite(v)
+    return np.where(is_seen, u, np.nan), np.where(is_seen, v, np.nan)
+
+
+def pixel_centers(shape: tuple[int, ...]) -> tuple[Doubles, Doubles]:
+    """Centers of the pixels of a frame (height, width): x as a row, y as a column."""
+    height, width = shape
+    if height < 1 or width < 1:
+        raise ValueError(f"a picture of {width} × {height} pixels is empty; give it at least one")
+    return np.arange(0.5, width), np.arange(0.5, height)[:, None]
+
+
+def _is_singular(matrix: Doubles) -> bool:
+    """Whether a matrix has no inverse that means anything, whatever units its numbers are in."""
+    if not abs(np.linalg.slogdet(matrix).logabsdet) < LARGEST_EXPONENT:
+        return True
+    bare = matrix / np.abs(matrix).max()
+    for _ in range(8):  # rows and columns to about the same size
+        bare = bare / np.sqrt(np.abs(bare).max(axis=1, keepdims=True))
+        bare = bare / np.sqrt(np.abs(bare).max(axis=0, keepdims=True))
+    return not float(np.linalg.cond(bare)) < LARGEST_CONDITION
+
+
+def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
+    """Keep a map's arrays as float64, with numbers in both or in none."""
+    x, y = np.asarray(given.x), np.asarray(given.y)
+    _check_pictures(x, y, name)
+    x, y = (np.ascontiguousarray(array, np.float64) for array in (x, y))
+    is_somewhere = np.isfinite(x) & np.isfinite(y)
+    if not is_somewhere.all():
+        x, y = np.where(is_somewhere, x, np.nan), np.where(is_somewhere, y, np.nan)
+    object.__setattr__(given, "x", x)
+    object.__setattr__(given, "y", y)
+
+
+def _check_pictures(x: NDArray[Any], y: NDArray[Any], name: str) -> None:
+    if x.shape != y.shape or x.ndim != 2 or x.size == 0:
+        raise ValueError(
+            f"the {name}'s x and y must be pictures of one size, not of {x.shape} and {y.shape}"
+        )
+    if not (is_number(x) and is_number(y)):
+        raise ValueError(f"the {name} must hold real numbers, not {x.dtype} and {y.dtype}")

@@ -1,0 +1,132 @@
+"""Arrays of two numbers per pixel: OpenCV's integer maps, and files.
+
+What the numbers mean (places in the source, or moves of the texels) is not written in a file; the
+caller says so by what is made of them in `geometry`.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.files.images import read_channels
+from resample.types import Doubles
+
+FIXED_POINT_STEPS = 32  # per pixel, of OpenCV's integer maps
+FLOW_MAGIC = 202021.25  # the first number of a .flo file
+UNKNOWN_FLOW = 1e9  # px; what moves farther is not known, Baker et al. 2011
+NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
+
+
+def read_map(path: str | Path) -> Doubles:
+    """Two numbers per pixel, (H, W, 2), x first.
+
+    Parameters
+    ----------
+    path
+        `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's optical
+        flow, not a number where it is unknown); or any picture with two channels, or with
+        channels named X and Y, U and V, or R and G, as they are stored.
+
+    Raises
+    ------
+    ValueError
+        The file does not hold two numbers per pixel.
+    OSError
+        The file is missing or damaged.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".flo":
+        return _read_flow(path)
+    if suffix in (".npy", ".npz"):
+        loaded = read_arrays(path)
+        if isinstance(loaded, dict):
+            return _two_of(loaded, path)
+        return as_pairs(loaded, f"{path}: a map")
+    return _two_of(dict(read_channels(path)), path)
+
+
+def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
+    """Array of a .npy file, or those of a .npz file by name.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    with Path(path).open("rb") as file:
+        try:
+            loaded = np.load(file, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                return loaded
+            return {name: loaded[name] for name in loaded.files}
+        except Exception as error:  # a damaged file makes numpy raise any of nine kinds
+            reason = str(error).partition("\n")[0] or type(error).__name__
+            raise OSError(f"{path} holds no arrays that can be read: {reason}") from None
+
+
+def as_pairs(array: ArrayLike, name: str) -> Doubles:
+    """Numbers of the shape (H, W, 2), checked; `name` begins the message that refuses them."""
+    pairs = np.asarray(array)
+    if pairs.ndim != 3 or pairs.shape[2] != 2 or pairs.size == 0:
+        raise ValueError(f"{name} holds two numbers per pixel, (H, W, 2), not {pairs.shape}")
+    if not is_number(pairs):
+        raise ValueError(f"{name} holds real numbers, not {pairs.dtype}")
+    return pairs.astype(np.float64)
+
+
+def is_number(array: NDArray[Any]) -> bool:
+    """Whether an array holds real numbers."""
+    return array.dtype.kind in "fiu"
+
+
+def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
+    """Places (h, w, 2) of OpenCV's pair of integer maps, centers at integers.
+
+    Parameters
+    ----------
+    whole
+        (h, w, 2) int16, whole pixels.
+    fraction
+        (h, w) uint16, 32 y + x in 32nds of a pixel.
+
+    Raises
+    ------
+    ValueError
+        They are of other types, or do not fit each other.
+    """
+    places = as_pairs(whole, "a fixed-point map")
+    if fraction.shape != whole.shape[:2]:
+        raise ValueError(f"{fraction.shape} fractions do not fit a map of {whole.shape[:2]} pixels")
+    if whole.dtype != np.int16 or fraction.dtype not in (np.uint16, np.int16):
+        raise ValueError(
+            f"a fixed-point map is of int16 and uint16, not of {whole.dtype} and {fraction.dtype}"
+        )
+    y, x = np.divmod(fraction.astype(np.int64), FIXED_POINT_STEPS)
+    return places + np.stack([x, y % FIXED_POINT_STEPS], axis=2) / FIXED_POINT_STEPS
+
+
+def _read_flow(path: str | Path) -> Doubles:
+    """Middlebury's .flo: a magic number, width, height, and pairs of float32, little endian."""
+    data = Path(path).read_bytes()
+    if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != FLOW_MAGIC:
+        raise ValueError(f"{path} is not a .flo file: it does not begin with {FLOW_MAGIC}")
+    width, height = (int(number) for number in np.frombuffer(data, "<i4", 2, 4))
+    if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
+        raise OSError(f"{path} is damaged: {len(data)} bytes for {width} × {height} vectors")
+    flow = np.frombuffer(data, "<f4", -1, 12).reshape(height, width, 2).astype(np.float64)
+    is_known = (np.abs(flow) <= UNKNOWN_FLOW).all(axis=2, keepdims=True)
+    return np.where(is_known, flow, np.nan)
+
+
+def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> Doubles:
+    """The two channels that are x and y, by their names, or because there are only two."""
+    known = [pair for pair in NAMES if all(name in channel for name in pair)]
+    if not known and len(channel) != 2:
+        names = ", ".join(channel) or "none"
+        raise ValueError(f"{path}: a map has two channels, or channels X and Y; here are {names}")
+    x, y = (channel[name] for name in (known[0] if known else channel))
+    if x.shape != y.shape or x.ndim != 2:
+        raise ValueError(f"{path}: x of {x.shape} and y of {y.shape} are not pictures of one size")
+    return as_pairs(np.stack([x, y], axis=2), f"{path}: a map")

@@ -1,0 +1,67 @@
+"""A textured plane seen by a camera."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resample.cameras.models import Camera
+from resample.types import Doubles
+from resample_texture.geometry.mappings import Homography
+
+
+def plane_seen_by(
+    camera: Camera,
+    source_shape: tuple[int, int],
+    *,
+    texel_size: float = 1.0,
+    pose: ArrayLike | None = None,
+) -> Homography:
+    """Homography from a texture on a plane to the frame of a camera.
+
+    What is behind the eye is known, wherever the texture's center is. The camera's near plane is
+    not regarded.
+
+    Parameters
+    ----------
+    camera
+        Whose frame is the target.
+    source_shape
+        Height and width of the texture, px.
+    texel_size
+        Width of a texel, scene units.
+    pose
+        (4, 4) or (3, 4) from the plane's space to the world; by default they are one. In its own
+        space the texture lies at z = 0, centered at the origin, with x to its right and y up: from
+        above, where z is positive, it looks as it is. It may be mirrored or stretched.
+
+    Raises
+    ------
+    ValueError
+        The camera sees the plane edge-on, or a number is not what it should be.
+    """
+    height, width = source_shape
+    if not (height > 0 and width > 0 and 0 < texel_size < np.inf):
+        raise ValueError(
+            f"a texture of {width} × {height} texels of {texel_size} scene units has no area"
+        )
+    to_plane = texel_size * np.array([[1, 0, -width / 2], [0, -1, height / 2], [0, 0, 0]])
+    to_plane = np.vstack([to_plane, [0.0, 0.0, 1.0]])
+    view = camera.view()
+    to_camera = view.rotation @ (_affine(pose) @ to_plane)
+    to_camera[:, 2] += view.translation
+    depth = to_camera[2] if view.perspective else np.array([0.0, 0.0, 1.0])
+    across = view.focal[:, None] * to_camera[:2] + view.principal[:, None] * depth
+    try:
+        return Homography(np.vstack([across, depth]), is_signed=True)
+    except ValueError:
+        raise ValueError(
+            "the camera sees the texture's plane edge-on; move one of them, or see that all"
+            " numbers are finite and neither is flat"
+        ) from None
+
+
+def _affine(pose: ArrayLike | None) -> Doubles:
+    """Upper three lines of a pose."""
+    given = np.eye(4) if pose is None else np.asarray(pose, np.float64)
+    if given.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
+    return given[:3]

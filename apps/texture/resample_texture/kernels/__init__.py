@@ -1,1 +1,0 @@
-"""The numba code of texture mapping: bare arrays and numbers."""

@@ -1,0 +1,1 @@
+"""The numba code of textured triangles: bare arrays and numbers."""

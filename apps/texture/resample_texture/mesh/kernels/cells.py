@@ -1,0 +1,180 @@
+"""The cells of a part of a triangle, projected and added to the sub-pixels beneath.
+
+Each cell's center is projected by the triangle's homography and adds its color, weighed by its area
+on screen, to the sub-pixels beneath that show its triangle, or one that goes on from it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.engine.vectors import Matrix
+from resample.types import Floats, Single
+from resample_texture.mesh.kernels.clip import box, crossing
+from resample_texture.mesh.kernels.color import Skin, fill_line
+from resample_texture.mesh.kernels.surfaces import Lens, Place, Surfaces, matrix_at, stretch
+from resample_texture.mesh.kernels.tiles import Block
+from resample_texture.mesh.kernels.visibility import is_beside
+from resample_texture.texels.kernels.texels import phase
+
+Color = tuple[Single, Single, Single]
+
+SLACK = 1e-3  # cells; what an edge of a part may be off by
+SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
+
+
+class Cut(NamedTuple):
+    """How a texture is cut into cells."""
+
+    level: int
+    along_u: int  # cells per texel
+    along_t: int
+
+
+@kernel
+def _add(
+    block: Block,
+    center: Place,
+    extent: Place,
+    weight: float,
+    color: Color,
+    member: int,
+    surfaces: Surfaces,
+    lens: Lens,
+) -> bool:
+    """Add a cell at a sub-pixel place of the block to what it covers and belongs to."""
+    total = block.total
+    rows, columns = block.owner.shape
+    left, right = center[0] - 0.5 * extent[0], center[0] + 0.5 * extent[0]
+    top, bottom = center[1] - 0.5 * extent[1], center[1] + 0.5 * extent[1]
+    share = weight / (extent[0] * extent[1])
+    seen = False
+    for row in range(max(0, math.floor(top)), min(rows, math.floor(bottom) + 1)):
+        high = share * (min(bottom, row + 1.0) - max(top, float(row)))
+        for column in range(max(0, math.floor(left)), min(columns, math.floor(right) + 1)):
+            owner = block.owner[row, column]
+            if owner != member:
+                if owner < 0:
+                    continue
+                place = (
+                    block.left + center[0] / block.samples,
+                    block.top + center[1] / block.samples,
+                )
+                n, other = block.triangles[member], block.triangles[owner]
+                if not is_beside(surfaces, n, other, place, lens):
+                    continue
+            part = np.float32(high * (min(right, column + 1.0) - max(left, float(column))))
+            r, c = np.uint64(row), np.uint64(column)
+            red, green = total[r, c, 0] + part * color[0], total[r, c, 1] + part * color[1]
+            blue, mass = total[r, c, 2] + part * color[2], total[r, c, 3] + part
+            total[r, c, 0], total[r, c, 1], total[r, c, 2], total[r, c, 3] = red, green, blue, mass
+            seen = True
+    return seen
+
+
+@kernel
+def _between(texels: Floats, at: int, taps: Floats, part: int, count: int) -> Color:
+    """Interpolated color of a line of texels, by `count` taps; `at` is the first number read."""
+    red = green = blue = np.float32(0)
+    for k in range(count):
+        weight, m = taps[k, part], np.uint64(at) + np.uint64(3 * k)
+        red += weight * texels[m]
+        green += weight * texels[m + np.uint64(1)]
+        blue += weight * texels[m + np.uint64(2)]
+    return red, green, blue
+
+
+@kernel
+def _crossed(block: Block, count: int, height: float) -> Place:
+    """Where a line of cells begins and ends.
+
+    The triangle's own corners tell at its edges: both triangles at an edge reckon with the same
+    numbers, and a cell belongs to one of them. The part on screen, of `count` corners, is known by
+    its places there, which are rounded; it only keeps lines from being longer than needed.
+    """
+    low, high = crossing(block.corner, 3, height)
+    left, right = crossing(block.rim, count, height)
+    if left > right:
+        left, _, right, _ = box(block.rim, count)
+    return max(low, left - SLACK), min(high, right + SLACK)
+
+
+@kernel
+def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
+    """How far a cell reaches along x and y, sub-pixels: √(a² + b²) of its two sides."""
+    along_u, along_t = stretch(forward, place)
+    return (
+        max(SMALLEST, samples * math.hypot(along_u[0] * step[0], along_t[0] * step[1])),
+        max(SMALLEST, samples * math.hypot(along_u[1] * step[0], along_t[1] * step[1])),
+    )
+
+
+@kernel
+def paint_cells(
+    block: Block,
+    member: int,
+    count: int,
+    cut: Cut,
+    surfaces: Surfaces,
+    skin: Skin,
+    lens: Lens,
+) -> tuple[int, int]:
+    """Add the cells whose centers lie in a triangle; returns how many, and how many were seen.
+
+    `block.corner` and `block.rim` hold the triangle's corners and the `count` of its part at hand,
+    in cells.
+    """
+    n, samples = block.triangles[member], block.samples
+    texture, taps, forward = skin.texture[n], skin.taps, matrix_at(surfaces.forward, n)
+    (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
+    step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
+    step_t = 1.0 / (skin.level[texture, cut.level, 1] * cut.along_t)
+    mass = abs(surfaces.determinant[n]) * step_u * step_t * samples * samples
+    left, top, right, bottom = box(block.rim, count)
+    beside = taps.shape[0] // 2
+    if cut.along_u == 1 and taps[beside, 0] == np.float32(1):
+        beside = 0
+    longest = math.ceil((right - left + 2 * SLACK) / cut.along_u) + 2 + 2 * beside
+    texels = np.empty(3 * longest, np.float32)
+    points, seen = 0, 0
+    for line in range(math.ceil(top - SLACK - 0.5), math.ceil(bottom + SLACK - 0.5)):
+        low, high = _crossed(block, count, line + 0.5)
+        if not low < high:
+            continue
+        first, last = math.ceil(low - 0.5), math.ceil(high - 0.5)
+        if first >= last:
+            continue
+        t = (line + 0.5) * step_t
+        middle = (0.5 * (first + last) * step_u, t)
+        extent = _extent(forward, middle, (step_u, step_t), samples)
+        if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
+            continue
+        row, column = line // cut.along_t, first // cut.along_u
+        vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
+        needed = 3 * ((last - 1) // cut.along_u - column + 1 + 2 * beside)
+        start = (row, column - beside)
+        fill_line(skin, texture, cut.level, start, vertical, texels, needed)
+        xw, yw, ww = xt * t + x1, yt * t + y1, wt * t + w1
+        at = 0
+        for cell in range(first, last):
+            u = (cell + 0.5) * step_u
+            inverse = 1.0 / (ww + wu * u)
+            x = ((xw + xu * u) * inverse - block.left) * samples
+            y = ((yw + yu * u) * inverse - block.top) * samples
+            if beside == 0:
+                color = texels[at], texels[at + 1], texels[at + 2]
+            elif beside == 2:  # a count that is known is unrolled
+                color = _between(texels, at, taps, phase(part, cut.along_u), 5)
+            else:
+                color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
+            points += 1
+            if 0.0 < inverse < np.inf:
+                weight = mass * inverse * inverse * inverse
+                seen += _add(block, (x, y), extent, weight, color, member, surfaces, lens)
+            part += 1
+            if part == cut.along_u:
+                part = 0
+                at += 3
+    return points, seen

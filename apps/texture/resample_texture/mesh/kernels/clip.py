@@ -1,0 +1,94 @@
+"""Convex polygons, as arrays of corners: cut to a rectangle, crossed by level lines, measured."""
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.types import Doubles
+from resample_texture.mesh.kernels.surfaces import Surfaces
+
+
+@kernel
+def _halve(
+    polygon: Doubles, spare: Doubles, count: int, axis: int, bound: float, sign: float
+) -> int:
+    """Keep what of a convex polygon is beyond a bound, times the sign; returns its corners."""
+    kept = 0
+    for k in range(count):
+        m = (k + 1) % count
+        here, there = sign * (polygon[k, axis] - bound), sign * (polygon[m, axis] - bound)
+        if here >= 0.0:
+            spare[kept, 0], spare[kept, 1] = polygon[k, 0], polygon[k, 1]
+            kept += 1
+        if (here >= 0.0) != (there >= 0.0):
+            share = here / (here - there)
+            for c in range(2):
+                spare[kept, c] = polygon[k, c] + share * (polygon[m, c] - polygon[k, c])
+            kept += 1
+    for k in range(kept):
+        polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
+    return kept
+
+
+@kernel
+def cut_out(
+    surfaces: Surfaces,
+    n: int,
+    rectangle: tuple[float, float, float, float],
+    polygon: Doubles,
+    spare: Doubles,
+) -> int:
+    """A triangle's part within left, top, right, bottom, px; returns the number of its corners.
+
+    `polygon` (8, 2) takes them; `spare` has its shape.
+    """
+    count = surfaces.corners[n]
+    for k in range(count):
+        polygon[k, 0], polygon[k, 1] = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
+    count = _halve(polygon, spare, count, 0, rectangle[0], 1.0)
+    count = _halve(polygon, spare, count, 1, rectangle[1], 1.0)
+    count = _halve(polygon, spare, count, 0, rectangle[2], -1.0)
+    return _halve(polygon, spare, count, 1, rectangle[3], -1.0)
+
+
+@kernel
+def crossing(rim: Doubles, count: int, height: float) -> tuple[float, float]:
+    """Where a level line enters and leaves a convex polygon; the first is greater if nowhere.
+
+    Each edge is reckoned from its upper end, so that polygons which share it agree on it.
+    """
+    low, high = np.inf, -np.inf
+    for k in range(count):
+        m = (k + 1) % count
+        if (rim[k, 1] <= height) != (rim[m, 1] <= height):
+            upper, lower = (k, m) if rim[k, 1] < rim[m, 1] else (m, k)
+            share = (height - rim[upper, 1]) / (rim[lower, 1] - rim[upper, 1])
+            x = rim[upper, 0] + share * (rim[lower, 0] - rim[upper, 0])
+            low, high = min(low, x), max(high, x)
+    return low, high
+
+
+@kernel
+def area(polygon: Doubles, count: int) -> float:
+    """Area of a polygon (count, 2)."""
+    total = 0.0
+    for k in range(count):
+        m = (k + 1) % count
+        total += polygon[k, 0] * polygon[m, 1] - polygon[m, 0] * polygon[k, 1]
+    return 0.5 * abs(total)
+
+
+@kernel
+def box(polygon: Doubles, count: int) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a polygon (count, 2)."""
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(count):
+        left, right = min(left, polygon[k, 0]), max(right, polygon[k, 0])
+        top, bottom = min(top, polygon[k, 1]), max(bottom, polygon[k, 1])
+    return left, top, right, bottom
+
+
+@kernel
+def reach(polygon: Doubles, count: int) -> float:
+    """Width and height of a polygon together."""
+    left, top, right, bottom = box(polygon, count)
+    return right - left + bottom - top

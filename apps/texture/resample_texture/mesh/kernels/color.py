@@ -1,0 +1,136 @@
+"""What triangles are covered with: the levels of a texture, or colors at the corners."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.engine.vectors import Vector, dot
+from resample.types import Doubles, Floats
+from resample_texture.mesh.kernels.surfaces import (
+    Ints,
+    Place,
+    Surfaces,
+    barycentric,
+    matrix_at,
+    stretched,
+    texture_place,
+)
+from resample_texture.texels.kernels.texels import DENSE, phase
+
+
+class Skin(NamedTuple):
+    """What T triangles are covered with."""
+
+    uv: Doubles  # (T, 3, 2) u and t of the vertices
+    color: Floats  # (T, 3, 3) linear light at the vertices; read where there is no texture
+    light: Floats  # (T, 3) factor at the vertices
+    texture: Ints  # (T,) which one; -1: none
+    texel: Floats  # (N,) red, green, blue of all levels of all textures, or their coefficients
+    level: Ints  # (P, L, 3) where a level begins in `texel`, its height and its width
+    levels: Ints  # (P,)
+    taps: Floats  # (K, R) of the interpolation, see `texels.phase`
+
+
+@kernel
+def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float) -> int:
+    """The smallest level whose texels are at most `widest` where u and t have that size."""
+    found = 0
+    for k in range(1, skin.levels[texture]):
+        height, width = skin.level[texture, k, 1], skin.level[texture, k, 2]
+        if max(size[0] / width, size[1] / height) > widest:
+            break
+        found = k
+    return found
+
+
+@kernel
+def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Vector:
+    """Interpolated color of a texture's level."""
+    base = skin.level[texture, level, 0]
+    height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
+    column, part_u = _nearest(place[0], width)
+    row, part_t = _nearest(place[1], height)
+    half = skin.taps.shape[0] // 2
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(-half, half + 1):
+        line = base + ((row + k) % height) * width * 3
+        for m in range(-half, half + 1):
+            at = line + ((column + m) % width) * 3
+            weight = skin.taps[half + k, part_t] * skin.taps[half + m, part_u]
+            red += weight * skin.texel[at]
+            green += weight * skin.texel[at + 1]
+            blue += weight * skin.texel[at + 2]
+    return red, green, blue
+
+
+@kernel
+def _nearest(place: float, size: int) -> tuple[int, int]:
+    """Texel at a texture coordinate, and the row of taps for the place within it."""
+    along = (place - float(np.floor(place))) * size
+    texel = min(int(along), size - 1)
+    return texel, phase(min(int((along - texel) * DENSE), DENSE - 1), DENSE)
+
+
+@kernel
+def fill_line(
+    skin: Skin,
+    texture: int,
+    level: int,
+    start: tuple[int, int],
+    part: int,
+    line: Floats,
+    length: int,
+) -> None:
+    """Interpolate between a level's rows, from a row and column on, again and again.
+
+    `part` is the row of taps for the place within that row; the first `length` numbers of `line`
+    are filled.
+    """
+    row, first = start
+    base = skin.level[texture, level, 0]
+    height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
+    texel, half = skin.texel, skin.taps.shape[0] // 2
+    for m in range(length):
+        line[m] = np.float32(0)
+    for k in range(-half, half + 1):
+        weight = skin.taps[half + k, part]
+        if weight == np.float32(0):
+            continue
+        begin = base + ((row + k) % height) * width * 3
+        column, done = first % width, 0
+        while done < length:
+            run = min(length - done, 3 * (width - column))
+            source, target = np.uint64(begin + 3 * column), np.uint64(done)
+            for m in range(run):
+                line[target + np.uint64(m)] += weight * texel[source + np.uint64(m)]
+            done += run
+            column = 0
+
+
+@kernel
+def evaluate(surfaces: Surfaces, skin: Skin, n: int, place: Place, widest: float) -> Vector:
+    """Color of a triangle at a place on screen, where texels may be `widest` px."""
+    texture = skin.texture[n]
+    if texture < 0:
+        weight, color = barycentric(surfaces, n, place), skin.color
+        return (
+            dot(weight, (color[n, 0, 0], color[n, 1, 0], color[n, 2, 0])),
+            dot(weight, (color[n, 0, 1], color[n, 1, 1], color[n, 2, 1])),
+            dot(weight, (color[n, 0, 2], color[n, 1, 2], color[n, 2, 2])),
+        )
+    on_texture = texture_place(surfaces, skin.uv, n, place)
+    level = 0
+    if surfaces.determinant[n] != 0.0:
+        size = stretched(matrix_at(surfaces.forward, n), on_texture)
+        level = level_for(skin, texture, size, widest)
+    return _look_up(skin, texture, level, on_texture)
+
+
+@kernel
+def lit(surfaces: Surfaces, skin: Skin, n: int, place: Place) -> float:
+    """How bright a triangle is at a place on screen."""
+    if len(skin.light) == 0:
+        return 1.0
+    corners = (skin.light[n, 0], skin.light[n, 1], skin.light[n, 2])
+    return dot(barycentric(surfaces, n, place), corners)

@@ -1,0 +1,236 @@
+"""Triangles as a camera sees them: cut at its near plane, with all that runs evenly over them.
+
+On screen, `(x, y)` is in px. `u` and `t` span a texture from its upper left corner, 0..1 each, and
+go on beyond periodically.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Matrix, Vector, column, cross, dot, multiply
+from resample.types import Doubles
+
+Ints = NDArray[np.int64]
+Place = tuple[float, float]
+
+CHUNK = 1024  # triangles that a thread takes at a time
+
+
+class Surfaces(NamedTuple):
+    """T triangles as a camera sees them, without what lies before its near plane."""
+
+    corner: Doubles  # (T, 4, 2) px, in order around the triangle
+    corners: Ints  # (T,) 3 or 4; 0: not seen
+    weight: Doubles  # (T, 3, 3) row k times (x, y, 1): vertex k's barycentric weight over w
+    nearness: Doubles  # (T, 3) times (x, y, 1): 1 / depth, or -depth where parallel
+    limit: Doubles  # (T, 2) least and greatest nearness
+    forward: Doubles  # (T, 3, 3) homography from (u, t, 1) to (x w, y w, w)
+    determinant: Doubles  # (T,) of `forward`; 0: texture coordinates without area
+    facing: Doubles  # (T,) -1: toward the eye, 1: away
+
+
+class Lens(NamedTuple):
+    """What visibility has to know of a camera."""
+
+    near: float  # scene units, of the near plane
+    perspective: bool
+    cull: bool  # leave out what faces away
+    tolerance: float  # how far apart in nearness one surface's neighbouring triangles may be,
+    # times the nearness where perspective
+
+
+@kernel
+def _add_corner(surfaces: Surfaces, n: int, point: Vector, nearness: float) -> None:
+    k = surfaces.corners[n]
+    surfaces.corner[n, k, 0] = point[0] / point[2]
+    surfaces.corner[n, k, 1] = point[1] / point[2]
+    surfaces.corners[n] = k + 1
+    surfaces.limit[n, 0] = min(surfaces.limit[n, 0], nearness)
+    surfaces.limit[n, 1] = max(surfaces.limit[n, 1], nearness)
+
+
+@kernel
+def _cut_near(
+    surfaces: Surfaces, n: int, point: Doubles, depth: Doubles, corner: Ints, lens: Lens
+) -> None:
+    """The triangle's part beyond the near plane, as a polygon on screen.
+
+    The cut is reckoned from the inner end of an edge to the outer one, hence the same for both
+    triangles that share it.
+    """
+    surfaces.limit[n, 0], surfaces.limit[n, 1] = np.inf, -np.inf
+    for k in range(3):
+        a, b = corner[n, k], corner[n, (k + 1) % 3]
+        seen, next_seen = depth[a] > lens.near, depth[b] > lens.near
+        if seen:
+            nearness = 1.0 / depth[a] if lens.perspective else -depth[a]
+            _add_corner(surfaces, n, (point[a, 0], point[a, 1], point[a, 2]), nearness)
+        if seen != next_seen:
+            inner, outer = (a, b) if seen else (b, a)
+            share = (depth[inner] - lens.near) / (depth[inner] - depth[outer])
+            x = point[inner, 0] + share * (point[outer, 0] - point[inner, 0])
+            y = point[inner, 1] + share * (point[outer, 1] - point[inner, 1])
+            w = lens.near if lens.perspective else 1.0
+            _add_corner(surfaces, n, (x, y, w), 1.0 / w if lens.perspective else -lens.near)
+
+
+@kernel
+def _set_forward(surfaces: Surfaces, n: int, point: Doubles, corner: Ints, uv: Doubles) -> None:
+    """Homography from the texture to the screen; left 0 if the texture has no area here."""
+    a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
+    u1, t1 = uv[n, 1, 0] - uv[n, 0, 0], uv[n, 1, 1] - uv[n, 0, 1]
+    u2, t2 = uv[n, 2, 0] - uv[n, 0, 0], uv[n, 2, 1] - uv[n, 0, 1]
+    area = u1 * t2 - u2 * t1
+    if not abs(area) > 1e-12 * (u1 * u1 + t1 * t1 + u2 * u2 + t2 * t2):
+        return
+    for k in range(3):
+        first, second = point[b, k] - point[a, k], point[c, k] - point[a, k]
+        along_u = (first * t2 - second * t1) / area
+        along_t = (second * u1 - first * u2) / area
+        surfaces.forward[n, k, 0] = along_u
+        surfaces.forward[n, k, 1] = along_t
+        surfaces.forward[n, k, 2] = point[a, k] - along_u * uv[n, 0, 0] - along_t * uv[n, 0, 1]
+    matrix = matrix_at(surfaces.forward, n)
+    surfaces.determinant[n] = dot(column(matrix, 2), cross(column(matrix, 0), column(matrix, 1)))
+
+
+@kernel
+def _see_triangle(
+    n: int,
+    point: Doubles,
+    depth: Doubles,
+    corner: Ints,
+    uv: Doubles,
+    lens: Lens,
+    surfaces: Surfaces,
+) -> None:
+    a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
+    p = (point[a, 0], point[a, 1], point[a, 2])
+    q = (point[b, 0], point[b, 1], point[b, 2])
+    r = (point[c, 0], point[c, 1], point[c, 2])
+    rows = (cross(q, r), cross(r, p), cross(p, q))
+    volume = dot(p, rows[0])
+    if not (0.0 < abs(volume) < np.inf) or (lens.cull and volume > 0.0):
+        return
+    surfaces.facing[n] = math.copysign(1.0, volume)
+    weight = (1.0, 1.0, 1.0)
+    if not lens.perspective:
+        weight = (-depth[a], -depth[b], -depth[c])
+    for k in range(3):
+        across = column(rows, k)
+        for m in range(3):
+            surfaces.weight[n, m, k] = across[m] / volume
+        surfaces.nearness[n, k] = dot(across, weight) / volume
+    _cut_near(surfaces, n, point, depth, corner, lens)
+    _set_forward(surfaces, n, point, corner, uv)
+
+
+@kernel
+def _see_chunk(
+    chunk: int,
+    point: Doubles,
+    depth: Doubles,
+    corner: Ints,
+    uv: Doubles,
+    lens: Lens,
+    surfaces: Surfaces,
+) -> None:
+    for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(corner))):
+        _see_triangle(n, point, depth, corner, uv, lens, surfaces)
+
+
+@parallel_kernel
+def see(
+    counter: Counter,
+    point: Doubles,
+    depth: Doubles,
+    corner: Ints,
+    uv: Doubles,
+    lens: Lens,
+    surfaces: Surfaces,
+) -> None:
+    """Project triangles.
+
+    Parameters
+    ----------
+    point
+        (V, 3) vertices as (x w, y w, w), w the depth or, where parallel, 1.
+    depth
+        (V,) of the vertices.
+    corner
+        (T, 3) vertices of the triangles.
+    uv
+        (T, 3, 2) u and t there.
+    surfaces
+        Filled; all 0 before.
+    """
+    for chunk in tasks(counter, (len(corner) + CHUNK - 1) // CHUNK):
+        _see_chunk(chunk, point, depth, corner, uv, lens, surfaces)
+
+
+@kernel
+def matrix_at(matrices: Doubles, n: int) -> Matrix:
+    """One matrix of an array (N, 3, 3)."""
+    return (
+        (matrices[n, 0, 0], matrices[n, 0, 1], matrices[n, 0, 2]),
+        (matrices[n, 1, 0], matrices[n, 1, 1], matrices[n, 1, 2]),
+        (matrices[n, 2, 0], matrices[n, 2, 1], matrices[n, 2, 2]),
+    )
+
+
+@kernel
+def bounds(surfaces: Surfaces, n: int) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a triangle, px; left > right where none is seen."""
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(surfaces.corners[n]):
+        x, y = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
+        left, right = min(left, x), max(right, x)
+        top, bottom = min(top, y), max(bottom, y)
+    return left, top, right, bottom
+
+
+@kernel
+def plane_at(surfaces: Surfaces, n: int) -> Vector:
+    """A triangle's nearness: the product with (x, y, 1), also outside the triangle."""
+    return surfaces.nearness[n, 0], surfaces.nearness[n, 1], surfaces.nearness[n, 2]
+
+
+@kernel
+def barycentric(surfaces: Surfaces, n: int, place: Place) -> Vector:
+    """Weights of the three vertices at a place on screen in the triangle, of sum 1."""
+    a, b, c = multiply(matrix_at(surfaces.weight, n), (place[0], place[1], 1.0))
+    a, b, c = max(0.0, a), max(0.0, b), max(0.0, c)
+    total = a + b + c
+    if not 0.0 < total < np.inf:  # rounding made more of a thin triangle than there is
+        return 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
+    return a / total, b / total, c / total
+
+
+@kernel
+def texture_place(surfaces: Surfaces, uv: Doubles, n: int, place: Place) -> Place:
+    """Texture coordinates u and t of a place on screen."""
+    weight = barycentric(surfaces, n, place)
+    return (
+        dot(weight, (uv[n, 0, 0], uv[n, 1, 0], uv[n, 2, 0])),
+        dot(weight, (uv[n, 0, 1], uv[n, 1, 1], uv[n, 2, 1])),
+    )
+
+
+@kernel
+def stretch(forward: Matrix, place: Place) -> tuple[Place, Place]:
+    """How (x, y) changes with u, and how with t, at a texture place."""
+    xw, yw, w = multiply(forward, (place[0], place[1], 1.0))
+    x, y = xw / w, yw / w
+    (xu, xt, _), (yu, yt, _), (wu, wt, _) = forward
+    return ((xu - x * wu) / w, (yu - y * wu) / w), ((xt - x * wt) / w, (yt - y * wt) / w)
+
+
+@kernel
+def stretched(forward: Matrix, place: Place) -> tuple[float, float]:
+    """Length on screen of a unit step of u and of one of t, px."""
+    along_u, along_t = stretch(forward, place)
+    return math.hypot(along_u[0], along_u[1]), math.hypot(along_t[0], along_t[1])

@@ -1,0 +1,121 @@
+"""Which triangle each sub-pixel shows, and which others are part of the same surface there."""
+
+import math
+
+from resample.engine.jit import kernel
+from resample.engine.vectors import Vector, dot
+from resample.types import Doubles
+from resample_texture.mesh.kernels.surfaces import Lens, Place, Surfaces, plane_at
+from resample_texture.mesh.kernels.tiles import Block, columns_within, sample, span
+
+WIDE = 8  # sub-pixels; rows of wider triangles are narrowed down before they are tested
+
+
+@kernel
+def _set_edges(surfaces: Surfaces, n: int, edge: Doubles) -> None:
+    """Edges of a polygon, each from its smaller to its greater end.
+
+    So both triangles at an edge reckon with the same numbers, and what lies on it belongs to
+    exactly one of them.
+    """
+    count = surfaces.corners[n]
+    for k in range(count):
+        m = (k + 1) % count
+        ax, ay = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
+        bx, by = surfaces.corner[n, m, 0], surfaces.corner[n, m, 1]
+        side = surfaces.facing[n]
+        if bx < ax or (bx == ax and by < ay):
+            ax, ay, bx, by, side = bx, by, ax, ay, -side
+        edge[k, 0], edge[k, 1], edge[k, 2], edge[k, 3] = ax, ay, bx - ax, by - ay
+        edge[k, 4] = side
+
+
+@kernel
+def _is_inside(edge: Doubles, count: int, place: Place) -> bool:
+    for k in range(count):
+        value = edge[k, 2] * (place[1] - edge[k, 1]) - edge[k, 3] * (place[0] - edge[k, 0])
+        if value == 0.0:
+            if edge[k, 4] < 0.0:
+                return False
+        elif (value > 0.0) != (edge[k, 4] > 0.0):
+            return False
+    return True
+
+
+@kernel
+def _between(edge: Doubles, count: int, top: float, bottom: float) -> tuple[float, float]:
+    """Least and greatest x of a polygon between two heights, but for rounding."""
+    left, right = math.inf, -math.inf
+    for k in range(count):
+        x, y, across, down = edge[k, 0], edge[k, 1], edge[k, 2], edge[k, 3]
+        if min(y, y + down) > bottom or max(y, y + down) < top:
+            continue
+        first, last = 0.0, 1.0
+        if down != 0.0:
+            first, last = (
+                max(0.0, min(1.0, (top - y) / down)),
+                max(0.0, min(1.0, (bottom - y) / down)),
+            )
+        left = min(left, x + first * across, x + last * across)
+        right = max(right, x + first * across, x + last * across)
+    return left, right
+
+
+@kernel
+def _nearness(plane: Vector, limit: tuple[float, float], place: Place) -> float:
+    """How near a triangle is at a place, within its own limits."""
+    value = dot(plane, (place[0], place[1], 1.0))
+    return max(limit[0], min(limit[1], value))
+
+
+@kernel
+def claim(surfaces: Surfaces, member: int, block: Block) -> None:
+    """Give a triangle the sub-pixels whose sample it covers before all others so far."""
+    n = block.triangles[member]
+    edge, count = block.edge, surfaces.corners[n]
+    plane, limit = plane_at(surfaces, n), (surfaces.limit[n, 0], surfaces.limit[n, 1])
+    _set_edges(surfaces, n, edge)
+    first, last, start, end = span(surfaces, n, block)
+    is_wide = end - start > WIDE
+    fine = 1.0 / block.samples
+    for row in range(first, last + 1):
+        if is_wide:
+            top = block.top + row * fine
+            left, right = _between(edge, count, top, top + fine)
+            start, end = columns_within(block, left - fine, right + fine)
+        for column in range(start, end + 1):
+            place = sample(block, row, column)
+            if not _is_inside(edge, count, place):
+                continue
+            nearness = _nearness(plane, limit, place)
+            if nearness > block.nearness[row, column]:
+                block.nearness[row, column] = nearness
+                block.owner[row, column] = member
+
+
+@kernel
+def is_beside(surfaces: Surfaces, n: int, other: int, place: Place, lens: Lens) -> bool:
+    """Whether two triangles that face the same way are one surface at a place."""
+    if surfaces.facing[n] != surfaces.facing[other]:
+        return False
+    own = dot(plane_at(surfaces, n), (place[0], place[1], 1.0))
+    its = dot(plane_at(surfaces, other), (place[0], place[1], 1.0))
+    return abs(own - its) <= lens.tolerance * (abs(own) if lens.perspective else 1.0)
+
+
+@kernel
+def may_show(surfaces: Surfaces, member: int, block: Block, lens: Lens) -> bool:
+    """Whether a triangle without a sample of its own may be part of the visible surface."""
+    n = block.triangles[member]
+    plane, limit = plane_at(surfaces, n), (surfaces.limit[n, 0], surfaces.limit[n, 1])
+    first, last, start, end = span(surfaces, n, block)
+    for row in range(first, last + 1):
+        for column in range(start, end + 1):
+            owner = block.owner[row, column]
+            if owner < 0 or surfaces.facing[n] != surfaces.facing[block.triangles[owner]]:
+                continue
+            nearness = _nearness(plane, limit, sample(block, row, column))
+            slack = lens.tolerance * (nearness if lens.perspective else 1.0)
+            if nearness + slack >= block.nearness[row, column]:
+                return True
+    return False

@@ -1,0 +1,298 @@
+"""Meshes with textures, seen by a camera, by forward resampling.
+
+The texture of every triangle is projected point by point, see `kernels.mesh_painting`; no pixel
+looks for its texel, but for the few sub-pixels that no point reached.
+"""
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera, Orthographic, Pinhole, orbit
+from resample.engine.jit import threads
+from resample.profiles.filters import Box, PixelFilter
+from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
+from resample.types import Doubles, Floats, View
+from resample_texture.mesh.files import Mesh, load_mesh
+from resample_texture.mesh.kernels.painting import Picture, paint
+from resample_texture.mesh.kernels.surfaces import Lens, Surfaces, see
+from resample_texture.mesh.kernels.tiles import Grid, Members, deal
+from resample_texture.mesh.skin import skin
+
+__all__ = [
+    "Mesh",
+    "MeshFrame",
+    "MeshStatistics",
+    "MeshStyle",
+    "fitted_camera",
+    "load_mesh",
+    "render_mesh",
+]
+
+TILE = 128  # sub-pixels; what a tile needs then fits into a core's cache
+LARGEST = 1 << 15  # px, side of a picture
+WIDEST = 16  # px, radius of a pixel filter
+
+
+@dataclass(frozen=True)
+class MeshStyle:
+    """How a mesh is drawn.
+
+    Parameters
+    ----------
+    samples
+        Sub-pixels per side of a pixel, 1 to 16: how finely outlines are resolved.
+    quality
+        Points of the texture per sub-pixel and axis, at least; above 0, to 8.
+    interpolation
+        Joins texels. One that passes through them by a filter (`Spline`, `InterpolatingGaussian`)
+        has the whole texture filtered for every picture.
+    pixel_filter
+        Makes pixels of sub-pixels; its radius is at most 16 px.
+    cull
+        Leave out triangles that face away.
+    shading
+        Darken what is turned away from the eye (Lambert's law, the light at the eye).
+
+    Raises
+    ------
+    ValueError
+        A number is out of range, a filter is too wide, or too narrow to meet a sub-pixel.
+    """
+
+    samples: int = 4
+    quality: float = 1.0
+    interpolation: Interpolation = field(default_factory=CatmullRom)
+    pixel_filter: PixelFilter = field(default_factory=Box)
+    cull: bool = False
+    shading: bool = False
+
+    def __post_init__(self) -> None:
+        if self.samples not in range(1, 17):
+            raise ValueError(f"{self.samples} samples per side of a pixel; 1 to 16 are allowed")
+        if not 0.0 < self.quality <= 8.0:
+            raise ValueError(f"a quality of {self.quality}; above 0 to 8 is allowed")
+        if not 0.0 < self.interpolation.radius <= LARGEST_RADIUS:
+            radius = self.interpolation.radius
+            raise ValueError(f"an interpolation over {radius} texels; 0 to {LARGEST_RADIUS} work")
+        if not 0.0 < self.pixel_filter.radius <= WIDEST:
+            radius = self.pixel_filter.radius
+            raise ValueError(
+                f"a pixel filter of radius {radius} px; above 0 to {WIDEST} is allowed"
+            )
+        prefilter(self.interpolation)  # refuses one that can pass through no texels
+        pixel_profile(self.pixel_filter, self.samples)
+
+
+class MeshStatistics(NamedTuple):
+    """What a rendering did."""
+
+    triangles: int
+    points: int  # of textures, projected
+    seen: int  # those of them that reached a sub-pixel which shows their surface
+    covered: int  # sub-pixels with a surface
+    looked_up: int  # those of them that no point reached
+    seconds: float
+
+
+class MeshFrame(NamedTuple):
+    """A picture with what is known about its pixels."""
+
+    rgba: Floats  # (H, W, 4) premultiplied, linear light
+    depth: Floats  # (H, W) mean z-depth of what the pixel's square shows, scene units; inf: nothing
+    first_depth: Floats  # (H, W) least z-depth there; inf: nothing
+    coverage: Floats  # (H, W) share of the pixel filter's mass that is covered, 0..1
+    statistics: MeshStatistics
+
+
+def fitted_camera(
+    mesh: Mesh,
+    azimuth: float = 30.0,
+    elevation: float = 20.0,
+    zoom: float = 1.0,
+    fov: float = 30.0,
+    up: str = "y",
+    size: tuple[int, int] = (512, 512),
+) -> Camera:
+    """Camera on a sphere around a mesh.
+
+    Parameters
+    ----------
+    mesh
+        What is looked at.
+    azimuth, elevation, up
+        As `resample.cameras.models.orbit` takes them.
+    zoom
+        At 1 the ball around the mesh just fits the picture; at 2 the camera is at half the
+        distance, and a parallel one shows everything at twice the size.
+    fov
+        Degrees along the picture's shorter side; 0 is parallel projection.
+    size
+        Height and width of the picture, px.
+
+    Raises
+    ------
+    ValueError
+        A number is out of range.
+    """
+    if not (0.0 < zoom < np.inf and 0.0 <= fov < 180.0 and np.isfinite([azimuth, elevation]).all()):
+        raise ValueError(
+            f"azimuth {azimuth}, elevation {elevation}, zoom {zoom}, field of view {fov}; finite "
+            "angles, a zoom above 0 and a field of view from 0 to below 180 are allowed"
+        )
+    height, width = _checked_size(*size)
+    used = mesh.position[np.unique(mesh.triangle)]
+    center = (used.min(axis=0) + used.max(axis=0)) / 2
+    radius = float(np.sqrt(((used - center) ** 2).sum(axis=1).max())) or 1.0
+    if fov == 0.0:
+        scale = min(height, width) / (2 * radius) * zoom
+        pose = orbit(center, 2 * radius, azimuth, elevation, up)
+        return Orthographic(scale, scale, width / 2, height / 2, pose)
+    distance = radius / np.sin(np.radians(fov) / 2) / zoom
+    pose = orbit(center, distance, azimuth, elevation, up)
+    return Pinhole.from_fov(fov, height=height, width=width, world_to_camera=pose)
+
+
+def render_mesh(
+    mesh: Mesh, camera: Camera, *, height: int, width: int, style: MeshStyle | None = None
+) -> MeshFrame:
+    """Picture of a mesh.
+
+    Parameters
+    ----------
+    mesh
+        Triangles with textures or vertex colors; both sides are seen. Transparency is not drawn.
+    camera
+        Any camera.
+    height, width
+        Of the picture, px.
+    style
+        Choices; None is the default `MeshStyle()`.
+
+    Returns
+    -------
+    Premultiplied linear RGBA with depth and coverage. A pixel is the mean of its sub-pixels.
+
+    Raises
+    ------
+    ValueError
+        The size is not allowed.
+    """
+    begin = time.perf_counter()
+    height, width = _checked_size(height, width)
+    look = style or MeshStyle()
+    view = camera.view()
+    point, depth = _projected(mesh.position, view)
+    lens = _lens(view, depth, look)
+    cover = skin(mesh, look.interpolation, view, shading=look.shading)
+    surfaces = _surfaces(len(mesh.triangle))
+    profile = pixel_profile(look.pixel_filter, look.samples)
+    grid = _grid(height, width, len(profile), look)
+    with threads(None):
+        see(point, depth, mesh.triangle, cover.uv, lens, surfaces)
+        members = _members(surfaces, grid)
+        picture = _picture(grid, len(members.start) - 1)
+        paint(members, surfaces, cover, lens, grid, profile, picture)
+    points, seen, covered, looked_up = picture.tally.sum(axis=0).tolist()
+    seconds = time.perf_counter() - begin
+    statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, looked_up, seconds)
+    coverage = picture.rgba[..., 3].copy()
+    return MeshFrame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
+
+
+def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
+    """Weights of a pixel's sub-pixels, and of those of the pixels around that it reads, in a row.
+
+    Raises
+    ------
+    ValueError
+        The filter lies between sub-pixels, or weighs as much below 0 as above.
+    """
+    margin = max(0, math.ceil(pixel_filter.radius - 0.5))
+    place = (np.arange((2 * margin + 1) * samples) + 0.5) / samples - (margin + 0.5)
+    distance = np.minimum(np.abs(place), pixel_filter.radius)
+    weight = np.where(np.abs(place) <= pixel_filter.radius, pixel_filter(distance), 0.0)
+    total = float(weight.sum())
+    if not total > 0.0:
+        raise ValueError(
+            f"{pixel_filter} meets none of the {samples} samples along a pixel; choose a wider one"
+        )
+    return weight / total
+
+
+def _grid(height: int, width: int, taps: int, look: MeshStyle) -> Grid:
+    """Tiles for a filter that reads that many sub-pixels in a row."""
+    size, margin = max(1, TILE // look.samples), (taps // look.samples - 1) // 2
+    return Grid(height, width, size, -(-width // size), look.samples, margin, look.quality)
+
+
+def _checked_size(height: int, width: int) -> tuple[int, int]:
+    if not (1 <= height <= LARGEST and 1 <= width <= LARGEST):
+        raise ValueError(
+            f"a picture of {width} x {height} pixels; 1 to {LARGEST} along a side are allowed"
+        )
+    return int(height), int(width)
+
+
+def _in_camera(vector: Doubles, view: View) -> tuple[Doubles, Doubles, Doubles]:
+    """Components along the camera's axes.
+
+    Written out, as a matrix product may round equal vertices differently; a seam could then gape.
+    """
+    x, y, z = vector.T
+    first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in view.rotation)
+    return first, second, third
+
+
+def _projected(position: Doubles, view: View) -> tuple[Doubles, Doubles]:
+    """Vertices as (x w, y w, w) in px, (V, 3), and their depths (V,)."""
+    x, y, z = (
+        component + shift
+        for component, shift in zip(_in_camera(position, view), view.translation, strict=True)
+    )
+    w = z if view.perspective else np.ones_like(z)
+    (fx, fy), (cx, cy) = view.focal, view.principal
+    return np.stack([fx * x + cx * w, fy * y + cy * w, w], axis=1), z
+
+
+def _lens(view: View, depth: Doubles, look: MeshStyle) -> Lens:
+    """What visibility needs; an eye is not on its near plane, where the picture is infinite."""
+    near = max(view.near, 1e-6 * float(np.abs(depth).max())) if view.perspective else view.near
+    tolerance = 1.0 / (float(min(view.focal)) * look.samples)
+    return Lens(float(near), bool(view.perspective), look.cull, tolerance)
+
+
+def _surfaces(count: int) -> Surfaces:
+    return Surfaces(
+        np.zeros((count, 4, 2)),
+        np.zeros(count, np.int64),
+        np.zeros((count, 3, 3)),
+        np.zeros((count, 3)),
+        np.zeros((count, 2)),
+        np.zeros((count, 3, 3)),
+        np.zeros(count),
+        np.zeros(count),
+    )
+
+
+def _members(surfaces: Surfaces, grid: Grid) -> Members:
+    tiles = grid.columns * -(-grid.height // grid.size)
+    count = np.zeros(tiles, np.int64)
+    deal(surfaces, grid, count, np.zeros(0, np.int64))
+    start = np.concatenate([[0], np.cumsum(count)])
+    triangle = np.zeros(max(1, start[-1]), np.int64)
+    deal(surfaces, grid, start[:-1].copy(), triangle)
+    return Members(start, triangle)
+
+
+def _picture(grid: Grid, tiles: int) -> Picture:
+    shape = (grid.height, grid.width)
+    return Picture(
+        np.zeros((*shape, 4), np.float32),
+        np.full(shape, np.inf, np.float32),
+        np.full(shape, np.inf, np.float32),
+        np.zeros((tiles, 4), np.int64),
+    )

@@ -1,0 +1,84 @@
+"""What covers a mesh, as kernels read it: textures with their levels, colors and light."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.profiles.interpolation import Interpolation, prefilter
+from resample.types import Doubles, Floats, View
+from resample_texture.mesh.files import Mesh
+from resample_texture.mesh.kernels.color import Skin
+from resample_texture.mesh.kernels.surfaces import Ints
+from resample_texture.texels.forward import filtered, tap_table
+from resample_texture.texels.pyramid import Pyramid
+from resample_texture.types import Edge
+
+CREASE = 40.0  # degrees; beyond, triangles that meet are lit as separate faces
+
+
+def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool) -> Skin:
+    """All that gives triangles their colors."""
+    light = headlight(mesh, view) if shading else np.zeros((0, 3), np.float32)
+    texel, level, levels = _packed([coefficients(one, interpolation) for one in mesh.pyramids])
+    color, taps = mesh.color[mesh.triangle], tap_table(interpolation)
+    return Skin(corner_places(mesh), color, light, mesh.texture, texel, level, levels, taps)
+
+
+def corner_places(mesh: Mesh) -> Doubles:
+    """Texture coordinates (T, 3, 2) of all corners, downward from the texture's upper edge."""
+    uv = mesh.uv[mesh.triangle]
+    uv[..., 1] = 1.0 - uv[..., 1]
+    return uv
+
+
+def coefficients(pyramid: Pyramid, interpolation: Interpolation) -> Pyramid:
+    """Levels for which an interpolation's kernel passes through the texels; as given if it does."""
+    weights = prefilter(interpolation)
+    if weights.size == 1:
+        return pyramid
+    texel = np.empty_like(pyramid.texel)
+    for first, height, width in pyramid.levels:
+        part = slice(first, first + 3 * height * width)
+        level = pyramid.texel[part].reshape(height, width, 3)
+        texel[part] = filtered(level, weights, weights, Edge.WRAP).ravel()
+    return Pyramid(texel, pyramid.levels)
+
+
+def _packed(pyramids: list[Pyramid]) -> tuple[Floats, Ints, Ints]:
+    """All levels of all textures in a row, where they begin and end, and how many there are."""
+    count = np.array([len(pyramid.levels) for pyramid in pyramids] or [0])
+    level = np.zeros((len(count), int(count.max()), 3), np.int64)
+    first = 0
+    for n, (texel, levels) in enumerate(pyramids):
+        level[n, : len(levels)] = levels
+        level[n, : len(levels), 0] += first
+        first += texel.size
+    texels = [pyramid.texel for pyramid in pyramids] or [np.zeros(0, np.float32)]
+    return texels[0] if len(texels) == 1 else np.concatenate(texels), level, count
+
+
+def headlight(mesh: Mesh, view: View) -> Floats:
+    """Cosine between surface and view at the corners of triangles, (T, 3)."""
+    corner = mesh.position[mesh.triangle]
+    face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    _, same = np.unique(mesh.position, axis=0, return_inverse=True)
+    place = same.reshape(-1)[mesh.triangle]
+    smooth = np.stack(
+        [np.bincount(place.ravel(), np.repeat(face[:, c], 3), place.max() + 1) for c in range(3)],
+        axis=1,
+    )
+    normal, flat = _unit(smooth[place]), _unit(face)[:, None]
+    is_crease = (normal * flat).sum(axis=2, keepdims=True) < np.cos(np.radians(CREASE))
+    normal = np.where(is_crease, flat, normal)
+    eye = -view.rotation.T @ view.translation
+    toward = _unit(eye - corner) if view.perspective else view.rotation[2]
+    cosine: Floats = np.abs((normal * toward).sum(axis=2)).astype(np.float32)
+    return cosine
+
+
+def _unit(vector: NDArray[Any]) -> Doubles:
+    """Vectors of length 1; zero stays zero."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    unit: Doubles = np.divide(vector, length, out=np.zeros(vector.shape), where=length > 0)
+    return unit

@@ -1,0 +1,271 @@
+"""Our ways to warp: points, splats and what is between them (plugins: group `methods`)."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resample import registry
+from resample.types import Floats
+from resample_texture.geometry.mappings import BackwardMap, Geometry
+from resample_texture.types import Edge, Warped
+
+if TYPE_CHECKING:
+    from resample_texture.texels.forward import Cells
+
+LARGEST_QUALITY = 16.0
+
+
+@dataclass(frozen=True)
+class Hybrid:
+    """Points where texels shrink; where they grow, parts of texels as points, or splats.
+
+    A texel is cut along each axis until its parts are no longer than 1 / `quality` px, and joined
+    with its neighbours where it is far smaller than that: cost follows the screen. A texel that is
+    not cut is the paper's point (section 3), so there is no seam between the two.
+
+    Parameters
+    ----------
+    filter
+        Pixel filter, by name or as an object; `area` knows each part's extent.
+    reconstruction
+        Interpolation between texels, by name or as an object.
+    quality
+        Parts per px, 1 to 16.
+    magnified
+        `cells` or `splats`: what magnified texels become. Splats are interpolating elliptical
+        Gaussians, which take no other reconstruction and no other filter than a Gaussian.
+    total
+        A texel's value is a total, such as a flux: sums are kept, not means.
+    clamp
+        Keep values within the source's range, which sharp interpolations overshoot at hard edges.
+
+    Raises
+    ------
+    ValueError, LookupError
+        A choice is unknown or out of its range.
+    """
+
+    filter: Any = "area"
+    reconstruction: Any = "catmull-rom"
+    quality: float = 1.5
+    magnified: str = "cells"
+    total: bool = False
+    clamp: bool = False
+
+    def __post_init__(self) -> None:
+        _build(self, "filter", "filters")
+        _build(self, "reconstruction", "interpolations")
+        _check_quality(self.quality)
+        if self.magnified not in ("cells", "splats"):
+            raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
+        _check_clamp(self.clamp, self.total)
+
+    @property
+    def keeps_texels(self) -> bool:
+        """Whether a shift by whole pixels leaves texels as they are."""
+        from resample.profiles.filters import Area
+
+        return isinstance(self.filter, Area) and self.magnified == "cells"
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        if self.magnified == "splats":
+            warped = self._splatted(source, geometry, shape, edge)
+        else:
+            warped = _project(source, geometry, shape, edge, self._cells())
+        return _clamped(warped, source) if self.clamp else warped
+
+    def _cells(self) -> "Cells":
+        from resample_texture.texels.forward import Cells
+
+        return Cells(self.filter, self.reconstruction, self.quality, is_sum=self.total)
+
+    def _splatted(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample.profiles.filters import Area, Gaussian
+        from resample_texture.texels.splatting import Splatting, splat
+
+        if isinstance(self.filter, Area):  # the Gaussian that comes closest to a box
+            sigma, filter_sigma = 0.55, 0.29
+        elif isinstance(self.filter, Gaussian):
+            sigma, filter_sigma = 0.577, self.filter.sigma
+        else:
+            raise ValueError(f"splats come under a Gaussian pixel filter, not {self.filter}")
+        splatting = Splatting(
+            sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
+        )
+        return splat(source, geometry, shape, edge, splatting)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Every texel a point under a filter at each pixel; holes where texels grow.
+
+    Ghazanfarpour and Peroche, A High-Quality Filtering Using Forward Texture Mapping, 1991 (paper,
+    Figure 5a).
+    """
+
+    filter: Any = "gaussian"
+    total: bool = False
+
+    def __post_init__(self) -> None:
+        _build(self, "filter", "filters")
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.forward import Cells
+
+        cells = Cells(self.filter, joined=0.0, cut=False, is_sum=self.total)
+        return _project(source, geometry, shape, edge, cells)
+
+
+@dataclass(frozen=True)
+class Supersample:
+    """Points, and where texels grow, sub-texels along the axis that does.
+
+    What the paper's section 3 mentions, and leaves aside as expensive.
+    """
+
+    filter: Any = "gaussian"
+    reconstruction: Any = "bilinear"
+    quality: float = 1.0
+    total: bool = False
+
+    def __post_init__(self) -> None:
+        _build(self, "filter", "filters")
+        _build(self, "reconstruction", "interpolations")
+        _check_quality(self.quality)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.forward import Cells
+
+        cells = Cells(self.filter, self.reconstruction, self.quality, joined=0.0, is_sum=self.total)
+        return _project(source, geometry, shape, edge, cells)
+
+
+@dataclass(frozen=True)
+class Splats:
+    """Every texel an elliptical Gaussian: its own, projected, and the pixel's.
+
+    Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989; Chen, Dachille and Kaufman,
+    Forward Image Mapping, 1999.
+
+    Parameters
+    ----------
+    sigma
+        Of a texel's Gaussian, texels.
+    filter_sigma
+        Of the pixel's Gaussian, px.
+    interpolating
+        Heights of the Gaussians such that their sum passes through the texels.
+    clamp
+        Keep values within the source's range, which interpolating splats overshoot at hard edges.
+    """
+
+    sigma: float = 0.5
+    filter_sigma: float = 0.5
+    interpolating: bool = False
+    total: bool = False
+    clamp: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("sigma", "filter_sigma"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
+        _check_clamp(self.clamp, self.total)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.splatting import Splatting, splat
+
+        splatting = Splatting(
+            self.sigma,
+            self.filter_sigma,
+            threshold=0.0,
+            interpolating=self.interpolating,
+            is_sum=self.total,
+        )
+        warped = splat(source, geometry, shape, edge, splatting)
+        return _clamped(warped, source) if self.clamp else warped
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The hybrid as published: points up to a threshold, Gaussian splats above it (section 3).
+
+    Parameters
+    ----------
+    threshold
+        Longest that a texel may be on screen to be a point, px.
+    sigma, filter_sigma
+        As `Splats` takes them; points are filtered by the pixel's Gaussian.
+    """
+
+    threshold: float = 1.0
+    sigma: float = 0.5
+    filter_sigma: float = 0.5
+    total: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("threshold", "sigma", "filter_sigma"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.splatting import Splatting, splat
+
+        splatting = Splatting(
+            self.sigma, self.filter_sigma, threshold=self.threshold, is_sum=self.total
+        )
+        return splat(source, geometry, shape, edge, splatting)
+
+
+def _project(
+    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: "Cells"
+) -> Warped:
+    """Picture of cells, placed from the source or, where a map leads backward, from the target."""
+    if isinstance(geometry, BackwardMap):
+        from resample_texture.texels.backward import collect_from
+
+        return collect_from(source, geometry, shape, edge, cells)
+    from resample_texture.texels.forward import project
+
+    return project(source, geometry, shape, edge, cells)
+
+
+def _clamped(warped: Warped, source: Floats) -> Warped:
+    """Picture whose values are in the source's range, times the coverage."""
+    coverage = warped.coverage[..., None]
+    low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
+    return Warped(np.clip(warped.image, low * coverage, high * coverage), warped.coverage)
+
+
+def _check_clamp(clamp: bool, total: bool) -> None:
+    if clamp and total:
+        raise ValueError(
+            "totals are conserved, so they cannot be clamped; leave one of the two out"
+        )
+
+
+def _build(method: Any, name: str, group: str) -> None:
+    """Turn the name of a plugin that a method was given into the plugin's object."""
+    given = getattr(method, name)
+    if isinstance(given, str):
+        object.__setattr__(method, name, registry.build(group, given))
+    elif isinstance(given, type) or not (callable(given) and hasattr(given, "radius")):
+        raise ValueError(f"{name} {given!r}; known {group}: {', '.join(registry.names(group))}")
+
+
+def _check_quality(quality: float) -> None:
+    if not isinstance(quality, int | float) or not 1.0 <= quality <= LARGEST_QUALITY:
+        raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not at {quality!r}")

@@ -1,0 +1,1 @@
+"""The numba code of rivals: bare arrays and numbers."""

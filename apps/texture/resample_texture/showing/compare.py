@@ -1,0 +1,194 @@
+"""One view of one picture by several methods, measured against what it should look like."""
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from resample import registry
+from resample.colors import from_srgb, to_srgb
+from resample.command.console import progress_bar
+from resample.engine.jit import threads
+from resample.measuring.compare import contact_sheet, shown
+from resample.measuring.quality import flip, psnr, ssim
+from resample.types import Floats
+from resample_texture.showing import scenes
+from resample_texture.showing.scenes import Mask, Scene
+from resample_texture.types import Edge, Method
+
+Row = dict[str, object]
+Screen = Floats  # (H, W, 3) sRGB-encoded, 0..1, as a screen shows it
+
+RUNS = 5  # that a time is the median of
+PATIENCE = 2.0  # seconds for all of them
+CROP = 64  # px of a detail's side
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Pictures of one scene and how far they are from the truth."""
+
+    title: str
+    screens: dict[str, Screen]  # the truth first, then the methods
+    zones: dict[str, Mask]
+    rows: list[Row]  # one for each zone and method
+
+    @property
+    def methods(self) -> list[str]:
+        return list(self.screens)[1:]
+
+    @property
+    def truth(self) -> str:
+        return next(iter(self.screens))
+
+    def details(self) -> dict[str, tuple[slice, slice]]:
+        """A small part of every zone but the whole, there where most is to be seen."""
+        truth = self.screens[self.truth]
+        masks = {name: mask for name, mask in self.zones.items() if name != "whole"}
+        return {name: _busiest(truth, mask) for name, mask in masks.items()}
+
+
+@dataclass(frozen=True)
+class Judge:
+    """How methods are judged.
+
+    Parameters
+    ----------
+    kind
+        Pixel filter of the truth: box or gaussian.
+    edge
+        What the methods are told lies beyond the picture; no pixel that sees it is measured.
+    linear
+        Values are linear light; otherwise they are what a screen is sent.
+    """
+
+    kind: str = "box"
+    edge: Edge = Edge.TRANSPARENT
+    linear: bool = True
+
+    def compare(self, title: str, scene: Scene, names: Sequence[str]) -> Comparison:
+        """Measure methods by name in a scene.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A method is unknown or refuses its parameters or the scene.
+        """
+        methods = {name: registry.build("methods", name) for name in names}
+        masks = scenes.zones(scene)
+        with progress_bar("casting rays") as progress:
+            target = self._screen(scenes.truth(scene, self.kind, progress))
+        screens = {f"truth, {scenes.RAYS} x {scenes.RAYS} rays": target}
+        milliseconds = {}
+        with progress_bar("warping") as progress:
+            for n, (name, method) in enumerate(methods.items()):
+                image, milliseconds[name] = timed(method, scene, self.edge)
+                screens[name] = self._screen(image)
+                if progress is not None:
+                    progress((n + 1) / len(methods))
+        rows = [
+            {"zone": zone, "method": name, **measured(screens[name], target, mask), "ms": duration}
+            for zone, mask in masks.items()
+            for name, duration in milliseconds.items()
+        ]
+        return Comparison(title, screens, masks, rows)
+
+    def about(self, scene: Scene) -> dict[str, str]:
+        """What was compared, for a reader."""
+        height, width = scene.shape
+        rows, columns, channels = scene.source.shape
+        kind = {"box": "area", "gaussian": "Gaussian of 0.5 px"}[self.kind]
+        values = "linear light" if self.linear else "values as they are encoded"
+        return {
+            "view": f"{columns} x {rows} texels of {channels} to {width} x {height} pixels",
+            "truth": f"{scenes.RAYS} x {scenes.RAYS} rays per pixel, Catmull-Rom spline, {kind}",
+            "filtered": values,
+            "edge": str(self.edge),
+        }
+
+    def _screen(self, image: Floats) -> Screen:
+        if self.linear:
+            return shown(image)
+        return np.clip(image[..., [0, 0, 0]] if image.shape[2] == 1 else image, 0.0, 1.0)
+
+
+def timed(method: Method, scene: Scene, edge: Edge) -> tuple[Floats, float]:
+    """Picture by a method, and the median of several warm runs in milliseconds."""
+
+    def run() -> Floats:
+        return method(scene.source, scene.geometry, scene.shape, edge).image
+
+    duration: list[float] = []
+    with threads(None):
+        image = run()
+        begin = time.perf_counter()
+        while not duration or (len(duration) < RUNS and time.perf_counter() - begin < PATIENCE):
+            start = time.perf_counter()
+            run()
+            duration.append(1000.0 * (time.perf_counter() - start))
+    return image, statistics.median(duration)
+
+
+def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:
+    """PSNR in dB, SSIM and FLIP of the pixels of a zone.
+
+    SSIM and FLIP look at neighbourhoods: of a picture that is the truth outside of the zone, all
+    that they find is laid upon the zone's pixels.
+    """
+    share = float(mask.mean())
+    alone = np.where(mask[..., None], screen, truth)
+    return {
+        "psnr": psnr(screen, truth, mask=mask),
+        "ssim": 1.0 - (1.0 - ssim(alone, truth)) / share,
+        "flip": flip(alone, truth) / share,
+    }
+
+
+def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
+    """Write the pictures with their details enlarged, a line for each method, as one PNG."""
+    pictures, captions = {}, {}
+    details = comparison.details()
+    for name, screen in comparison.screens.items():
+        pictures[name] = screen
+        captions[name] = note(comparison, name, "whole")
+        for zone, part in details.items():
+            title = f"{name}: {zone}"
+            pictures[title] = enlarged(screen[part], min(screen.shape[:2]))
+            captions[title] = note(comparison, name, zone)
+    light = {title: from_srgb(picture) for title, picture in pictures.items()}
+    contact_sheet(light, path, columns=1 + len(details), captions=captions, zoom=zoom)
+
+
+def enlarged(detail: Screen, side: int) -> Screen:
+    """Detail with every pixel as a square, as large as fits into a side."""
+    zoom = max(1, side // max(detail.shape[:2]))
+    return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
+
+
+def note(comparison: Comparison, method: str, zone: str) -> str:
+    """What a zone of a picture is worth, in a few words; nothing for the truth."""
+    for row in comparison.rows:
+        if (row["method"], row["zone"]) == (method, zone):
+            time_taken = f", {row['ms']:.1f} ms" if zone == "whole" else ""
+            return f"{row['psnr']:.2f} dB{time_taken}"
+    return ""
+
+
+def source_values(picture: Floats, *, linear: bool) -> Floats:
+    """What methods are given of a picture in linear light: light, or its sRGB-encoded values."""
+    return picture if linear else np.ascontiguousarray(to_srgb(picture))
+
+
+def _busiest(screen: Screen, mask: Mask) -> tuple[slice, slice]:
+    """Square that lies in a zone, as far as it can, and whose values vary most."""
+    side = min(CROP, *mask.shape)
+    step = max(1, side // 4)
+    places = [
+        (slice(top, top + side), slice(left, left + side))
+        for top in range(0, mask.shape[0] - side + 1, step)
+        for left in range(0, mask.shape[1] - side + 1, step)
+    ]
+    return max(places, key=lambda place: (mask[place].mean(), screen[place].std()))

@@ -1,0 +1,1 @@
+"""The numba code of references: bare arrays and numbers."""

@@ -1,0 +1,271 @@
+"""Views to compare methods in, what they should look like, and generated pictures."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_texture.geometry.corners import from_corners, page_corners
+from resample_texture.geometry.mappings import Homography, source_coordinates
+
+Mask = NDArray[np.bool_]
+
+SMALLEST_SIDE = 1024  # texels; smaller pictures are tiled with their mirror images
+LARGEST_SIDE = 4096  # texels; the truth of more takes minutes
+RAYS = 16  # per side of a pixel
+BLOCK = 32  # rows of the target at a time
+FRAME = 6  # px around the target that are not measured
+REACH = 3.0  # px that filters may reach into the source around a pixel
+MARGIN = 2.0  # texels at the source's edges that are not measured
+NEAR = {"floor": 8, "floor-yaw": 8, "floor-close": 16}  # of the picture's width at the near edge
+NAMES = (*NEAR, "zoom", "shrink")
+
+
+class Scene(NamedTuple):
+    """A picture and the view it is seen in."""
+
+    source: Floats  # (H, W, C)
+    geometry: Homography
+    shape: tuple[int, int]  # of the target, px
+
+
+def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) -> Scene:
+    """View of a picture by name, or by a matrix.
+
+    Parameters
+    ----------
+    picture
+        (H, W, C). Named scenes tile a small one with its mirror images until a side has
+        `SMALLEST_SIDE` texels.
+    name
+        `floor`: from 4 × 4 px per texel nearby to 1/2 × 1/16 far away; `floor-yaw`: the same, the
+        picture turned by 30 degrees; `floor-close`: from 8 × 8 px to 1/2 × 1/32; `zoom`: 3 times as
+        large, turned by 15 degrees; `shrink`: at 0.3 of its size, turned by 15 degrees; or a
+        matrix, see `parse_matrix`.
+    size
+        Height and width of the target; half the picture's for named scenes, the picture's for a
+        matrix.
+
+    Raises
+    ------
+    ValueError
+        The name is no scene's, or the picture is too large.
+    """
+    if max(picture.shape[:2]) > LARGEST_SIDE:
+        raise ValueError(
+            f"a picture of {picture.shape[1]} x {picture.shape[0]} pixels; scenes take "
+            f"{LARGEST_SIDE} along a side at most"
+        )
+    if name not in NAMES:
+        return Scene(picture, _matrix(name), size or (picture.shape[0], picture.shape[1]))
+    source = tiled(picture)
+    height, width = source.shape[:2]
+    shape = size or (max(1, height // 2), max(1, width // 2))
+    matrix = _view(name, (height, width))
+    scale = np.diag([2.0 * shape[1] / width, 2.0 * shape[0] / height, 1.0])
+    return Scene(source, Homography(scale @ matrix), shape)
+
+
+def check_scene(name: str) -> None:
+    """Refuse a name that `scene_of` would refuse, before any work is done."""
+    if name not in NAMES:
+        _matrix(name)
+
+
+def tiled(picture: Floats) -> Floats:
+    """Picture with its mirror images around it until its longer side has `SMALLEST_SIDE` texels."""
+    while max(picture.shape[:2]) < SMALLEST_SIDE:
+        picture = np.concatenate([picture, picture[:, ::-1]], axis=1)
+        picture = np.concatenate([picture, picture[::-1]], axis=0)
+    return np.ascontiguousarray(picture)
+
+
+def truth(
+    scene: Scene, kind: str = "box", progress: Callable[[float], None] | None = None
+) -> Floats:
+    """Scene by 16 × 16 rays per pixel, the source joined by Catmull-Rom's spline, in float64.
+
+    Parameters
+    ----------
+    scene
+        What is seen; beyond the source there is nothing.
+    kind
+        Pixel filter: `box`, the pixel's area; or `gaussian` of σ 0.5 px, cut at 2 px.
+    progress
+        Told the share that is done.
+
+    Returns
+    -------
+    (H, W, C) float32.
+
+    Raises
+    ------
+    ValueError
+        The filter is none of these.
+    """
+    from resample.engine.jit import threads
+    from resample_texture.showing.kernels.truth import cast_rows
+
+    tap = _taps(kind)
+    source = np.ascontiguousarray(scene.source, np.float32)
+    matrix = scene.geometry.oriented((source.shape[0], source.shape[1]))
+    inverse = np.asarray(np.linalg.inv(matrix), np.float64)
+    height, width = scene.shape
+    before = (tap.size - RAYS) // 2
+    picture = np.empty((height, width, source.shape[2]), np.float32)
+    for top in range(0, height, BLOCK):
+        count = min(BLOCK, height - top)
+        y = top + (np.arange(-before, count * RAYS + before) + 0.5) / RAYS
+        rows = np.zeros((y.size, width, source.shape[2]))
+        with threads(None):
+            cast_rows(source, inverse, y, tap, RAYS, rows)
+        lines = range(tap.size)
+        part = sum(tap[n] * rows[n : n + count * RAYS : RAYS][:count] for n in lines)
+        picture[top : top + count] = part
+        if progress is not None:
+            progress((top + count) / height)
+    return picture
+
+
+def zones(scene: Scene) -> dict[str, Mask]:
+    """Pixels (H, W) by how texels come out there; all must look well into the source.
+
+    Returns
+    -------
+    `whole`, and those of `minified` (texels shrink along both axes), `mixed` and `magnified`
+    (they grow along both) that are not empty.
+
+    Raises
+    ------
+    ValueError
+        No pixel looks well into the source.
+    """
+    is_inside = _inside(scene)
+    if not is_inside.any():
+        raise ValueError("no pixel of the scene looks into the picture; give another matrix")
+    least, most = _scales(scene)
+    masks = {
+        "whole": is_inside,
+        "minified": is_inside & (most < 1.0),
+        "mixed": is_inside & (most >= 1.0) & (least < 1.0),
+        "magnified": is_inside & (least >= 1.0),
+    }
+    return {name: mask for name, mask in masks.items() if mask.any()}
+
+
+def checker(side: int = 1024, square: int = 8) -> Floats:
+    """Checkerboard (side, side, 1) of black and white, linear light."""
+    line = np.arange(side) // square
+    return ((line[:, None] + line) % 2)[..., None].astype(np.float32)
+
+
+def bricks(side: int = 1024) -> Floats:
+    """Wall (side, side, 3), linear light: bricks of many reds, mortar, and grain of all sizes."""
+    rng = np.random.default_rng(2003)
+    row, column = np.mgrid[0:side, 0:side] / side
+    course = np.floor(row * 16).astype(np.int64)
+    along = column * 8 + 0.5 * (course % 2)
+    brick = np.floor(along).astype(np.int64) % 8
+    tone = rng.uniform(0.6, 1.3, (16, 8))[course, brick]
+    edge = np.minimum(np.minimum(row * 16 % 1, 1 - row * 16 % 1) / 2, along % 1)
+    edge = np.minimum(edge, 1 - along % 1)
+    grain = _grain(side, rng)
+    is_mortar = edge + 0.02 * (grain - 0.5) < 0.035
+    red = np.array([0.36, 0.12, 0.07]) * tone[..., None] * (0.55 + 0.9 * grain[..., None])
+    gray = np.array([0.52, 0.50, 0.45]) * (0.7 + 0.6 * grain[..., None])
+    return np.clip(np.where(is_mortar[..., None], gray, red), 0.0, 1.0).astype(np.float32)
+
+
+def _grain(side: int, rng: np.random.Generator) -> Doubles:
+    """Noise of many sizes, 0..1, (side, side)."""
+    total = np.zeros((side, side))
+    size = 4
+    while size <= side:
+        cells = rng.random((size, size))
+        count = -(-side // size)
+        total += np.repeat(np.repeat(cells, count, 0), count, 1)[:side, :side]
+        size *= 2
+    low, high = total.min(), total.max()
+    return np.asarray((total - low) / (high - low))
+
+
+def _matrix(name: str) -> Homography:
+    from resample_texture.geometry.matrices import homography, parse_matrix
+
+    if not Path(name).exists() and any(letter.isalpha() for letter in name.replace("e", "")):
+        raise ValueError(f"unknown scene {name!r}; known: {', '.join(NAMES)}, or give a matrix")
+    return homography(parse_matrix(name))
+
+
+def _view(name: str, shape: tuple[int, int]) -> Doubles:
+    """Matrix of a named scene from a source to a target of half its size."""
+    height, width = shape
+    half = height / 2, width / 2
+    if name in NEAR:
+        near = (1 + 1 / NEAR[name]) / 2 * width, (1 - 1 / NEAR[name]) / 2 * width
+        ends = np.array([[0, 0], [width, 0], [near[0], height], [near[1], height]])
+        floor = from_corners(ends, page_corners((1, 1)) * half[::-1]).matrix
+        pivot = width / 2, height * 700 / 1024
+        return floor @ _turned(30.0, pivot, pivot) if name == "floor-yaw" else floor
+    scale = 3.0 if name == "zoom" else 0.3
+    return _turned(15.0, (width / 2, height / 2), (half[1] / 2, half[0] / 2), scale)
+
+
+def _turned(
+    degrees: float, center: tuple[float, float], goal: tuple[float, float], scale: float = 1.0
+) -> Doubles:
+    """Matrix that turns and scales around a point and brings the point to its goal."""
+    angle = np.radians(degrees)
+    cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
+    (x, y), (goal_x, goal_y) = center, goal
+    return np.array(
+        [
+            [cosine, -sine, goal_x - cosine * x + sine * y],
+            [sine, cosine, goal_y - sine * x - cosine * y],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def _taps(kind: str) -> Doubles:
+    """Weights of the rays across a pixel filter, of sum 1."""
+    if kind == "box":
+        return np.full(RAYS, 1.0 / RAYS)
+    if kind != "gaussian":
+        raise ValueError(f"truth {kind!r}; known: box, gaussian")
+    distance = (np.arange(-2 * RAYS, 2 * RAYS) + 0.5) / RAYS
+    weight = np.exp(-0.5 * (distance / 0.5) ** 2)
+    return np.asarray(weight / weight.sum())
+
+
+def _inside(scene: Scene) -> Mask:
+    """Pixels whose filters see nothing but the source."""
+    height, width = scene.source.shape[:2]
+    mask = np.ones(scene.shape, np.bool_)
+    for right in (-REACH, 0.0, REACH):
+        for down in (-REACH, 0.0, REACH):
+            shift = np.array([[1, 0, -right], [0, 1, -down], [0, 0, 1.0]])
+            moved = Homography(shift @ scene.geometry.oriented((height, width)), is_signed=True)
+            x, y = source_coordinates(moved, scene.shape)
+            mask &= (x > MARGIN) & (x < width - MARGIN) & (y > MARGIN) & (y < height - MARGIN)
+    frame = np.zeros(scene.shape, np.bool_)
+    frame[FRAME:-FRAME, FRAME:-FRAME] = True
+    return np.asarray(mask & frame)
+
+
+def _scales(scene: Scene) -> tuple[Doubles, Doubles]:
+    """Least and largest scale of texels at every pixel: singular values of ∂(x, y)/∂(u, v)."""
+    size = scene.source.shape[0], scene.source.shape[1]
+    h = scene.geometry.oriented(size)
+    u, v = source_coordinates(scene.geometry, scene.shape, size)
+    d = h[2, 0] * u + h[2, 1] * v + h[2, 2]
+    x = (h[0, 0] * u + h[0, 1] * v + h[0, 2]) / d
+    y = (h[1, 0] * u + h[1, 1] * v + h[1, 2]) / d
+    xu, xv = (h[0, 0] - x * h[2, 0]) / d, (h[0, 1] - x * h[2, 1]) / d
+    yu, yv = (h[1, 0] - y * h[2, 0]) / d, (h[1, 1] - y * h[2, 1]) / d
+    total = xu**2 + xv**2 + yu**2 + yv**2
+    root = np.sqrt(np.maximum(total**2 - 4.0 * (xu * yv - xv * yu) ** 2, 0.0))
+    return np.sqrt(np.maximum(total - root, 0.0) / 2), np.sqrt((total + root) / 2)

@@ -1,0 +1,1 @@
+"""From texels to pictures, and back: cells cut, placed, added and resolved."""

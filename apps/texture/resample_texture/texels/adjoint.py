@@ -1,0 +1,178 @@
+"""The exact adjoint of forward projection: gradients of pixels become gradients of texels.
+
+With A the linear map from texels to the picture of `forward.project`, this is its transpose, so
+that the backward pass of an optimisation sees the weights that the forward pass drew with.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from resample.profiles.interpolation import Interpolation, prefilter
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import Geometry, Homography
+from resample_texture.texels.forward import (
+    EDGES,
+    Blocks,
+    Cells,
+    Sums,
+    blocks_of,
+    borders,
+    moved,
+    needs_totals,
+    profile_table,
+    tap_table,
+    widened,
+)
+from resample_texture.texels.kernels.adjoint import gather_blocks, give_back, patch_offsets
+from resample_texture.texels.kernels.blocks import Integers
+from resample_texture.texels.kernels.placing import Spread
+from resample_texture.types import Edge
+
+BATCH = 1 << 24  # numbers that patches may hold at a time
+
+
+def adjoint(
+    gradient: Floats, geometry: Geometry, source_shape: tuple[int, int], edge: Edge, cells: Cells
+) -> Floats:
+    """Gradient (H, W, C) of texels, given that (height, width, C) of the picture `project` makes.
+
+    Parameters
+    ----------
+    gradient
+        Derivatives of any number by each pixel of the image. The coverage is no matter of texels.
+    geometry, edge, cells
+        As for `forward.project`.
+    source_shape
+        Height and width of the source, texels.
+
+    Raises
+    ------
+    ValueError
+        The gradient is no picture with channels, or as `forward.blocks_of`.
+    """
+    if gradient.ndim != 3 or gradient.size == 0:
+        raise ValueError(f"a gradient has the shape (height, width, C), not {gradient.shape}")
+    margin = 0
+    if isinstance(geometry, Homography):
+        texels, margin = widened(
+            np.zeros((*source_shape, 1), np.float32), edge, cells.interpolation
+        )
+        geometry = moved(geometry, margin) if margin else geometry
+        source_shape = texels.shape[0], texels.shape[1]
+    else:
+        edge = Edge.TRANSPARENT  # as `project` does
+    shape = gradient.shape[0], gradient.shape[1]
+    blocks = blocks_of(geometry, source_shape, shape, edge, cells)
+    factor = factors(blocks, geometry, source_shape, shape, edge, cells)
+    weighted = np.ascontiguousarray(gradient * factor[..., None], np.float32)
+    parts = _texel_gradients(weighted, blocks, source_shape, edge, cells)
+    whole = _unprefiltered(parts, cells.interpolation, edge)
+    return _folded(_folded(whole, margin, 0, edge), margin, 1, edge).astype(np.float32)
+
+
+def factors(
+    blocks: Blocks,
+    geometry: Geometry,
+    source_shape: tuple[int, int],
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: Cells,
+) -> Floats:
+    """What `project` multiplies the sums of each pixel by, (height, width)."""
+    sums = Sums(shape, 1, cells)
+    sums.add(np.zeros((*source_shape, 1), np.float32), blocks, edge)
+    for picture in sums.pictures:
+        picture[..., 0] = 1.0
+    return sums.warped(*borders(geometry, source_shape, edge)).image[..., 0]
+
+
+def _texel_gradients(
+    weighted: Floats, blocks: Blocks, source_shape: tuple[int, int], edge: Edge, cells: Cells
+) -> Doubles:
+    """Gradients (K, H, W, C) of texels, as `give_back` keeps them apart."""
+    channels = weighted.shape[2]
+    taps = tap_table(cells.interpolation)
+    profile = profile_table(cells.pixel_filter, cells.taps)
+    kinds = 1 if prefilter(cells.interpolation).size == 1 else 4
+    texels = np.zeros((kinds, *source_shape, channels))
+    height, width = source_shape
+    sums = min(kinds, 3) if needs_totals(blocks.axes, source_shape, edge) else 0
+    totals = np.zeros((sums, height + 1, width + 1, channels))
+    spread = Spread(cells.taps, cells.is_sum)
+    for batch in _batches(blocks.axes, taps.shape[0], channels):
+        axes = blocks.axes[batch]
+        start = patch_offsets(axes, taps.shape[0], channels)
+        patches = np.empty(start[-1])
+        gather_blocks(
+            weighted, blocks.matrix, blocks.x, blocks.y, axes, blocks.bounds[batch], taps, profile,
+            spread, start, patches,
+        )  # fmt: skip
+        give_back(patches, start, axes, EDGES[edge], taps.shape[0], totals, texels)
+    for kind in range(sums):
+        texels[kind] += _summed_back(totals[kind])
+    return texels
+
+
+def _summed_back(totals: Doubles) -> Doubles:
+    """Transposed `forward._totals` of one kind: for each texel, all its sums, below and right."""
+    backward = totals[::-1, ::-1].cumsum(axis=0).cumsum(axis=1)
+    return np.asarray(backward[::-1, ::-1][1:, 1:])
+
+
+def _batches(axes: Integers, taps: int, channels: int) -> Iterator[slice]:
+    """Consecutive blocks whose patches fit in memory together."""
+    start = patch_offsets(axes, taps, channels)
+    first = 0
+    while first < len(axes):
+        last = int(np.searchsorted(start, start[first] + BATCH, side="right")) - 1
+        last = min(max(last, first + 1), len(axes))
+        yield slice(first, last)
+        first = last
+
+
+def _unprefiltered(texels: Doubles, interpolation: Interpolation, edge: Edge) -> Doubles:
+    """Transposed `forward.texels`: the source's gradient (H, W, C) from those of its parts."""
+    if len(texels) == 1:
+        return np.asarray(texels[0])
+    weights = prefilter(interpolation).astype(np.float64)
+    plain, along_u, along_v, both = texels
+    along_u = along_u + _filtered_back(both, weights, 0, edge)
+    along_v = _filtered_back(along_v, weights, 0, edge)
+    return np.asarray(plain + _filtered_back(along_u, weights, 1, edge) + along_v)
+
+
+def _filtered_back(gradient: Doubles, weights: Doubles, axis: int, edge: Edge) -> Doubles:
+    """Transposed `forward.filtered` along one axis of (H, W, C)."""
+    lines = np.moveaxis(gradient, axis, 0)
+    size = len(lines)
+    spread = np.zeros((size + weights.size - 1, *lines.shape[1:]))
+    for k, weight in enumerate(weights):
+        spread[k : k + size] += weight * lines
+    return _folded(np.moveaxis(spread, 0, axis), weights.size // 2, axis, edge)
+
+
+def _folded(gradient: Doubles, margin: int, axis: int, edge: Edge) -> Doubles:
+    """Gradient without a margin on both ends of an axis: what is there goes to the texels it is of.
+
+    Beyond an edge those are the texels that stand there.
+    """
+    if margin == 0:
+        return gradient
+    lines = np.moveaxis(gradient, axis, 0)
+    size = len(lines) - 2 * margin
+    result = lines[margin : margin + size].copy()
+    index = np.arange(-margin, size + margin)
+    beyond = (index < 0) | (index >= size)
+    np.add.at(result, _texels_at(index[beyond], size, edge), lines[beyond])
+    return np.moveaxis(result, 0, axis)
+
+
+def _texels_at(index: Integers, size: int, edge: Edge) -> Integers:
+    """Texels that stand at indices within and beyond the source's edges, as filters read them."""
+    if edge is Edge.CLAMP:
+        return np.asarray(np.clip(index, 0, size - 1))
+    if edge is Edge.WRAP:
+        return index % size
+    index = index % (2 * size)
+    return np.minimum(index, 2 * size - 1 - index)

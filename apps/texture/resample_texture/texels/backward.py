@@ -1,0 +1,81 @@
+"""Maps that lead backward: every pixel's parts look up the source, then are points like others."""
+
+import numpy as np
+
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap
+from resample_texture.texels.forward import (
+    EDGES,
+    NEARLY_FULL,
+    Cells,
+    Sums,
+    batches,
+    texels,
+    widened,
+)
+from resample_texture.texels.kernels.blocks import BOTTOM, LEFT, RIGHT, TOP, Integers
+from resample_texture.texels.kernels.gathering import gather_tiles
+from resample_texture.texels.kernels.painting import collect, offsets
+from resample_texture.texels.kernels.placing import Spread
+from resample_texture.types import Edge, Warped
+
+TILE = 32  # px along a side of what one thread takes at a time
+
+
+def collect_from(
+    source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: Cells
+) -> Warped:
+    """Picture (height, width) of a source (H, W, C) that a map leads back to.
+
+    Raises
+    ------
+    ValueError
+        The map has another shape than the picture; or sums are wanted of a line of pixels.
+    """
+    if geometry.x.shape != shape:
+        raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+    if cells.is_sum and min(shape) == 1:
+        raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
+    source, margin = widened(source, edge, cells.interpolation)
+    sums = Sums(shape, source.shape[2], cells)
+    ready = texels(source, cells.interpolation, edge).both
+    reach = int(np.ceil(cells.reach)) + 1
+    around = 0 if cells.taps == 0 else reach  # px around the picture whose points reach into it
+    map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
+    tiles = _tiles((shape[0] + 2 * around, shape[1] + 2 * around))
+    bounds = tiles + np.array([-reach, -reach, reach, reach])
+    spread = Spread(cells.taps, cells.is_sum)
+    quality = cells.quality if cells.cut else 1.0
+    for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
+        for batch in batches(bounds, count + 1):
+            start = offsets(bounds[batch], count + 1)
+            space = np.empty(start[-1], np.float32)
+            gather_tiles(
+                ready, EDGES[edge], (first, count), map_u, map_v, tiles[batch], bounds[batch],
+                quality, sums.taps, sums.profile, spread, start, space,
+            )  # fmt: skip
+            collect(bounds[batch] - around, start, space, picture)
+    nowhere = np.array([[0.0, 0.0, -1.0]])
+    return sums.warped(nowhere, NEARLY_FULL)
+
+
+def extended(places: Doubles, margin: int) -> Doubles:
+    """Map with more places on each side, continued as it ends."""
+    for axis, size in enumerate(places.shape):
+        sides = [(0, 0), (0, 0)]
+        sides[axis] = margin, margin
+        if size == 1:
+            places = np.pad(places, sides, mode="edge")
+        else:
+            places = np.pad(places, sides, mode="reflect", reflect_type="odd")
+    return places
+
+
+def _tiles(shape: tuple[int, int]) -> Integers:
+    """Tiles (T, 4) of a picture: left, top, right and bottom, px."""
+    top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : TILE, 0 : shape[1] : TILE])
+    tiles = np.empty((top.size, 4), np.int64)
+    tiles[:, LEFT], tiles[:, TOP] = left, top
+    tiles[:, RIGHT] = np.minimum(left + TILE, shape[1])
+    tiles[:, BOTTOM] = np.minimum(top + TILE, shape[0])
+    return tiles

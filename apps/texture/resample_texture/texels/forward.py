@@ -1,0 +1,401 @@
+"""Forward projection of cells: the way from texels to sums per pixel, and to a picture.
+
+Each cell of the source (a texel, part of one, or several) is one point: its value, spread by the
+pixel filter, with the area |det J| that it covers as its mass. Masses and kernels of unit mass sum
+to 1 wherever the source is seen, so that the sum of weights is the coverage (THEORY, section 2).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.profiles.filters import Area, PixelFilter
+from resample.profiles.interpolation import CatmullRom, Interpolation, prefilter, taps
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.texels.kernels.adding import PHASES
+from resample_texture.texels.kernels.blocks import (
+    LENGTH,
+    LEVEL,
+    START,
+    Integers,
+    sight,
+    split_map,
+    split_plane,
+)
+from resample_texture.texels.kernels.painting import collect, finish, offsets, paint_blocks
+from resample_texture.texels.kernels.placing import Spread
+from resample_texture.texels.kernels.texels import CLAMP, DENSE, EXACT, MIRROR, TRANSPARENT, WRAP
+from resample_texture.types import Edge, Warped
+
+JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 1
+FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
+MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
+FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond its edges
+BATCH = 1 << 25  # numbers that blocks may hold at a time
+NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are not known
+EDGES = {
+    Edge.TRANSPARENT: TRANSPARENT,
+    Edge.CLAMP: CLAMP,
+    Edge.WRAP: WRAP,
+    Edge.MIRROR: MIRROR,
+}
+NOTHING = np.zeros((0, 0))
+
+
+@dataclass(frozen=True)
+class Cells:
+    """How texels are cut into cells and what each leaves on the screen."""
+
+    pixel_filter: PixelFilter = field(default_factory=Area)
+    interpolation: Interpolation = field(default_factory=CatmullRom)
+    quality: float = 1.5  # cells per px, at least
+    joined: float = JOINED  # px; 0: texels are not joined
+    cut: bool = True  # whether texels are cut at all
+    is_sum: bool = False
+
+    @property
+    def reach(self) -> float:
+        """How far a point spreads, px."""
+        return 0.5 * max(2, self.taps)
+
+    @property
+    def cut_quality(self) -> float:
+        """Cells per px that texels are cut for; 0 if they are not."""
+        return self.quality if self.cut else 0.0
+
+    @property
+    def longest(self) -> float:
+        """Length that joined texels may have, px."""
+        return self.joined / max(self.quality, 1.0)
+
+    @property
+    def taps_reach(self) -> int:
+        """Texels beyond a block that its interpolation reads."""
+        return math.ceil(self.interpolation.radius)
+
+    @property
+    def taps(self) -> int:
+        """Pixels per side that a point meets; 0 for the area filter."""
+        if isinstance(self.pixel_filter, Area):
+            return 0
+        return max(1, math.ceil(2.0 * self.pixel_filter.radius))
+
+
+class Texels(NamedTuple):
+    """A source, ready to be interpolated along u, along v or both."""
+
+    plain: Floats  # (H, W, C)
+    along_u: Floats
+    along_v: Floats
+    both: Floats
+
+
+class Blocks(NamedTuple):
+    """Parts of a source and where they show."""
+
+    axes: Integers  # (B, 2, 6)
+    bounds: Integers  # (B, 4) px
+    matrix: Doubles  # (3, 3) source to target
+    x: Doubles  # (H + 2, W + 2) places of texels' centers; empty under a homography
+    y: Doubles
+
+
+def texels(source: Floats, interpolation: Interpolation, edge: Edge) -> Texels:
+    """Source with what interpolation needs: coefficients where its kernel passes no sample."""
+    weights = prefilter(interpolation)
+    if weights.size == 1:
+        return Texels(source, source, source, source)
+    one = np.ones(1, np.float32)
+    along_u = filtered(source, weights, one, edge)
+    along_v = filtered(source, one, weights, edge)
+    return Texels(source, along_u, along_v, filtered(along_u, one, weights, edge))
+
+
+def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
+    """Source (H, W, C) under a separable filter, continued beyond its edges as `edge` says."""
+    import cv2
+
+    border = {Edge.CLAMP: cv2.BORDER_REPLICATE, Edge.WRAP: cv2.BORDER_WRAP}.get(
+        edge, cv2.BORDER_REFLECT
+    )
+    height, width, channels = source.shape
+    result = np.empty_like(source)
+    tall, wide = along_v.size // 2, along_u.size // 2
+    for c in range(channels):
+        plane = np.ascontiguousarray(source[..., c])
+        if border == cv2.BORDER_WRAP:
+            plane = np.pad(plane, ((tall, tall), (wide, wide)), mode="wrap")
+            whole = cv2.sepFilter2D(plane, cv2.CV_32F, along_u, along_v)
+            result[..., c] = whole[tall : tall + height, wide : wide + width]
+        else:
+            result[..., c] = cv2.sepFilter2D(plane, cv2.CV_32F, along_u, along_v, borderType=border)
+    return result
+
+
+def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[Floats, int]:
+    """Source with some of what continues it, where coefficients cannot be continued so.
+
+    Returns
+    -------
+    The source, and how many texels it has more on each side. Beyond an edge that repeats the
+    outermost texels, coefficients of a prefiltered interpolation still vary.
+    """
+    margin = prefilter(interpolation).size // 2
+    if edge is not Edge.CLAMP or margin == 0:
+        return source, 0
+    return np.pad(source, ((margin, margin), (margin, margin), (0, 0)), mode="edge"), margin
+
+
+def moved(geometry: Homography, margin: int) -> Homography:
+    """Homography of a source that has `margin` texels more on each side."""
+    back = np.array([[1.0, 0.0, -margin], [0.0, 1.0, -margin], [0.0, 0.0, 1.0]])
+    return Homography(geometry.matrix @ back, geometry.is_signed)
+
+
+def tap_table(interpolation: Interpolation) -> Floats:
+    """Taps of an interpolation at the centers of cells (K, R), in the order of `phase`."""
+    exact = [(np.arange(n) + 0.5) / n - 0.5 for n in range(1, EXACT + 1)]
+    dense = (np.arange(DENSE) + 0.5) / DENSE - 0.5
+    return taps(interpolation, np.concatenate([*exact, dense]))
+
+
+def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
+    """Weights (PHASES, count) of the pixels around a point, by its phase; rows sum to 1."""
+    if count == 0:
+        return np.zeros((1, 1), np.float32)
+    phase = (np.arange(PHASES)[:, None] + 0.5) / PHASES
+    distance = np.abs(np.arange(count) - 0.5 * count + 1.0 - phase)
+    inside = distance <= pixel_filter.radius
+    weight = np.where(inside, pixel_filter(np.minimum(distance, pixel_filter.radius)), 0.0)
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), np.float32)
+
+
+def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
+    """Matrix of a homography: third coordinate positive in front of the eye, at most 1."""
+    matrix = geometry.oriented(source_shape)
+    height, width = source_shape
+    corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
+    scale = np.abs(corners @ matrix[2]).max()
+    return np.ascontiguousarray(matrix / scale)
+
+
+def blocks_of(
+    geometry: Geometry,
+    source_shape: tuple[int, int],
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: Cells,
+) -> Blocks:
+    """Parts of a source that a frame (height, width) sees.
+
+    Raises
+    ------
+    ValueError
+        The map does not fit the source, or leads backward.
+    """
+    if isinstance(geometry, ForwardMap):
+        if geometry.x.shape != source_shape:
+            raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
+        axes, bounds = split_map(geometry.x, geometry.y, shape, cells.reach, cells.cut_quality)
+        x, y = with_margins(geometry.x, geometry.y)
+        return Blocks(axes, bounds, np.eye(3), x, y)
+    if isinstance(geometry, BackwardMap):
+        raise ValueError("a backward map cannot be followed forward")
+    matrix = oriented(geometry, source_shape)
+    roots = _roots(matrix, source_shape, shape, edge, cells)
+    axes, bounds = split_plane(matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest)
+    return Blocks(axes, bounds, matrix, NOTHING, NOTHING)
+
+
+def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+    """Map with one more place on each side, continued as it ends; a single row by steps of 1."""
+    step_x, step_y = np.zeros((1, 3)), np.zeros((3, 1))
+    step_x[0], step_y[:, 0] = [-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]
+    for axis in (0, 1):
+        if x.shape[axis] > 1:
+            pad = [(0, 0), (0, 0)]
+            pad[axis] = (1, 1)
+            x, y = (np.pad(a, pad, mode="reflect", reflect_type="odd") for a in (x, y))
+        else:
+            x = x + (step_x if axis == 1 else np.zeros((3, 1)))
+            y = y + (step_y if axis == 0 else np.zeros((1, 3)))
+    return x, y
+
+
+def _roots(
+    matrix: Doubles,
+    source_shape: tuple[int, int],
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: Cells,
+) -> Integers:
+    """Rectangles (R, 4) of the plane to draw: the source, and what continues it around."""
+    height, width = source_shape
+    if edge is Edge.TRANSPARENT:
+        return np.array([[0, 0, width, height]])
+    polygon = seen(sight(matrix, *shape, cells.reach), FARTHEST)
+    if not polygon.size:
+        return np.zeros((0, 4), np.int64)
+    if not cells.joined:
+        check_texels(polygon, source_shape)
+    low, high = np.floor(polygon.min(axis=0)), np.ceil(polygon.max(axis=0))
+    spans = [
+        [(a, b) for a, b in pairwise(cuts)]
+        for cuts in (
+            sorted({int(low[axis]), 0, size, int(high[axis])})
+            for axis, size in enumerate((width, height))
+        )
+    ]
+    return np.array([[u, v, w - u, h - v] for u, w in spans[0] for v, h in spans[1]])
+
+
+def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
+    """Refuse to draw a continued source texel by texel where a frame sees too much of it.
+
+    Raises
+    ------
+    ValueError
+        The polygon (N, 2) has an area of more than `MOST_TEXELS`, and than the source.
+    """
+    x, y = polygon.T
+    area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+    if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):
+        raise ValueError(
+            f"the frame sees {area:.0e} texels of the continued source, and this method draws them "
+            "one by one; leave the edges transparent, keep the horizon out, or use method hybrid"
+        )
+
+
+def seen(lines: Doubles, farthest: float) -> Doubles:
+    """Corners (N, 2) of the polygon within lines (L, 3) and a square around the origin."""
+    polygon = farthest * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for line in lines:
+        value = polygon @ line[:2] + line[2]
+        kept = []
+        for n in range(len(polygon)):
+            if (value[n - 1] >= 0) != (value[n] >= 0):
+                share = value[n - 1] / (value[n - 1] - value[n])
+                kept.append(polygon[n - 1] + share * (polygon[n] - polygon[n - 1]))
+            if value[n] >= 0:
+                kept.append(polygon[n])
+        polygon = np.array(kept).reshape(-1, 2)
+    return polygon
+
+
+def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tuple[Doubles, float]:
+    """Lines (N, 3) on screen inside which a source fills pixels, and the weight that shows it.
+
+    The product with (x, y, 1) is positive inside. The weight is infinite where lines tell all.
+    """
+    if not isinstance(geometry, Homography):
+        return np.array([[0.0, 0.0, -1.0]]), NEARLY_FULL
+    matrix = oriented(geometry, source_shape)
+    u, v, front = np.linalg.inv(matrix)
+    if edge is not Edge.TRANSPARENT:
+        return front[None], math.inf
+    height, width = source_shape
+    return np.stack([u, width * front - u, v, height * front - v, front]), math.inf
+
+
+class Sums:
+    """Sums of points per pixel, to which parts of a source are added one by one."""
+
+    def __init__(self, shape: tuple[int, int], channels: int, cells: Cells) -> None:
+        self.shape = shape
+        self.cells = cells
+        self.taps = tap_table(cells.interpolation)
+        self.profile = profile_table(cells.pixel_filter, cells.taps)
+        self.groups = _groups(channels)
+        self.pictures = [np.zeros((*shape, count + 1), np.float32) for _, count in self.groups]
+
+    def add(self, source: Floats, blocks: Blocks, edge: Edge) -> None:
+        """Add blocks of a source (H, W, C)."""
+        ready = texels(source, self.cells.interpolation, edge)
+        totals = _totals(ready, blocks.axes, edge)
+        spread = Spread(self.cells.taps, self.cells.is_sum)
+        for (first, count), picture in zip(self.groups, self.pictures, strict=True):
+            for batch in batches(blocks.bounds, count + 1):
+                bounds = blocks.bounds[batch]
+                start = offsets(bounds, count + 1)
+                sums = np.empty(start[-1], np.float32)
+                paint_blocks(
+                    *ready, totals, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
+                    blocks.axes[batch], bounds, self.taps, self.profile, spread, start, sums,
+                )  # fmt: skip
+                collect(bounds, start, sums, picture)
+
+    def warped(self, lines: Doubles, full: float) -> Warped:
+        """Picture of all that was added; see `borders`."""
+        image = np.empty((*self.shape, sum(count for _, count in self.groups)), np.float32)
+        coverage = np.empty(self.shape, np.float32)
+        radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
+        for (first, _), picture in zip(self.groups, self.pictures, strict=True):
+            finish(picture, lines, radius, full, self.cells.is_sum, image, coverage, first)
+        return Warped(image, coverage)
+
+
+def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
+    """Consecutive blocks whose pixels fit in memory together."""
+    start = offsets(bounds, lanes)
+    first = 0
+    while first < len(bounds):
+        last = int(np.searchsorted(start, start[first] + BATCH, side="right")) - 1
+        last = min(max(last, first + 1), len(bounds))
+        yield slice(first, last)
+        first = last
+
+
+def project(
+    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: Cells
+) -> Warped:
+    """Picture (height, width) of a source (H, W, C) whose cells are projected as points.
+
+    Raises
+    ------
+    ValueError
+        As `blocks_of`.
+    """
+    if isinstance(geometry, Homography):
+        source, margin = widened(source, edge, cells.interpolation)
+        geometry = moved(geometry, margin) if margin else geometry
+    else:
+        edge = Edge.TRANSPARENT  # a map places the source's own texels and no others
+    source_shape = source.shape[0], source.shape[1]
+    sums = Sums(shape, source.shape[2], cells)
+    sums.add(source, blocks_of(geometry, source_shape, shape, edge, cells), edge)
+    return sums.warped(*borders(geometry, source_shape, edge))
+
+
+def _groups(channels: int) -> list[tuple[int, int]]:
+    """Channels (first, count) in threes, the rest one by one, as kernels take them."""
+    threes = [(first, 3) for first in range(0, channels - 2, 3)]
+    return threes + [(first, 1) for first in range(3 * len(threes), channels)]
+
+
+def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:
+    """Whether blocks join so many texels beyond the source's edges that sums save time."""
+    if edge is Edge.TRANSPARENT:
+        return False
+    height, width = source_shape
+    start, end = axes[:, :, START], axes[:, :, START] + axes[:, :, LENGTH]
+    outside = ((start < 0) | (end > np.array([width, height]))).any(axis=1)
+    joined = (axes[:, :, LEVEL] > 0).any(axis=1)
+    texels_beyond = axes[:, :, LENGTH].astype(np.float64).prod(axis=1)[outside & joined].sum()
+    return bool(texels_beyond > FEW_BEYOND * height * width)
+
+
+def _totals(ready: Texels, axes: Integers, edge: Edge) -> Doubles:
+    """Sums (K, H + 1, W + 1, C) of all texels above and to the left, if a block needs them."""
+    height, width, channels = ready.plain.shape
+    if not needs_totals(axes, (height, width), edge):
+        return np.zeros((0, height + 1, width + 1, channels))
+    kinds = [ready.plain] if ready.both is ready.plain else ready[:3]
+    sums = np.zeros((len(kinds), height + 1, width + 1, channels))
+    for total, kind in zip(sums, kinds, strict=True):
+        total[1:, 1:] = kind.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
+    return sums

@@ -1,0 +1,1 @@
+"""The numba code of texels: bare arrays and numbers."""

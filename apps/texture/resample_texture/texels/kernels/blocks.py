@@ -1,0 +1,367 @@
+"""Split and dice: the source in blocks, each cut evenly into cells that are small on screen.
+
+A *cell* is what is projected as one point: a texel, a part of one (where the texture is magnified)
+or the mean of several (where it is minified strongly), per axis. All cells of a block are alike, so
+their values come from few phases of an interpolation and their places from one walk.
+(Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987, call it so.)
+
+A block is two rows of numbers, along u and along v: see `START` and those that follow.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import kernel
+from resample.types import Doubles
+
+Integers = NDArray[np.int64]
+
+# Columns of a block's axis. FIRST and LAST count cells from START on; they leave some out only
+# where a block is a part of one texel.
+START, LENGTH, CUT, FIRST, LAST, LEVEL = range(6)
+# While blocks are split, a part of one texel is the PART-th of 2^DEPTH.
+PART, DEPTH = 2, 3
+LEFT, TOP, RIGHT, BOTTOM = range(4)
+
+LARGEST = 128  # cells along a side of a block
+UNEVEN = 1.5  # stretches within a block may differ by this factor
+EVEN_ENOUGH = 16  # cells along an axis; so few are not split for being uneven
+COARSEST = 40  # log₂ of the texels along a cell
+FINEST = 20  # log₂ of the parts of a texel
+TILE = 32  # texels along a side of a block of a map, before it is split
+
+
+@kernel
+def projected(matrix: Doubles, u: float, v: float) -> tuple[float, float, float]:
+    """Target point of a source point, and its third homogeneous coordinate."""
+    d = matrix[2, 0] * u + matrix[2, 1] * v + matrix[2, 2]
+    x = (matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]) / d
+    y = (matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]) / d
+    return x, y, d
+
+
+@kernel
+def stretch(matrix: Doubles, axis: int, x: float, y: float, d: float) -> float:
+    """Length on screen, px, of a step of one texel from where (x, y) shows; d as projected."""
+    along_x = matrix[0, axis] - x * matrix[2, axis]
+    along_y = matrix[1, axis] - y * matrix[2, axis]
+    return math.hypot(along_x, along_y) / d
+
+
+@kernel
+def _span(rectangle: Integers, axis: int) -> tuple[float, float]:
+    """First and last source coordinate of a rectangle that is being split."""
+    start, parts = float(rectangle[axis, START]), 2.0 ** rectangle[axis, DEPTH]
+    part = rectangle[axis, PART]
+    end = (
+        start + (part + 1) / parts
+        if rectangle[axis, DEPTH] > 0
+        else start + rectangle[axis, LENGTH]
+    )
+    return start + part / parts, end
+
+
+@kernel
+def _split(stack: Integers, top: int, axis: int) -> bool:
+    """Replace the rectangle on top of a stack by its two halves; False if it is too small."""
+    length, depth = stack[top, axis, LENGTH], stack[top, axis, DEPTH]
+    if length == 1 and depth == FINEST:
+        return False
+    _copy(stack[top], stack[top + 1], stack.shape[2])
+    if length > 1:
+        half = 1
+        while half * 2 < length:
+            half *= 2
+        _cut_off(stack, top, axis, half)
+    else:
+        part = 2 * stack[top, axis, PART]
+        stack[top : top + 2, axis, DEPTH] = depth + 1
+        stack[top, axis, PART], stack[top + 1, axis, PART] = part, part + 1
+    return True
+
+
+@kernel
+def _copy(source: Integers, target: Integers, count: int) -> None:
+    for axis in range(source.shape[0]):
+        for n in range(count):
+            target[axis, n] = source[axis, n]
+
+
+@kernel
+def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
+    """Shorten the rectangle on top of a stack and put the rest above it."""
+    _copy(stack[top], stack[top + 1], stack.shape[2])
+    stack[top, axis, LENGTH] = length
+    stack[top + 1, axis, START] += length
+    stack[top + 1, axis, LENGTH] -= length
+
+
+@kernel
+def _outside(lines: Doubles, u: Doubles, v: Doubles) -> bool:
+    """Whether a rectangle lies beyond one of the lines that bound what can be seen."""
+    for line in range(lines.shape[0]):
+        beyond = 0
+        for corner in range(4):
+            value = lines[line, 0] * u[corner % 2] + lines[line, 1] * v[corner // 2]
+            beyond += value + lines[line, 2] < 0.0
+        if beyond == 4:
+            return True
+    return False
+
+
+@kernel
+def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
+    """Lines (5, 3) that bound the part of the source plane that a frame sees.
+
+    The product with (u, v, 1) is negative beyond a line: left, right, above, below and behind.
+    """
+    lines = np.empty((5, 3))
+    for c in range(3):
+        d = matrix[2, c]
+        lines[0, c] = matrix[0, c] + reach * d
+        lines[1, c] = (width + reach) * d - matrix[0, c]
+        lines[2, c] = matrix[1, c] + reach * d
+        lines[3, c] = (height + reach) * d - matrix[1, c]
+        lines[4, c] = d
+    return lines
+
+
+@kernel
+def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Doubles) -> bool:
+    """Smallest and largest stretch (2, 2) per axis and bounds of a rectangle on screen.
+
+    False if a corner is behind the eye.
+    """
+    ranges[:, 0], ranges[:, 1] = math.inf, 0.0
+    box[:2], box[2:] = math.inf, -math.inf
+    for corner in range(4):
+        x, y, d = projected(matrix, u[corner % 2], v[corner // 2])
+        if not d > 0.0:
+            return False
+        box[LEFT], box[RIGHT] = min(box[LEFT], x), max(box[RIGHT], x)
+        box[TOP], box[BOTTOM] = min(box[TOP], y), max(box[BOTTOM], y)
+        for axis in range(2):
+            length = stretch(matrix, axis, x, y, d)
+            ranges[axis, 0] = min(ranges[axis, 0], length)
+            ranges[axis, 1] = max(ranges[axis, 1], length)
+    return True
+
+
+@kernel
+def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest: float) -> int:
+    """Turn an axis of a rectangle into a block's, given its largest stretch; returns its cells.
+
+    No cell is then longer than 1 / `quality` px, and a cell of several texels no longer than
+    `largest` px.
+    """
+    parts = 1 << rectangle[axis, DEPTH]
+    cells = max(1, math.ceil(length * quality / parts - 1e-6))
+    level, part, texels = 0, rectangle[axis, PART], rectangle[axis, LENGTH]
+    while 2 << level <= texels and level < COARSEST and length * 2.0 ** (level + 1) <= largest:
+        level += 1
+    rectangle[axis, CUT] = cells * parts
+    rectangle[axis, FIRST] = part * cells
+    rectangle[axis, LAST] = (part + 1) * cells if parts > 1 else texels * cells >> level
+    rectangle[axis, LEVEL] = level
+    return int(rectangle[axis, LAST] - rectangle[axis, FIRST])
+
+
+@kernel
+def _longer(ranges: Doubles, cells: Integers) -> int:
+    """Axis along which a block has to be split; -1 if it may stay."""
+    axis = 0 if cells[0] >= cells[1] else 1
+    if cells[axis] > LARGEST:
+        return axis
+    for axis in range(2):
+        if cells[axis] > EVEN_ENOUGH and ranges[axis, 1] > UNEVEN * ranges[axis, 0]:
+            return 0 if cells[0] >= cells[1] else 1
+    return -1
+
+
+@kernel
+def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
+    """Axis and texels of a rectangle that fill no whole cell of several texels; -1 if none."""
+    for axis in range(2):
+        rest = rectangle[axis, LENGTH] % (1 << block[axis, LEVEL])
+        if rest:
+            return axis, rest
+    return -1, 0
+
+
+@kernel
+def _grown(array: Integers) -> Integers:
+    more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
+    source, target = array.reshape(-1), more.reshape(-1)
+    for n in range(source.size):
+        target[n] = source[n]
+    return more
+
+
+@kernel
+def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Integers) -> bool:
+    """Whole pixels that a block may touch, within the frame and its margin; False if none.
+
+    A point that just touches the frame has its first tap 2 × `reach` px outside.
+    """
+    margin = math.ceil(2.0 * reach)
+    bounds[LEFT] = max(math.floor(max(box[LEFT], -1e9) - reach), -margin)
+    bounds[TOP] = max(math.floor(max(box[TOP], -1e9) - reach), -margin)
+    bounds[RIGHT] = min(math.ceil(min(box[RIGHT], 1e9) + reach) + 1, width + margin)
+    bounds[BOTTOM] = min(math.ceil(min(box[BOTTOM], 1e9) + reach) + 1, height + margin)
+    return bool(bounds[LEFT] < bounds[RIGHT] and bounds[TOP] < bounds[BOTTOM])
+
+
+@kernel
+def split_plane(
+    matrix: Doubles,
+    roots: Integers,
+    frame: tuple[int, int],
+    reach: float,
+    quality: float,
+    largest: float,
+) -> tuple[Integers, Integers]:
+    """Blocks of a plane under a homography that a frame sees.
+
+    Parameters
+    ----------
+    matrix
+        (3, 3) source to target, positive third coordinate in front of the eye.
+    roots
+        (R, 4) rectangles of the source: first column and row, width and height, texels.
+    frame
+        Height and width of the target, px.
+    reach
+        How far a point may spread, px.
+    quality
+        Cells per px, at least.
+    largest
+        Length of a cell of several texels, px, at most.
+
+    Returns
+    -------
+    The axes (B, 2, 6) of the blocks and what they may touch (B, 4): left, top, right, bottom, px;
+    the last two are one beyond.
+    """
+    height, width = frame
+    lines = sight(matrix, height, width, reach)
+    blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
+    stack = np.zeros((256, 2, 4), np.int64)
+    u, v = np.empty(2), np.empty(2)
+    ranges, box = np.empty((2, 2)), np.empty(4)
+    block, cells = np.empty((2, 6), np.int64), np.empty(2, np.int64)
+    for root in range(roots.shape[0]):
+        stack[0] = 0
+        for axis in range(2):
+            stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
+        depth = 1
+        while depth > 0:
+            top = depth - 1
+            depth -= 1
+            if top + 2 > stack.shape[0]:
+                stack = _grown(stack)
+            u[0], u[1] = _span(stack[top], 0)
+            v[0], v[1] = _span(stack[top], 1)
+            if _outside(lines, u, v):
+                continue
+            if not _stretches(matrix, u, v, ranges, box):
+                depth += 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
+                continue
+            _copy(stack[top], block, 4)
+            for axis in range(2):
+                cells[axis] = _dice(block, axis, ranges[axis, 1], quality, largest)
+            axis = _longer(ranges, cells)
+            if axis >= 0:
+                depth += 2 * _split(stack, top, axis)
+                continue
+            axis, rest = _remainder(stack[top], block)
+            if axis >= 0:
+                _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
+                depth += 2
+                continue
+            if count == blocks.shape[0]:
+                blocks, bounds = _grown(blocks), _grown(bounds)
+            if _clipped(box, reach, height, width, bounds[count]):
+                _copy(block, blocks[count], block.shape[1])
+                count += 1
+    return blocks[:count], bounds[:count]
+
+
+@kernel
+def _stretches_of_map(
+    x: Doubles, y: Doubles, rectangle: Integers, ranges: Doubles, box: Doubles
+) -> bool:
+    """As `_stretches`, of a rectangle of a map; False if no texel in it has a place."""
+    ranges[:, 0], ranges[:, 1] = math.inf, 0.0
+    box[:2], box[2:] = math.inf, -math.inf
+    column, row = rectangle[0, START], rectangle[1, START]
+    for r in range(row, row + rectangle[1, LENGTH]):
+        for c in range(column, column + rectangle[0, LENGTH]):
+            if not (math.isfinite(x[r, c]) and math.isfinite(y[r, c])):
+                continue
+            box[LEFT], box[RIGHT] = min(box[LEFT], x[r, c]), max(box[RIGHT], x[r, c])
+            box[TOP], box[BOTTOM] = min(box[TOP], y[r, c]), max(box[BOTTOM], y[r, c])
+            for axis in range(2):
+                for side in (-1, 1):
+                    q, p = r + side * (axis == 1), c + side * (axis == 0)
+                    if 0 <= q < x.shape[0] and 0 <= p < x.shape[1]:
+                        length = math.hypot(x[q, p] - x[r, c], y[q, p] - y[r, c])
+                        if math.isfinite(length):
+                            ranges[axis, 0] = min(ranges[axis, 0], length)
+                            ranges[axis, 1] = max(ranges[axis, 1], length)
+    half = ranges[0, 1] + ranges[1, 1]
+    box[:2] -= half
+    box[2:] += half
+    return bool(box[LEFT] <= box[RIGHT])
+
+
+@kernel
+def split_map(
+    x: Doubles, y: Doubles, frame: tuple[int, int], reach: float, quality: float
+) -> tuple[Integers, Integers]:
+    """Blocks of a source whose texels' places a map gives; otherwise as `split_plane`.
+
+    Parameters
+    ----------
+    x, y
+        (H, W) target coordinates of the texels' centers; NaN: the texel is nowhere.
+    """
+    height, width = frame
+    rows, columns = x.shape
+    blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
+    stack = np.zeros((256, 2, 4), np.int64)
+    ranges, box = np.empty((2, 2)), np.empty(4)
+    block, cells = np.empty((2, 6), np.int64), np.empty(2, np.int64)
+    tiles = (columns + TILE - 1) // TILE
+    for tile in range(tiles * ((rows + TILE - 1) // TILE)):
+        stack[0] = 0
+        stack[0, 0, START], stack[0, 1, START] = tile % tiles * TILE, tile // tiles * TILE
+        stack[0, 0, LENGTH] = min(TILE, columns - stack[0, 0, START])
+        stack[0, 1, LENGTH] = min(TILE, rows - stack[0, 1, START])
+        depth = 1
+        while depth > 0:
+            top = depth - 1
+            depth -= 1
+            if not _stretches_of_map(x, y, stack[top], ranges, box):
+                continue
+            if (
+                box[RIGHT] < -reach
+                or box[BOTTOM] < -reach
+                or box[LEFT] > width + reach
+                or box[TOP] > height + reach
+            ):
+                continue
+            _copy(stack[top], block, 4)
+            for axis in range(2):
+                cells[axis] = _dice(block, axis, ranges[axis, 1], quality, 0.0)
+            axis = _longer(ranges, cells)
+            if axis >= 0 and stack[top, axis, LENGTH] > 1:
+                depth += 2 * _split(stack, top, axis)
+                continue
+            if count == blocks.shape[0]:
+                blocks, bounds = _grown(blocks), _grown(bounds)
+            if _clipped(box, reach, height, width, bounds[count]):
+                _copy(block, blocks[count], block.shape[1])
+                count += 1
+    return blocks[:count], bounds[:count]

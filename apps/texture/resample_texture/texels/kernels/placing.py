@@ -1,0 +1,267 @@
+"""Where a row of cells falls on screen, and how much of it each covers.
+
+Places are relative to the block's own pixels.
+For the area filter a cell is a box as wide as its projection reaches along x and y
+(√(a² + b²) of its two sides); it meets 2 × 2 pixels.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import kernel
+from resample.types import Doubles, Floats, Single
+from resample_texture.texels.kernels.blocks import BOTTOM, LEFT, RIGHT, START, TOP, Integers
+from resample_texture.texels.kernels.texels import extents
+
+Places = NDArray[np.int32]
+Triple = tuple[Single, Single, Single]
+
+SMALLEST: Single = np.float32(1e-5)  # px; keeps divisions finite
+
+
+class Spread(NamedTuple):
+    """The pixel filter as numbers, and what is summed."""
+
+    taps: int  # px per side that a point meets; 0: the area filter, which meets 2
+    is_sum: bool  # a texel's value is a total, which is shared out, not a density
+
+
+@kernel
+def place_on_plane(
+    matrix: Doubles,
+    block: Integers,
+    bounds: Integers,
+    v: float,
+    offset: Floats,
+    spread: Spread,
+    pixel: Places,
+    along_x: Floats,
+    along_y: Floats,
+    mass: Floats,
+) -> None:
+    """Place a row of cells by a homography.
+
+    Parameters
+    ----------
+    v
+        Source coordinate of the row.
+    offset
+        (N,) of the cells along u from the block's start, texels.
+    pixel
+        (N,) filled with the first pixel that a cell meets: row × width + column, in the block.
+    along_x, along_y
+        (N,) filled with the share of the second pixel (area filter), or with the distance from
+        the first tap to where the filter starts, 0..1 px.
+    mass
+        (N,) filled with the px² that a cell covers; 0 out of reach.
+    """
+    left, top = float(bounds[LEFT]), float(bounds[TOP])
+    width, height = bounds[RIGHT] - bounds[LEFT], bounds[BOTTOM] - bounds[TOP]
+    u = float(block[0, START])
+    size_u, _ = extents(block, 0)
+    size_v, _ = extents(block, 1)
+    # Rows of the matrix with the block's corner as origin: float32 then tells small fractions.
+    xu, xv = matrix[0, 0] - left * matrix[2, 0], matrix[0, 1] - left * matrix[2, 1]
+    yu, yv = matrix[1, 0] - top * matrix[2, 0], matrix[1, 1] - top * matrix[2, 1]
+    du, dv = matrix[2, 0], matrix[2, 1]
+    start = (
+        np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2]),
+        np.float32(yu * u + yv * v + matrix[1, 2] - top * matrix[2, 2]),
+        np.float32(du * u + dv * v + matrix[2, 2]),
+    )
+    step = np.float32(xu), np.float32(yu), np.float32(du)
+    area = np.float32(abs(determinant(matrix)) * size_u * size_v)
+    taps = max(2, spread.taps)
+    limits = np.float32(width - taps + 1), np.float32(height - taps + 1)
+    if spread.taps == 0:
+        # The sides of a cell, still to be divided by d.
+        side_a = np.float32(xu * size_u), np.float32(yu * size_u), np.float32(du * size_u)
+        side_b = np.float32(xv * size_v), np.float32(yv * size_v), np.float32(dv * size_v)
+        _place_boxes(
+            start, step, side_a, side_b, area, limits, width, offset, pixel, along_x, along_y, mass
+        )
+    else:
+        _place_points(
+            start, step, spread.taps, area, limits, width, offset, pixel, along_x, along_y, mass
+        )
+
+
+@kernel
+def _place_boxes(
+    start: Triple,
+    step: Triple,
+    side_a: Triple,
+    side_b: Triple,
+    area: Single,
+    limits: tuple[Single, Single],
+    width: int,
+    offset: Floats,
+    pixel: Places,
+    along_x: Floats,
+    along_y: Floats,
+    mass: Floats,
+) -> None:
+    """Place cells as boxes that reach as far as their sides do; all in float32, without a jump."""
+    one, zero, half = np.float32(1), np.float32(0), np.float32(0.5)
+    x0, y0, d0 = start
+    x_step, y_step, d_step = step
+    xa, ya, da = side_a
+    xb, yb, db = side_b
+    x_limit, y_limit = limits
+    stride = np.int32(width)
+    for n in range(offset.size):
+        along = offset[n]
+        inverse = one / (d0 + along * d_step)
+        x = (x0 + along * x_step) * inverse
+        y = (y0 + along * y_step) * inverse
+        ax, bx = (xa - x * da) * inverse, (xb - x * db) * inverse
+        ay, by = (ya - y * da) * inverse, (yb - y * db) * inverse
+        across = min(math.sqrt(ax * ax + bx * bx) + SMALLEST, one)
+        down = min(math.sqrt(ay * ay + by * by) + SMALLEST, one)
+        x -= half * across
+        y -= half * down
+        is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
+        column, row = np.int32(x), np.int32(y)
+        right = max(zero, (x + across - np.float32(column) - one) / across)
+        below = max(zero, (y + down - np.float32(row) - one) / down)
+        along_x[n] = right if is_in else zero
+        along_y[n] = below if is_in else zero
+        mass[n] = area * inverse * inverse * inverse if is_in else zero
+        pixel[n] = row * stride + column if is_in else np.int32(0)
+
+
+@kernel
+def _place_points(
+    start: Triple,
+    step: Triple,
+    taps: int,
+    area: Single,
+    limits: tuple[Single, Single],
+    width: int,
+    offset: Floats,
+    pixel: Places,
+    along_x: Floats,
+    along_y: Floats,
+    mass: Floats,
+) -> None:
+    """Place cells as points, by the first of the `taps` pixels that each meets along an axis."""
+    one, zero, before = np.float32(1), np.float32(0), np.float32(0.5 * taps - 0.5)
+    x0, y0, d0 = start
+    x_step, y_step, d_step = step
+    x_limit, y_limit = limits
+    stride = np.int32(width)
+    for n in range(offset.size):
+        along = offset[n]
+        inverse = one / (d0 + along * d_step)
+        x = (x0 + along * x_step) * inverse - before
+        y = (y0 + along * y_step) * inverse - before
+        is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
+        column, row = np.int32(x), np.int32(y)
+        along_x[n] = x - np.float32(column)
+        along_y[n] = y - np.float32(row)
+        mass[n] = area * inverse * inverse * inverse if is_in else zero
+        pixel[n] = row * stride + column if is_in else np.int32(0)
+
+
+@kernel
+def determinant(m: Doubles) -> float:
+    """Determinant of a (3, 3) matrix."""
+    return float(
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
+        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
+        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
+    )
+
+
+@kernel
+def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[Single, Single]:
+    """Value and slope at an offset from the middle of three, along the line on that side.
+
+    In the middle itself it is the mean slope; where a neighbour is missing, that of the other side.
+    """
+    left, right = here - before, after - here
+    if not math.isfinite(left):
+        left = right
+    if not math.isfinite(right):
+        right = left
+    slope = 0.5 * (left + right) if offset == 0 else (left if offset < 0 else right)
+    return here + offset * slope, slope
+
+
+@kernel
+def _along_row(places: Doubles, row: int, column: int, offset: float) -> tuple[Single, Single]:
+    """Place and its slope along u, at an offset from the middle of three of a map's places."""
+    before, here = places[row, column - 1], places[row, column]
+    return _bent(before, here, places[row, column + 1], offset)
+
+
+@kernel
+def _near(
+    places: Doubles, row: int, column: int, offset_u: float, offset_v: float
+) -> tuple[Single, Single, Single]:
+    """Place near one of a map's places, bilinear, and its slopes along u and v."""
+    above, above_u = _along_row(places, row - 1, column, offset_u)
+    here, here_u = _along_row(places, row, column, offset_u)
+    below, below_u = _along_row(places, row + 1, column, offset_u)
+    place, slope_v = _bent(above, here, below, offset_v)
+    other_u = above_u if offset_v < 0 else below_u
+    if not math.isfinite(other_u):
+        other_u = here_u
+    return place, here_u + abs(offset_v) * (other_u - here_u), slope_v
+
+
+@kernel
+def place_on_map(
+    x: Doubles,
+    y: Doubles,
+    block: Integers,
+    bounds: Integers,
+    v: float,
+    offset: Floats,
+    spread: Spread,
+    pixel: Places,
+    along_x: Floats,
+    along_y: Floats,
+    mass: Floats,
+) -> None:
+    """Place a row of cells by a map, bilinear between the centers of texels.
+
+    The map (H + 2, W + 2) has one more place on each side; the rest is as for a plane.
+    """
+    left, top = float(bounds[LEFT]), float(bounds[TOP])
+    width, height = bounds[RIGHT] - bounds[LEFT], bounds[BOTTOM] - bounds[TOP]
+    size_u, _ = extents(block, 0)
+    size_v, _ = extents(block, 1)
+    r = math.floor(v)
+    offset_v = v - r - 0.5
+    taps = max(2, spread.taps)
+    for n in range(offset.size):
+        u = block[0, START] + float(offset[n])
+        c = math.floor(u)
+        offset_u = u - c - 0.5
+        px, xu, xv = _near(x, r + 1, c + 1, offset_u, offset_v)
+        py, yu, yv = _near(y, r + 1, c + 1, offset_u, offset_v)
+        px, xu, xv = px - left, xu * size_u, xv * size_v
+        py, yu, yv = py - top, yu * size_u, yv * size_v
+        across, down = 1.0, 1.0
+        if spread.taps == 0:
+            across = min(math.hypot(xu, xv) + SMALLEST, 1.0)
+            down = min(math.hypot(yu, yv) + SMALLEST, 1.0)
+            px -= 0.5 * across
+            py -= 0.5 * down
+        else:
+            px -= 0.5 * spread.taps - 0.5
+            py -= 0.5 * spread.taps - 0.5
+        mass[n], along_x[n], along_y[n] = np.float32(0), np.float32(0), np.float32(0)
+        pixel[n] = 0
+        if 0.0 <= px < width - taps + 1 and 0.0 <= py < height - taps + 1:
+            column, row = int(px), int(py)
+            px -= column
+            py -= row
+            along_x[n] = max(0.0, (px + across - 1.0) / across) if spread.taps == 0 else px
+            along_y[n] = max(0.0, (py + down - 1.0) / down) if spread.taps == 0 else py
+            mass[n] = abs(xu * yv - xv * yu)
+            pixel[n] = row * width + column

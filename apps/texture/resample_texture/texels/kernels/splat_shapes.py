@@ -1,0 +1,131 @@
+"""What a texel's splat looks like on screen: its center, its reach, its ridge and its peak."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.types import Doubles, Floats, Single
+from resample_texture.texels.kernels.blocks import LEFT, LENGTH, START, TOP, Integers
+from resample_texture.texels.kernels.placing import determinant
+
+RIM = 11.0  # 3.3 standard deviations; 0.4 % of a Gaussian's mass lies beyond
+UNIT = 1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5 * RIM)))  # peak that gives V = I the mass 1
+
+# Rows of a line of splats. It reaches WIDE and HIGH px. In a row of pixels dy below its center, a
+# splat has its ridge SLOPE dy right of the center, and q = CURVE (distance from the ridge)² +
+# REST dy². A point has no PEAK; what is not drawn has no MASS either.
+X, Y, WIDE, HIGH, SLOPE, CURVE, REST, PEAK, MASS = range(9)
+ROWS = 9
+
+
+class Shape(NamedTuple):
+    """How wide splats are, and which texels are points."""
+
+    variance: float  # texels², of V_r along an axis
+    filter_variance: float  # px², of V_h
+    threshold: float  # px; a texel stretched by no more than this along any direction is a point
+    nearest: float  # third homogeneous coordinate; texels nearer to the eye are left out
+    taps: int  # px per side that a point meets
+    is_sum: bool  # a texel's value is a total, which is shared out, not a density
+
+
+@kernel
+def _form(
+    line: Floats,
+    n: int,
+    place: tuple[Single, Single],
+    along_u: tuple[Single, Single],
+    along_v: tuple[Single, Single],
+    mass: Single,
+    shape: tuple[Single, Single, Single],
+) -> None:
+    """Fill in a splat by its place, the columns of J, |det J| and the first three of `Shape`."""
+    variance, filter_variance, threshold = shape
+    xu, yu = along_u
+    xv, yv = along_v
+    half, two = np.float32(0.5), np.float32(2)
+    across, down = xu * xu + xv * xv, yu * yu + yv * yv
+    wide, high = variance * across + filter_variance, variance * down + filter_variance
+    # det V without the difference of two large numbers that long, thin ellipses would make it.
+    rest = filter_variance * (variance * (across + down) + filter_variance)
+    both = variance * mass * (variance * mass) + rest
+    odd, twist = xu * xu + yu * yu - xv * xv - yv * yv, two * (xu * xv + yu * yv)
+    stretch = math.sqrt(half * (across + down + math.sqrt(odd * odd + twist * twist)))
+    peak = np.float32(UNIT) * mass / math.sqrt(both)
+    line[X, n], line[Y, n] = place
+    line[WIDE, n] = math.sqrt(np.float32(RIM) * wide)
+    line[HIGH, n] = math.sqrt(np.float32(RIM) * high)
+    line[SLOPE, n] = variance * (xu * yu + xv * yv) / high
+    line[CURVE, n] = high / both
+    line[REST, n] = np.float32(1) / high
+    line[PEAK, n] = peak if stretch > threshold else np.float32(0)
+    line[MASS, n] = mass
+
+
+@kernel
+def _widths(shape: Shape) -> tuple[Single, Single, Single]:
+    return (
+        np.float32(shape.variance),
+        np.float32(shape.filter_variance),
+        np.float32(shape.threshold),
+    )
+
+
+@kernel
+def splat_on_plane(
+    matrix: Doubles, block: Integers, bounds: Integers, row: int, shape: Shape, line: Floats
+) -> None:
+    """Place a row of a block's texels by a homography."""
+    left, top = float(bounds[LEFT]), float(bounds[TOP])
+    u, v = block[0, START] + 0.5, block[1, START] + row + 0.5
+    # Rows of the matrix with the block's corner as origin: float32 then tells small fractions.
+    xu, xv = matrix[0, 0] - left * matrix[2, 0], matrix[0, 1] - left * matrix[2, 1]
+    yu, yv = matrix[1, 0] - top * matrix[2, 0], matrix[1, 1] - top * matrix[2, 1]
+    x0 = np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2])
+    y0 = np.float32(yu * u + yv * v + matrix[1, 2] - top * matrix[2, 2])
+    d0 = np.float32(matrix[2, 0] * u + matrix[2, 1] * v + matrix[2, 2])
+    a, b, c, d = np.float32(xu), np.float32(xv), np.float32(yu), np.float32(yv)
+    du, dv = np.float32(matrix[2, 0]), np.float32(matrix[2, 1])
+    area, nearest = np.float32(abs(determinant(matrix))), np.float32(shape.nearest)
+    widths = _widths(shape)
+    for n in range(block[0, LENGTH]):
+        along = np.float32(n)
+        depth = d0 + along * du
+        inverse = np.float32(1) / depth
+        x, y = (x0 + along * a) * inverse, (y0 + along * c) * inverse
+        mass = area * inverse * inverse * inverse if depth >= nearest else np.float32(0)
+        along_u = (a - x * du) * inverse, (c - y * du) * inverse
+        along_v = (b - x * dv) * inverse, (d - y * dv) * inverse
+        _form(line, n, (x, y), along_u, along_v, mass, widths)
+
+
+@kernel
+def _slope(before: float, here: float, after: float) -> float:
+    """Central difference, or that on one side where the other has no place."""
+    if math.isfinite(before):
+        return 0.5 * (after - before) if math.isfinite(after) else here - before
+    return after - here
+
+
+@kernel
+def splat_on_map(
+    x: Doubles, y: Doubles, block: Integers, bounds: Integers, row: int, shape: Shape, line: Floats
+) -> None:
+    """Place a row of a block's texels by a map (H + 2, W + 2), which has one more on each side."""
+    r = block[1, START] + row + 1
+    widths = _widths(shape)
+    for n in range(block[0, LENGTH]):
+        c = block[0, START] + n + 1
+        px, py = x[r, c], y[r, c]
+        xu, yu = _slope(x[r, c - 1], px, x[r, c + 1]), _slope(y[r, c - 1], py, y[r, c + 1])
+        xv, yv = _slope(x[r - 1, c], px, x[r + 1, c]), _slope(y[r - 1, c], py, y[r + 1, c])
+        mass = abs(xu * yv - xv * yu)
+        if math.isfinite(px + py + mass):
+            place = np.float32(px - bounds[LEFT]), np.float32(py - bounds[TOP])
+            along_u = np.float32(xu), np.float32(yu)
+            along_v = np.float32(xv), np.float32(yv)
+            _form(line, n, place, along_u, along_v, np.float32(mass), widths)
+        else:
+            line[PEAK, n], line[MASS, n] = np.float32(0), np.float32(0)

@@ -1,0 +1,325 @@
+"""Values of cells: texels fetched from the source, joined or interpolated."""
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.types import Doubles, Floats, Single
+from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEVEL, START, Integers
+
+TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
+
+# An interpolation's taps are (K, R), K odd: tap k weighs the texel k - K // 2 steps from the cell's
+# own. Column n (n - 1) / 2 + p is for part p of n, n up to EXACT; DENSE more are for finer parts.
+EXACT = 64
+DENSE = 4096
+
+
+@kernel
+def mapped(index: int, size: int, edge: int) -> int:
+    """Texel that stands at an index beyond the source's edges."""
+    if 0 <= index < size:
+        return index
+    if edge == CLAMP:
+        return 0 if index < 0 else size - 1
+    if edge == WRAP:
+        return index % size
+    # Past a transparent edge the mirror image serves interpolation alone: sums stay what they are.
+    index %= 2 * size
+    return index if index < size else 2 * size - 1 - index
+
+
+@kernel
+def kind_of(block: Integers) -> int:
+    """Which texels a block reads: 0 as they are, 1 prefiltered along u, 2 along v, 3 along both."""
+    return int(block[0, CUT] > 1) + 2 * int(block[1, CUT] > 1)
+
+
+@kernel
+def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
+    """How a sum of all values up to an index, edges included, combines two sums within the source.
+
+    Gives (i, f, j, g): the sum is f S[i] + g S[j], with S[i] that of the first i values.
+    """
+    if 0 <= index <= size:
+        return index, 1.0, 0, 0.0
+    if edge == CLAMP:
+        if index < 0:
+            return 1, float(index), 0, 0.0
+        beyond = float(index - size)
+        return size, 1.0 + beyond, size - 1, -beyond
+    if edge == WRAP:
+        return size, float(index // size), index % size, 1.0
+    pairs, rest = index // (2 * size), index % (2 * size)
+    if rest <= size:
+        return size, 2.0 * pairs, rest, 1.0
+    return size, 2.0 * pairs + 2.0, 2 * size - rest, -1.0
+
+
+@kernel
+def _mean(
+    totals: Doubles,
+    kind: int,
+    place: tuple[int, int],
+    extent: tuple[int, int],
+    edge: int,
+    channel: int,
+) -> float:
+    """Mean of a rectangle of texels, by the sums of all that lie above and to the left."""
+    height, width = totals.shape[1] - 1, totals.shape[2] - 1
+    total = 0.0
+    for corner in range(4):
+        below, beyond = corner // 2, corner % 2
+        i, f, j, g = _prefix(place[1] + below * extent[1], height, edge)
+        m, p, n, q = _prefix(place[0] + beyond * extent[0], width, edge)
+        value = f * (p * totals[kind, i, m, channel] + q * totals[kind, i, n, channel])
+        value += g * (p * totals[kind, j, m, channel] + q * totals[kind, j, n, channel])
+        total += value if below == beyond else -value
+    return total / (float(extent[0]) * float(extent[1]))
+
+
+@kernel
+def _fetch_means(
+    totals: Doubles, block: Integers, pad: tuple[int, int], edge: int, patch: Floats, first: int
+) -> None:
+    """Fetch cells that hold more texels than the source has, or some beyond its edges."""
+    extent = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
+    kind = min(kind_of(block), totals.shape[0] - 1)
+    for row in range(patch.shape[1]):
+        for column in range(patch.shape[2]):
+            place = (
+                block[0, START] + (column - pad[0]) * extent[0],
+                block[1, START] + (row - pad[1]) * extent[1],
+            )
+            for c in range(patch.shape[0]):
+                patch[c, row, column] = _mean(totals, kind, place, extent, edge, first + c)
+
+
+@kernel
+def _join_rows(flat: Floats, rows: tuple[int, int], begin: int, line: Floats) -> None:
+    """Sum rows of the source, channels interleaved (H, W × C), from `begin` on into a line."""
+    start = np.uint64(begin)
+    for row in range(rows[0], rows[1]):
+        if row == rows[0]:
+            for k in range(line.size):
+                line[k] = flat[row, start + np.uint64(k)]
+        else:
+            for k in range(line.size):
+                line[k] += flat[row, start + np.uint64(k)]
+
+
+@kernel
+def _join_columns(
+    line: Floats, step: int, channels: int, first: int, share: Single, patch: Floats, row: int
+) -> None:
+    """Sum every `step` texels of a line into a row of the patch."""
+    for c in range(patch.shape[0]):
+        if step == 1:
+            for column in range(patch.shape[2]):
+                at = np.uint64(column) * np.uint64(channels) + np.uint64(first + c)
+                patch[c, row, column] = share * line[at]
+            continue
+        for column in range(patch.shape[2]):
+            total = np.float32(0)
+            for k in range(column * step, (column + 1) * step):
+                total += line[np.uint64(k) * np.uint64(channels) + np.uint64(first + c)]
+            patch[c, row, column] = share * total
+
+
+@kernel
+def fetch(
+    source: Floats,
+    totals: Doubles,
+    block: Integers,
+    pad: tuple[int, int],
+    edge: int,
+    patch: Floats,
+    first: int,
+) -> None:
+    """Fetch a block's texels, or the means of those that make a cell, with `pad` more all around.
+
+    Parameters
+    ----------
+    source
+        (H, W, C).
+    totals
+        (K, H + 1, W + 1, C) sums of all texels above and to the left, by `kind_of` blocks, or for
+        all alike; K is 0 where no block needs them.
+    pad
+        Along u and v.
+    patch
+        (channels, rows, columns), filled with the channels from `first` on.
+    """
+    step_u, step_v = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
+    height, width, channels = source.shape
+    _, rows, columns = patch.shape
+    left, top = block[0, START] - pad[0] * step_u, block[1, START] - pad[1] * step_v
+    is_inside = left >= 0 and left + columns * step_u <= width
+    is_inside = is_inside and top >= 0 and top + rows * step_v <= height
+    if totals.shape[0] > 0 and (step_u > 1 or step_v > 1) and not is_inside:
+        _fetch_means(totals, block, pad, edge, patch, first)
+        return
+    share = np.float32(1.0 / (float(step_u) * float(step_v)))
+    flat = source.reshape(height, width * channels)
+    if is_inside:
+        line = np.empty(columns * step_u * channels, np.float32)
+        for row in range(rows):
+            joined = top + row * step_v, top + (row + 1) * step_v
+            _join_rows(flat, joined, left * channels, line)
+            _join_columns(line, step_u, channels, first, share, patch, row)
+        return
+    for row in range(rows):
+        for column in range(columns):
+            for c in range(patch.shape[0]):
+                total = np.float32(0)
+                for r in range(top + row * step_v, top + (row + 1) * step_v):
+                    at = mapped(r, height, edge)
+                    for q in range(left + column * step_u, left + (column + 1) * step_u):
+                        total += source[at, mapped(q, width, edge), first + c]
+                patch[c, row, column] = share * total
+
+
+@kernel
+def phase(part: int, cut: int) -> int:
+    """Column of an interpolation's taps for one of the cells of a texel."""
+    if cut <= EXACT:
+        return cut * (cut - 1) // 2 + part
+    return EXACT * (EXACT + 1) // 2 + int((part + 0.5) / cut * DENSE)
+
+
+@kernel
+def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line: Floats) -> None:
+    """Interpolate along v: a line (channels, columns) of values at one part of a row of texels."""
+    if cut == 1:
+        for c in range(line.shape[0]):
+            for column in range(line.shape[1]):
+                line[c, column] = patch[c, row, column]
+        return
+    at = phase(part, cut)
+    if taps.shape[0] == 5:
+        a, b, c, d, e = taps[0, at], taps[1, at], taps[2, at], taps[3, at], taps[4, at]
+        for channel in range(line.shape[0]):
+            for n in range(line.shape[1]):
+                line[channel, n] = (
+                    a * patch[channel, row, n]
+                    + b * patch[channel, row + 1, n]
+                    + c * patch[channel, row + 2, n]
+                    + d * patch[channel, row + 3, n]
+                    + e * patch[channel, row + 4, n]
+                )
+        return
+    line[:] = np.float32(0)
+    for k in range(taps.shape[0]):
+        weight = taps[k, at]
+        if weight != np.float32(0):
+            for c in range(line.shape[0]):
+                for column in range(line.shape[1]):
+                    line[c, column] += weight * patch[c, row + k, column]
+
+
+@kernel
+def filter_row(
+    line: Floats, block: Integers, parts: tuple[int, int], taps: Floats, values: Floats
+) -> None:
+    """Interpolate along u: values (channels, cells) of a row, in the order of `cell_offsets`."""
+    cut, texels, count = block[0, CUT], texels_along(block, 0), parts[1] - parts[0]
+    if cut == 1:
+        for c in range(line.shape[0]):
+            for n in range(texels):
+                values[c, n] = line[c, n]
+    elif count <= texels:
+        for part in range(count):
+            _filter_part(line, phase(parts[0] + part, cut), taps, values, part * texels, texels)
+    else:
+        for texel in range(texels):
+            _filter_texel(line, texel, parts[0], cut, taps, values, texel * count, count)
+
+
+@kernel
+def _filter_part(
+    line: Floats, at: int, taps: Floats, values: Floats, first: int, count: int
+) -> None:
+    """The same part of each of `count` texels."""
+    if taps.shape[0] == 5:
+        a, b, c, d, e = taps[0, at], taps[1, at], taps[2, at], taps[3, at], taps[4, at]
+        for channel in range(line.shape[0]):
+            for n in range(count):
+                m = np.uint64(n)
+                values[channel, np.uint64(first) + m] = (
+                    a * line[channel, m]
+                    + b * line[channel, m + np.uint64(1)]
+                    + c * line[channel, m + np.uint64(2)]
+                    + d * line[channel, m + np.uint64(3)]
+                    + e * line[channel, m + np.uint64(4)]
+                )
+        return
+    for channel in range(line.shape[0]):
+        for n in range(count):
+            total = np.float32(0)
+            for k in range(taps.shape[0]):
+                total += taps[k, at] * line[channel, n + k]
+            values[channel, first + n] = total
+
+
+@kernel
+def _filter_texel(
+    line: Floats,
+    texel: int,
+    part: int,
+    cut: int,
+    taps: Floats,
+    values: Floats,
+    first: int,
+    count: int,
+) -> None:
+    """`count` parts of one texel."""
+    for channel in range(line.shape[0]):
+        for n in range(count):
+            values[channel, first + n] = np.float32(0)
+        for k in range(taps.shape[0]):
+            value, at = line[channel, texel + k], phase(part, cut)
+            if cut <= EXACT:
+                for n in range(count):
+                    m = np.uint64(first) + np.uint64(n)
+                    values[channel, m] += value * taps[k, np.uint64(at) + np.uint64(n)]
+            else:
+                for n in range(count):
+                    values[channel, first + n] += value * taps[k, phase(part + n, cut)]
+
+
+@kernel
+def cell_offsets(block: Integers) -> Floats:
+    """Where the cells of a row have their centers, texels from the block's start.
+
+    Neighbours in memory are the same parts of neighbouring texels, or neighbouring parts of one
+    texel, whichever are more: loops are then longest.
+    """
+    _, joined = extents(block, 0)
+    first, last = parts_along(block, 0)
+    texels, parts = texels_along(block, 0), last - first
+    offset = np.empty(texels * parts, np.float32)
+    for texel in range(texels):
+        for part in range(parts):
+            n = part * texels + texel if parts <= texels else texel * parts + part
+            offset[n] = joined * (texel + (first + part + 0.5) / block[0, CUT])
+    return offset
+
+
+@kernel
+def extents(block: Integers, axis: int) -> tuple[float, float]:
+    """Length of a cell and of a texel (or of those joined), in texels."""
+    joined = 2.0 ** block[axis, LEVEL]
+    return joined / block[axis, CUT], joined
+
+
+@kernel
+def texels_along(block: Integers, axis: int) -> int:
+    """Texels of a block along an axis, or groups of those that are joined."""
+    return int(block[axis, LENGTH] >> block[axis, LEVEL])
+
+
+@kernel
+def parts_along(block: Integers, axis: int) -> tuple[int, int]:
+    """First and last + 1 of the cells that each texel of a block is cut into."""
+    if block[axis, LENGTH] > 1:
+        return 0, block[axis, CUT]
+    return block[axis, FIRST], block[axis, LAST]

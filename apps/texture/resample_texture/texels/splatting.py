@@ -1,0 +1,213 @@
+"""Texel splats, and the paper's hybrid of them with points.
+
+Every texel is an elliptical Gaussian on screen (Chen, Dachille and Kaufman, Forward Perspective
+Image Warping, 1999), or, where it is small, a point under the pixel filter (Yuan et al. 2003,
+section 3). Both have the texel's area on screen as their mass. Texels are neither cut nor joined.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from resample.profiles.filters import Gaussian, PixelFilter
+from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.texels.forward import (
+    EDGES,
+    FARTHEST,
+    NOTHING,
+    Blocks,
+    Cells,
+    Sums,
+    batches,
+    borders,
+    check_texels,
+    filtered,
+    moved,
+    oriented,
+    profile_table,
+    seen,
+    widened,
+    with_margins,
+)
+from resample_texture.texels.kernels.blocks import Integers, sight
+from resample_texture.texels.kernels.painting import collect, offsets
+from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
+from resample_texture.texels.kernels.splat_shapes import RIM, Shape
+from resample_texture.texels.kernels.splats import splat_blocks
+from resample_texture.types import Edge, Warped
+
+LEAST_FULL = 0.5  # weight of a pixel that counts as filled where edges are not known
+LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
+
+
+@dataclass(frozen=True)
+class Splatting:
+    """How wide splats are and which texels are splats.
+
+    Parameters
+    ----------
+    sigma
+        Standard deviation of a splat in the source, texels.
+    filter_sigma
+        Standard deviation of the pixel filter that splats are spread by, px.
+    threshold
+        Texels are points where no direction is stretched by more than this, px; 0: all are splats.
+    interpolating
+        Texels are filtered once so that the splats' sum passes through them; points stay as they
+        are.
+    point_filter
+        What points are spread by; left out, a Gaussian of `filter_sigma` that ends at 4 of it.
+    is_sum
+        A texel's value is a total, which is shared out among pixels, not a density.
+
+    Raises
+    ------
+    ValueError
+        A deviation is out of range, the threshold is negative or not a number, or no
+        splats of this `sigma` interpolate.
+    """
+
+    sigma: float = 0.5
+    filter_sigma: float = 0.5
+    threshold: float = 1.0
+    interpolating: bool = False
+    point_filter: PixelFilter | None = None
+    is_sum: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value in (("sigma", self.sigma), ("filter_sigma", self.filter_sigma)):
+            if not LEAST <= value <= MOST:
+                raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
+        if not self.threshold >= 0.0:
+            raise ValueError(
+                f"a threshold is 0 px or more, inf for points alone, not {self.threshold}"
+            )
+        if self.interpolating:
+            InterpolatingGaussian(self.sigma)
+
+    @property
+    def filter_of_points(self) -> PixelFilter:
+        return self.point_filter or Gaussian(self.filter_sigma, radius=4.0 * self.filter_sigma)
+
+    @property
+    def radius(self) -> float:
+        """How far a splat reaches in the source, texels; 0 if there are none."""
+        return math.sqrt(RIM) * self.sigma if self.threshold < math.inf else 0.0
+
+    def shape(self, matrix: Doubles) -> Shape:
+        """All of it as numbers, for a matrix (3, 3) from source to target.
+
+        A splat takes J to be the same all over its texel's surroundings. Twice its radius from the
+        plane of the eye J may be half of what it is at the center; nearer texels are left out.
+        """
+        slope = math.hypot(matrix[2, 0], matrix[2, 1])
+        nearest = max(2.0 * self.radius, 0.5) * slope
+        variance = self.sigma**2 if self.threshold < math.inf else 0.0
+        taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
+        return Shape(variance, self.filter_sigma**2, self.threshold, nearest, taps, self.is_sum)
+
+
+def splat(
+    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, splatting: Splatting
+) -> Warped:
+    """Picture (height, width) of a source (H, W, C) whose texels are splats or points.
+
+    Raises
+    ------
+    ValueError
+        The map does not fit the source or leads backward, or the frame sees more of a continued
+        source than can be drawn texel by texel.
+    """
+    coefficient = source
+    if splatting.interpolating:
+        gaussian = InterpolatingGaussian(splatting.sigma)
+        weights = prefilter(gaussian)
+        if edge is Edge.CLAMP and isinstance(geometry, Homography):
+            source, margin = widened(source, edge, gaussian)
+            geometry = moved(geometry, margin)
+        coefficient = filtered(source, weights, weights, edge)
+    source_shape = source.shape[0], source.shape[1]
+    blocks, numbers = _blocks_of(geometry, source_shape, shape, edge, splatting)
+    cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
+    sums = Sums(shape, source.shape[2], cells)
+    profile = profile_table(splatting.filter_of_points, numbers.taps)
+    for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
+        for batch in batches(blocks.bounds, count + 1):
+            bounds = blocks.bounds[batch]
+            start = offsets(bounds, count + 1)
+            pixels = np.empty(start[-1], np.float32)
+            splat_blocks(
+                source, coefficient, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
+                blocks.axes[batch], bounds, profile, numbers, start, pixels,
+            )  # fmt: skip
+            collect(bounds, start, pixels, picture)
+    return sums.warped(*_borders(geometry, source_shape, edge, splatting))
+
+
+def _blocks_of(
+    geometry: Geometry,
+    source_shape: tuple[int, int],
+    shape: tuple[int, int],
+    edge: Edge,
+    splatting: Splatting,
+) -> tuple[Blocks, Shape]:
+    """Parts of a source whose splats a frame (height, width) sees, and what they are like."""
+    if isinstance(geometry, BackwardMap):
+        raise ValueError("a backward map cannot be followed forward")
+    if isinstance(geometry, ForwardMap):
+        if geometry.x.shape != source_shape:
+            raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
+        numbers = splatting.shape(np.eye(3))
+        x, y = with_margins(geometry.x, geometry.y)
+        return Blocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
+    matrix = oriented(geometry, source_shape)
+    numbers = splatting.shape(matrix)
+    lines = _sight_of_splats(matrix, shape, numbers, splatting.radius)
+    root = _root(lines, source_shape, edge)
+    axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
+    return Blocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
+
+
+def _sight_of_splats(
+    matrix: Doubles, shape: tuple[int, int], numbers: Shape, radius: float
+) -> Doubles:
+    """Lines (5, 3) that bound the texels' centers whose splats a frame sees; see `sight`.
+
+    With J as at its center, a splat reaches no farther on screen than the source does within
+    radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.
+    """
+    reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
+    lines = np.asarray(sight(matrix, *shape, reach))
+    lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
+    lines[4, 2] -= numbers.nearest
+    return lines
+
+
+def _root(lines: Doubles, source_shape: tuple[int, int], edge: Edge) -> Integers:
+    """Rectangle (4,) of the plane to draw: the source, or all that is seen of its continuation."""
+    height, width = source_shape
+    if edge is Edge.TRANSPARENT:
+        return np.array([0, 0, width, height])
+    polygon = seen(lines, FARTHEST)
+    if not polygon.size:
+        return np.zeros(4, np.int64)
+    check_texels(polygon, source_shape)
+    low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
+    return np.array([*low, *(high - low)], np.int64)
+
+
+def _borders(
+    geometry: Geometry, source_shape: tuple[int, int], edge: Edge, splatting: Splatting
+) -> tuple[Doubles, float]:
+    """As `borders`, a splat's radius within the source and away from texels that are left out."""
+    lines, full = borders(geometry, source_shape, edge)
+    if not isinstance(geometry, Homography):
+        ripple = 4.0 * math.exp(-2.0 * (math.pi * splatting.sigma) ** 2)
+        return lines, max(LEAST_FULL, full - ripple)
+    front = lines[-1]
+    nearest = splatting.shape(oriented(geometry, source_shape)).nearest
+    lines[:-1] -= splatting.radius * front
+    return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full

@@ -1,0 +1,1 @@
+"""Cameras around a volume, and their ways."""

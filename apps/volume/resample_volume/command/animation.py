@@ -1,0 +1,226 @@
+"""A camera that moves around a volume, or away from it, frame by frame.
+
+The paper's movies (section 5), as the words that `resample-volume` makes them of; `fetch aneurism`
+downloads the second volume::
+
+    CheckerBox          animate checker-box --path orbit -o CheckerBox.mp4
+    Aneurism            animate aneurism.nhdr --transfer paper-aneurism --path orbit -o a.mp4
+    AneurismZoom        animate aneurism.nhdr --transfer paper-aneurism --path threshold -o a.mp4
+    AneurismZoom-Color  the same with --color-by primitive, and --primitive paper, under which
+                        voxels become points at 1 px as in Figure 8a and not at 0.04 px
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
+from resample.measuring.compare import shown
+from resample.resampler import Resampler
+from resample.types import Doubles
+from resample_volume.cameras.framing import Orbit, Viewpoint
+from resample_volume.cameras.keyframes import Keyframes, read_keyframes
+from resample_volume.rendering import Subject
+
+PATHS = ("orbit", "zoom", "threshold")
+FRAMES = 96
+FARTHER = 16.0  # times as far at the end of `zoom` as at its start
+SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `threshold`
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A path that starts at a camera around the volume and looks at the middle all the time.
+
+    Parameters
+    ----------
+    path
+        `orbit`: once around at the start's elevation; the frame after the last is the first.
+        `zoom`: away, until everything is a sixteenth as large.
+        `threshold`: away, at zooms of its own: from voxels 2 px apart, which all are splats, to
+        voxels 0.03 px apart, which all are points, under the paper's threshold as under ours.
+        Both go away by the same factor from frame to frame.
+    frames
+        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+    start
+        Camera of the first frame, but for the zoom of `threshold`.
+
+    Raises
+    ------
+    ValueError
+        The path is unknown, or there are too few or too many frames.
+    """
+
+    path: str = "orbit"
+    frames: int = FRAMES
+    start: Orbit = field(default_factory=Orbit)
+
+    def __post_init__(self) -> None:
+        if self.path not in PATHS:
+            raise ValueError(
+                f"unknown path {self.path!r}; known: {', '.join(PATHS)}, or a .toml file of "
+                "keyframes"
+            )
+        check_count(self.frames)
+
+    def viewpoints(self, spacing: float) -> list[Viewpoint]:
+        """Viewpoint of each frame.
+
+        Parameters
+        ----------
+        spacing
+            Between neighbouring voxels in the middle of the volume at zoom 1, px.
+
+        Raises
+        ------
+        ValueError
+            Voxels are so small or large that a zoom would be beyond what `Orbit` allows.
+        """
+        start = self.start
+        if self.path == "orbit":
+            angles = start.azimuth + 360.0 * np.arange(self.frames) / self.frames
+            return [replace(start, azimuth=angle) for angle in angles.tolist()]
+        ends = (start.zoom, start.zoom / FARTHER)
+        if self.path == "threshold":
+            ends = (SPLATS / spacing, POINTS / spacing)
+        zooms = np.geomspace(*ends, self.frames)
+        return [replace(start, zoom=zoom) for zoom in zooms.tolist()]
+
+
+class Tour(NamedTuple):
+    """A path through keyframes."""
+
+    keyframes: Keyframes
+    frames: int
+
+    def viewpoints(self, _spacing: float) -> list[Viewpoint]:
+        """Viewpoint of each frame, however large voxels are."""
+        return self.keyframes.between(self.frames)
+
+
+def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Flight | Tour:
+    """Path of a name or a file; nothing of the volume need be known yet.
+
+    Parameters
+    ----------
+    path
+        One of `PATHS`, or a .toml file as
+        `resample_volume.cameras.keyframes.read_keyframes` takes it.
+    frames
+        How many; None are `FRAMES`, or as many as the keyframes' times ask for, in seconds.
+    fps
+        Frames per second.
+    start
+        Where the path starts, unless it has keyframes.
+
+    Raises
+    ------
+    ValueError
+        The path is unknown, the file's content is none, there are too few or too many frames, or
+        the start is no camera around the volume.
+    OSError
+        The file cannot be read.
+    """
+    if path.lower().endswith(".toml"):
+        return _tour(Path(path), frames, fps)
+    if path in PATHS and not isinstance(start, Orbit):
+        raise ValueError(
+            f"the path {path} goes around the volume or away from it; give its camera as "
+            "azimuth/elevation/zoom, or a .toml file of keyframes as the path"
+        )
+    around = start if isinstance(start, Orbit) else Orbit()
+    return Flight(path, FRAMES if frames is None else frames, around)
+
+
+def _tour(path: Path, frames: int | None, fps: float) -> Tour:
+    """Path through the keyframes of a file, all of whose frames can be seen."""
+    keyframes = read_keyframes(path)
+    if frames is None:
+        frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
+    try:
+        keyframes.between(frames)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return Tour(keyframes, frames)
+
+
+def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[Camera]:
+    """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
+    viewpoints = flight.viewpoints(_spacing(subject, flight, size))
+    return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
+
+
+@dataclass(frozen=True)
+class Paint:
+    """How frames are made, and what is behind the volume."""
+
+    resampler: Resampler = field(default_factory=Resampler)
+    size: tuple[int, int] = (400, 400)  # height and width, px
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
+    threads: int | None = None  # frames do not depend on it
+
+
+def shots(
+    subject: Subject,
+    cameras: Sequence[Camera],
+    paint: Paint,
+    about: Mapping[str, Any] | None = None,
+) -> Shots:
+    """Frames of a volume.
+
+    Parameters
+    ----------
+    subject
+        What is seen.
+    cameras
+        One for each frame; see `cameras_of`.
+    paint
+        How.
+    about
+        Names of the above for the message that frames are of another animation, as JSON holds
+        them: the volume's, the path's.
+    """
+    job = {
+        **(about or {}),
+        "size": list(paint.size),
+        "background": list(paint.background),
+        "resampler": repr(paint.resampler),
+        **subject.facts(),
+        "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
+        "version": version("hybrid-resample"),
+    }
+    return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
+
+
+def frame(subject: Subject, camera: Camera, paint: Paint) -> Levels:
+    """Frame (H, W, 3) as a screen takes it."""
+    height, width = paint.size
+    image = paint.resampler(
+        subject.seen_by(camera),
+        camera,
+        height=height,
+        width=width,
+        threads=paint.threads,
+        clip=subject.clip,
+    ).rgba
+    levels: Levels = np.floor(shown(image, paint.background) * 255.0 + 0.5).astype(np.uint8)
+    return levels
+
+
+def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:
+    """Between neighbouring voxels in the middle at zoom 1, px."""
+    start = flight.start if isinstance(flight, Flight) else Orbit()
+    view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
+    depth = (view.rotation @ subject.sphere.center + view.translation)[2]
+    voxel = np.cbrt(abs(np.linalg.det(subject.voxels.lattice)))
+    return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
+
+
+def _numbers(camera: Camera) -> Doubles:
+    """Everything that tells a camera from others."""
+    return np.concatenate([np.ravel(part) for part in camera.view()])

@@ -1,0 +1,246 @@
+"""What the command line lets a user choose about a volume and its look; no numerics in here."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+from pydantic import BaseModel, ConfigDict, Field
+
+from resample.command.settings import Resampling
+
+if TYPE_CHECKING:
+    from resample.resampler import Resampler
+    from resample_volume.cameras.framing import Viewpoint
+    from resample_volume.rendering import Appearance
+    from resample_volume.types import Volume
+
+
+Hyphen = Parameter(allow_leading_hyphen=True)  # -30/20 is a value, no flag
+Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
+
+
+class Source(BaseModel):
+    """What is read, where the file alone does not say it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    reader: Annotated[
+        str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
+    ] = None
+    shape: Annotated[
+        str | None, Field(description="Voxels of a raw file along x, y, z: 256x256x128.")
+    ] = None
+    dtype: Annotated[str | None, Field(description="Type of a raw file: uint8, int16...")] = None
+    spacing: Annotated[
+        str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
+    ] = None
+
+    def open(self, name: str) -> "Volume":
+        """Volume of that name.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            See `resample_volume.files.source.open_volume`.
+        """
+        import numpy as np
+
+        from resample import registry
+        from resample_volume.files.readers import Raw, three_numbers
+        from resample_volume.files.source import open_volume
+
+        if not name:
+            raise ValueError("the volume has no name; give a file, a folder or checker-box")
+        reader = None if self.reader is None else registry.build("readers", self.reader)
+        if self.shape is not None or self.dtype is not None:
+            if reader is not None:
+                raise ValueError("give either a reader or shape and dtype, not both")
+            reader = Raw(shape=self.shape or "", dtype=self.dtype or "")
+        volume = open_volume(Path(name) if Path(name).exists() else name, reader)
+        if self.spacing is not None:
+            volume = volume._replace(spacing=np.array(three_numbers("spacing", self.spacing)))
+        return volume
+
+
+class Look(BaseModel):
+    """What voxels look like and from where."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    transfer: Annotated[
+        str,
+        Field(
+            description="Transfer function: a preset, a matplotlib colormap, auto, or a .json or "
+            ".toml file of points over values, or of regions over values and gradients. After a "
+            "name :opacity=0.2,low=0.3 thins it."
+        ),
+    ] = "auto"
+    opacity_unit: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            allow_inf_nan=False,
+            description="Length in scene units over which opacities hold. A voxel's size.",
+        ),
+    ] = None
+    camera: Annotated[
+        str,
+        Hyphen,
+        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file."),
+    ] = "30/20/1"
+    fov: Annotated[
+        float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
+    ] = 30.0
+    up: Annotated[
+        Literal["x", "y", "z", "-x", "-y", "-z"],
+        Hyphen,
+        Field(description="Axis that points upwards."),
+    ] = "z"
+    shading: Annotated[bool, Field(description="Light the voxels.")] = True
+    light: Annotated[
+        str,
+        Hyphen,
+        Field(description="Toward the light: eye, or a scene direction such as 1/-1/2."),
+    ] = "eye"
+    gradient: Annotated[
+        Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
+    ] = "central"
+    gradient_opacity: Annotated[
+        str | None,
+        Field(
+            description="Fade even regions: opacity rises between these fractions of the "
+            "steepest gradient, such as 0.1/0.5."
+        ),
+    ] = None
+
+    classify: Annotated[
+        Literal["pre", "post"],
+        Field(
+            description="Pre: voxels get colors, which are reconstructed. Post: the values are "
+            "reconstructed and get colors then, which is sharper; takes image-sheets."
+        ),
+    ] = "pre"
+    labels: Annotated[
+        str | None, Field(description="Volume of whole numbers, a label for each voxel.")
+    ] = None
+    label: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(description="What a label looks like: 1:color=tomato,opacity=0.5 or 2:hidden."),
+    ] = ()
+    crop: Annotated[
+        str | None, Hyphen, Field(description="Ranges of voxels along x, y, z: 64:192,:,10:")
+    ] = None
+    clip: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Cut through the middle, keep what the normal points to: 1/0/-1, or "
+            "1/0/-1/20 moved by 20 scene units."
+        ),
+    ] = ()
+    depth_cue: Annotated[
+        float | None,
+        Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
+    ] = None
+
+    def renderer(self, resampling: Resampling) -> "Resampler":
+        """Renderer that goes with this look.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A choice is unknown or not allowed, or two do not go together.
+        """
+        from resample_volume.rendering import Classification, check_together
+
+        if self.label and self.labels is None:
+            raise ValueError("label says what a label looks like; give the labels' volume too")
+        resampler = resampling.resampler(of_field=self.classify == "post")
+        chosen = {
+            "labels": self.labels,
+            "gradient-opacity": self.gradient_opacity,
+            "depth-cue": self.depth_cue,
+        }
+        extras = [name for name, choice in chosen.items() if choice is not None]
+        check_together(resampler, Classification(self.classify), extras)
+        return resampler
+
+    def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
+        """Look of the voxels under a renderer; None is one that composites them.
+
+        Raises
+        ------
+        ValueError
+            A choice is unknown or not allowed.
+        """
+        from resample.resampler import Projection
+        from resample_volume.looks.labels import read_labels
+        from resample_volume.rendering import Appearance, Classification, named_transfer
+        from resample_volume.voxels.shading import DepthCue, Light
+
+        projection = Projection.COMPOSITE if resampler is None else resampler.projection
+        transfer = named_transfer(self.transfer, volume, projection)
+        if self.opacity_unit is not None:
+            transfer = replace(transfer, opacity_unit=self.opacity_unit)
+        light = Light()
+        if self.light != "eye":
+            x, y, z = _numbers("light", self.light, 3)
+            light = Light((x, y, z))
+        ramp = None
+        if self.gradient_opacity is not None:
+            low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
+            ramp = (low, high)
+        return Appearance(
+            transfer,
+            light if self.shading else None,
+            self.gradient,
+            ramp,
+            classification=Classification(self.classify),
+            labels=None if self.labels is None else read_labels(self.labels, self.label, volume),
+            cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
+            crop=self.crop,
+            clip=self.clip,
+        )
+
+    def viewpoint(self) -> "Viewpoint":
+        """Where the volume is seen from.
+
+        Raises
+        ------
+        ValueError, OSError
+            The camera is none; see `resample_volume.cameras.framing.parse_camera`.
+        """
+        from resample_volume.cameras.framing import parse_camera
+
+        return parse_camera(self.camera, self.fov, self.up)
+
+
+class Projecting(BaseModel):
+    """What a pixel shows."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    projection: Annotated[
+        Literal["composite", "maximum", "average", "additive", "first-hit"],
+        Field(description="As in render."),
+    ] = "composite"
+    iso: Annotated[
+        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+    ] = None
+
+    def resampling(self) -> Resampling:
+        """Renderer's choices, else the default ones."""
+        return Resampling(projection=self.projection, iso=self.iso)
+
+
+def _numbers(name: str, text: str, count: int) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split("/")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        form = "/".join("abc"[:count])
+        raise ValueError(f"{name} {text!r}; give {count} numbers as {form}")
+    return numbers

@@ -1,0 +1,408 @@
+"""The `resample-volume` command."""
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn
+
+from cyclopts import App, Parameter
+
+from resample.command.options import run
+from resample.command.settings import Picture, Resampling, linear_color, method_names
+from resample_volume.command.choices import Look, Projecting, Source
+
+Flat = Parameter(name="*")  # a model's fields are flags of their own
+Unshown = Parameter(show_default=False)
+Output = Annotated[Path, Parameter(alias="-o")]
+
+app = App(
+    name="resample-volume",
+    help="Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
+    "Example: resample-volume render checker-box -o box.png",
+    version=lambda: version("hybrid-resample"),
+)
+
+LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
+PROJECTING = Projecting()
+FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
+MOST_RAYS = 32
+DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
+DEMO = {  # camera and side of the picture, px
+    "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
+    "vessel-tree": ("30/15/1", 400),
+    "marschner-lobb": ("30/40/1", 400),
+}
+
+
+@app.command
+def render(
+    volume: str,
+    /,
+    *,
+    output: Output,
+    look: Annotated[Look, Flat] = LOOK,
+    resampling: Annotated[Resampling, Flat] = RESAMPLING,
+    picture: Annotated[Picture, Flat] = PICTURE,
+    source: Annotated[Source, Flat] = SOURCE,
+    color_bar: Annotated[bool, Parameter(negative="")] = False,
+    cull: Annotated[bool, Parameter(negative="")] = False,
+    stats: Path | None = None,
+) -> None:
+    """Render a volume to a picture.
+
+    Example: resample-volume render engine.nhdr -o engine.png --camera 30/20/1.2
+
+    Parameters
+    ----------
+    volume
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
+    output
+        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+    color_bar
+        Add a bar of colors, opacities and values to the right (.png).
+    cull
+        Skip blocks of voxels outside the picture or hidden; it pays where much is opaque.
+    stats
+        Also write counts and times (.json).
+    """
+    from resample.files.images import check_suffix, write_frame
+    from resample.files.writing import check_targets, write_json
+    from resample_volume.command.session import Session
+    from resample_volume.files.writing import check_color_bar, check_memory, with_bar
+
+    check_suffix(output)
+    size = picture.height_and_width()
+    if color_bar:
+        check_color_bar(output, size[0])
+    background = _background(picture.background, output)
+    resampler = look.renderer(resampling)
+    viewpoint = look.viewpoint()
+    check_targets(output, stats)
+    check_memory(*size)
+    session = Session()
+    with session.stage("read"):
+        scene = source.open(volume)
+    subject = session.subject(scene, look.appearance(scene, resampler), resampler)
+    if cull:
+        subject = subject.in_blocks()
+    camera = subject.camera(viewpoint, *size)
+    seen = session.lit(subject, camera)
+    frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)
+    with session.stage("write"):
+        drawn = frame
+        if color_bar:
+            drawn = with_bar(frame, scene, subject.appearance, resampler, background)
+        write_frame(output, drawn, bits=picture.bits, background=background)
+    if stats is not None:
+        write_json(stats, session.report(frame))
+
+
+@app.command
+def compare(
+    volume: str,
+    /,
+    *,
+    primitive: str = "points,splats,hybrid",
+    footprint: Annotated[str, Unshown] = "",
+    order: Annotated[str, Unshown] = "",
+    peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
+    reference: Literal["splats", "rays"] = "splats",
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    difference: Annotated[bool, Parameter(negative="")] = False,
+    rays: int = 8,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    look: Annotated[Look, Flat] = FAR_LOOK,
+    projection: Annotated[Projecting, Flat] = PROJECTING,
+    size: str = "96",
+    source: Annotated[Source, Flat] = SOURCE,
+) -> None:
+    """Render a volume by several primitives, footprints, orders and peers, and measure them.
+
+    Example: resample-volume compare checker-box --primitive points,splats,hybrid -o compare.png
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    primitive
+        Some of hybrid, points, splats, paper, inflate, ewa.
+    footprint
+        Some of exact, corrected, small-angle, affine, disc. Each primitive's own.
+    order
+        Some of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
+    peer
+        Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
+    reference
+        Made of exact splats in the first order, or of rays through the field (slow).
+    output
+        All pictures side by side (.png).
+    difference
+        Show the errors, too, enlarged.
+    rays
+        Of the reference per side of a pixel, 1 to 32.
+    as_json
+        Print JSON instead of a table; the PSNR of equal pictures is null.
+    size
+        In px: 96 for a square, 640x480 for width and height.
+    """
+    from resample.files.writing import check_targets, rows_as_json
+    from resample.measuring.compare import check_sheet, contact_sheet, plain
+    from resample_volume.cameras.framing import centered
+    from resample_volume.command.session import Session
+    from resample_volume.files.writing import check_memory
+    from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
+
+    pixels = Picture(size=size).height_and_width()
+    first = look.renderer(projection.resampling())
+    choice = variants(first, _words(primitive), _words(footprint), method_names(order, least=0))
+    if not 1 <= rays <= MOST_RAYS:
+        raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
+    if output is not None:
+        check_sheet(output)
+    elif difference:
+        raise ValueError("differences are shown in a picture; give its name by --output")
+    viewpoint = look.viewpoint()
+    check_targets(output)
+    check_memory(*pixels)
+    scene = source.open(volume)
+    appearance = look.appearance(scene, first)
+    if peer is not None:
+        check_vtk(appearance, first)
+    first = next(iter(choice.values()))
+    subject = Session().subject(scene, appearance, thickest(choice))
+    contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
+    (contest.cast if reference == "rays" else contest.splatted)(first, rays)
+    for name, resampler in choice.items():
+        contest.draw(name, resampler)
+    for count in () if peer is None else (1, 4):
+        contest.draw_vtk(centered(scene)[0], count)
+    if output is not None:
+        notes = {
+            str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in contest.rows
+        }
+        errors = contest.differences() if difference else {}
+        contact_sheet(contest.pictures | errors, output, captions=notes)
+    sys.stdout.write(rows_as_json(contest.rows) if as_json else plain(contest.rows))
+
+
+@app.command
+def animate(
+    volume: str,
+    /,
+    *,
+    output: Output,
+    path: str = "orbit",
+    frames: int | None = None,
+    fps: float = 24.0,
+    look: Annotated[Look, Flat] = LOOK,
+    resampling: Annotated[Resampling, Flat] = RESAMPLING,
+    size: str = "400",
+    background: str = "black",
+    threads: int | None = None,
+    source: Annotated[Source, Flat] = SOURCE,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Move a camera around a volume, or away from it.
+
+    Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    output
+        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+    path
+        orbit: once around; zoom: from the camera to 16 times as far; threshold: from voxels that
+        are splats to voxels that are points; or a .toml file of keyframes with cameras of its own.
+    frames
+        How many. 96, or as many as the keyframes' times ask for.
+    fps
+        Frames per second.
+    size
+        Of a frame in px: 400 or 640x480.
+    background
+        black, white or #rrggbb.
+    threads
+        At most this many; frames do not depend on it.
+    resume
+        Keep the frames that a run which ended early has made.
+    """
+    from resample.command.console import progress_bar
+    from resample.files.animations import check_film, write_film
+    from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
+    from resample_volume.command.session import Session
+    from resample_volume.files.writing import check_memory
+
+    check_film(output, fps)
+    flight = flight_of(path, frames, fps, look.viewpoint())
+    shape = Picture(size=size, threads=threads).height_and_width()
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    resampler = look.renderer(resampling)
+    paint = Paint(resampler, shape, behind, threads)
+    check_memory(*shape)
+    scene = source.open(volume)
+    subject = Session().subject(scene, look.appearance(scene, resampler), resampler)
+    about = {"volume": volume, "path": path, "transfer": look.transfer}
+    made = shots(subject, cameras_of(subject, flight, shape), paint, about)
+    with progress_bar("filming") as progress:
+        write_film(output, made, fps, resume=resume, progress=progress)
+
+
+@app.command
+def info(
+    volume: str,
+    /,
+    *,
+    bins: int = 16,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    source: Annotated[Source, Flat] = SOURCE,
+) -> None:
+    """Print a volume's size, spacing, range of values and histogram.
+
+    Example: resample-volume info engine.nhdr
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    bins
+        Of the histogram.
+    as_json
+        Print JSON.
+    """
+    from resample_volume.files.source import describe
+
+    facts = describe(source.open(volume), bins)
+    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
+
+
+@app.command
+def generate(name: str, /, *, output: Output) -> None:
+    """Write a generated volume to a file.
+
+    Example: resample-volume generate vessel-tree:size=256 -o vessels.nrrd
+
+    Parameters
+    ----------
+    name
+        checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
+    output
+        .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
+    """
+    from resample.files.writing import check_targets
+    from resample_volume.files.source import generate as generated
+    from resample_volume.files.writing import check_suffix, write_volume
+
+    check_suffix(output)
+    check_targets(output)
+    write_volume(output, generated(name))
+
+
+@app.command
+def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+    """Download a public volume, check it and print where it is; without a name, list them.
+
+    Example: resample-volume render $(resample-volume fetch engine) -o engine.png
+
+    Parameters
+    ----------
+    name
+        Of the open-scivis collection.
+    folder
+        Where to keep it; the user's cache.
+    """
+    from resample_volume.files import fetch as store
+
+    if name is None:
+        entries = store.available()
+        sys.stdout.write(
+            "".join(f"{key}  {entry['description']}\n" for key, entry in entries.items())
+        )
+    else:
+        sys.stdout.write(f"{store.fetch(name, folder=folder)}\n")
+
+
+@app.command
+def figures(
+    *,
+    output: Output = FIGURES,
+    figure: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    data: Path | None = None,
+) -> None:
+    """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.
+
+    Example: resample-volume figures -o figures --figure 7
+
+    Parameters
+    ----------
+    output
+        Folder for .png, .csv and .json files; created if missing.
+    figure
+        1-2, 3-4, 7, 8 or 9. All of them.
+    data
+        Folder of the paper's volumes (engine.nhdr, ...). What fetch has stored.
+    """
+    from resample_volume.showing.figures import make
+
+    sys.stdout.write(make(output, figure or None, data))
+
+
+@app.command
+def demo(*, output: Output = DEMO_FOLDER) -> None:
+    """Render the generated volumes by all three primitives.
+
+    Parameters
+    ----------
+    output
+        Folder; created if missing.
+    """
+    from resample.command.console import say
+    from resample.files.images import write_frame
+    from resample.measuring.compare import contact_sheet
+    from resample_volume.command.session import Session
+    from resample_volume.files.source import generate as generated
+
+    output.mkdir(parents=True, exist_ok=True)
+    for name, (camera_angles, side) in DEMO.items():
+        session, size, pictures = Session(), (side, side), {}
+        volume, look = generated(name), Look(camera=camera_angles)
+        subject = session.subject(volume, look.appearance(volume), Resampling().resampler())
+        camera = subject.camera(look.viewpoint(), *size)
+        for primitive in ("hybrid", "points", "splats"):
+            resampler = Resampling(primitive=primitive).resampler()
+            frame = session.paint(resampler, subject.seen_by(camera), camera, size)
+            path = output / f"{name}-{primitive}.png"
+            write_frame(path, frame, background=(0.0, 0.0, 0.0))
+            say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
+            pictures[primitive] = frame.rgba
+        contact_sheet(pictures, output / f"{name}.png", columns=3)
+    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)
+
+
+def _background(name: str | None, output: Path) -> Any:
+    """Linear color behind the picture; None leaves it transparent."""
+    if name is None:
+        name = "none" if output.suffix.lower() == ".exr" else "black"
+    return linear_color(name)
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _listed(facts: dict[str, Any]) -> str:
+    """Facts as lines, the histogram as bars."""
+    lines = [f"{key:<10} {value}" for key, value in facts.items() if key != "histogram"]
+    counts = facts["histogram"]
+    low, high = facts["range"] or (0.0, 0.0)
+    for n, count in enumerate(counts):
+        bar = "#" * round(40 * count / max(*counts, 1))
+        lines.append(f"{low + (high - low) * n / len(counts):>12.6g}  {bar:<40}  {count}")
+    return "\n".join(lines) + "\n"

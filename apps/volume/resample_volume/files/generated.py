@@ -1,0 +1,164 @@
+"""Volumes that need no file: for demonstrations, tests and the paper's Checker Box."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_volume.files.memory import require_memory
+from resample_volume.types import Volume
+
+DARK, BRIGHT = 64, 192  # of the Checker Box; neither is transparent
+
+
+class Capsule(NamedTuple):
+    """A stretch of vessel: a ball that moves along a segment and shrinks."""
+
+    start: Doubles  # (3,) x, y, z in 0..1, like all lengths here
+    end: Doubles
+    wide: float  # radius at the start
+    narrow: float  # radius at the end
+
+
+def checker_box(size: int = 100, block: int = 10) -> Volume:
+    """Blocks of two values in turn, as in the paper: all of its `size`³ voxels are seen.
+
+    Parameters
+    ----------
+    size
+        Voxels along each side.
+    block
+        Voxels along the side of a block.
+
+    Returns
+    -------
+    uint8 with values 64 and 192, spacing 1, origin 0.
+    """
+    _check("checker-box", size, size)
+    if block < 1:
+        raise ValueError(f"checker-box: block is at least 1 voxel, not {block}")
+    parity = (np.arange(size) // block % 2).astype(np.uint8)
+    odd = parity[:, None, None] ^ parity[:, None] ^ parity
+    values = np.where(odd, np.uint8(BRIGHT), np.uint8(DARK))
+    return _cube(values, "checker-box")
+
+
+def marschner_lobb(size: int = 41, fm: float = 6.0, alpha: float = 0.25) -> Volume:
+    """Signal of Marschner and Lobb (1994), on which interpolation shows all its faults.
+
+    Parameters
+    ----------
+    size
+        Samples along each side; the cube is [-1, 1]³.
+    fm, alpha
+        Frequency and strength of the ripples.
+
+    Returns
+    -------
+    float32, 0..1.
+    """
+    _check("marschner-lobb", size, 4 * size)
+    if not (math.isfinite(fm) and 0 <= alpha < math.inf):
+        raise ValueError(f"marschner-lobb: fm {fm} is a number and alpha {alpha} one from 0 on")
+    axis = np.linspace(-1, 1, size)
+    distance = np.hypot(axis[:, None], axis)
+    ripple = alpha * (1 + np.cos(2 * np.pi * fm * np.cos(np.pi * distance / 2)))
+    wave = 1 - np.sin(np.pi * axis / 2)
+    values = np.empty((size, size, size), np.float32)
+    for z in range(size):
+        values[z] = (wave[z] + ripple) / (2 * (1 + alpha))
+    step = 2 / (size - 1)
+    return Volume(values, np.full(3, step), np.full(3, -1.0), np.eye(3), "marschner-lobb")
+
+
+def vessel_tree(size: int = 128, seed: int = 7) -> Volume:
+    """Vessels that branch and taper, with an aneurysm: mostly empty, mostly thin.
+
+    Parameters
+    ----------
+    size
+        Voxels along each side.
+    seed
+        Each gives another tree.
+
+    Returns
+    -------
+    uint8: 0 outside, rising over two voxels of wall to 255 within; spacing 1, origin 0.
+    """
+    _check("vessel-tree", size, 4 * size)
+    rng = np.random.default_rng(seed)
+    bottom = np.array([0.5, 0.5, 0.04])
+    capsules = list(_branch(rng, bottom, np.array([0.0, 0.0, 1.0]), 0.03))
+    capsules.append(_bulge(capsules))
+    depth = np.full((size, size, size), -1, np.float32)
+    for capsule in capsules:
+        _rasterise(depth, capsule)
+    rise = np.clip((depth + 1) / 2, 0, 1)  # the wall is where the depth is 0
+    return _cube((255 * rise * rise * (3 - 2 * rise)).round().astype(np.uint8), "vessel-tree")
+
+
+GENERATED: dict[str, Callable[..., Volume]] = {
+    "checker-box": checker_box,
+    "marschner-lobb": marschner_lobb,
+    "vessel-tree": vessel_tree,
+}
+
+
+def _branch(rng: np.random.Generator, start: Doubles, heading: Doubles, radius: float) -> Any:
+    """Capsules of a vessel and of all that come out of it."""
+    for _ in range(int(rng.integers(3, 6))):
+        toward_middle = 0.5 - start
+        wander = rng.normal(0, 0.28, 3) + toward_middle * (np.abs(toward_middle).max() > 0.38)
+        heading = _unit(heading + wander)
+        end = np.clip(start + heading * (0.045 + 0.8 * radius), 0.03, 0.97)
+        yield Capsule(start, end, radius, 0.97 * radius)
+        start, radius = end, 0.97 * radius
+    if radius < 0.005:
+        return
+    share = rng.uniform(0.35, 0.5)  # Murray's law: radius³ is shared out
+    aside = _unit(np.cross(heading, rng.normal(size=3)))
+    for part, side in ((share, 1.2), (1 - share, -0.6)):
+        yield from _branch(rng, start, _unit(heading + side * aside), radius * part ** (1 / 3))
+
+
+def _bulge(capsules: list[Capsule]) -> Capsule:
+    """Aneurysm: a ball at the side of a vessel, near the first fork."""
+    trunk = capsules[4]
+    aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
+    center = trunk.end + 1.9 * trunk.narrow * aside
+    return Capsule(center, center + 0.01 * aside, 2.1 * trunk.narrow, 1.9 * trunk.narrow)
+
+
+def _rasterise(depth: Floats, capsule: Capsule) -> None:
+    """Raise `depth` (Z, Y, X), voxels below the surface, where a capsule is deeper."""
+    size = len(depth)
+    start, end = capsule.start * (size - 1), capsule.end * (size - 1)
+    wide, narrow = capsule.wide * size, capsule.narrow * size
+    low = np.maximum(np.floor(np.minimum(start, end) - wide - 1), 0).astype(int)
+    high = np.minimum(np.ceil(np.maximum(start, end) + wide + 2), size).astype(int)
+    x, y, z = np.ogrid[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
+    axis = end - start
+    offset = [coordinate - begin for coordinate, begin in zip((x, y, z), start, strict=True)]
+    dot = sum(part * along for part, along in zip(offset, axis, strict=True))
+    way = np.clip(dot / max(axis @ axis, 1e-9), 0, 1)  # a ball that does not move
+    gap = [part - way * along for part, along in zip(offset, axis, strict=True)]
+    inside = wide + way * (narrow - wide) - np.sqrt(sum(part * part for part in gap))
+    box = depth[low[2] : high[2], low[1] : high[1], low[0] : high[0]]
+    np.maximum(box, inside.T, out=box, casting="same_kind")
+
+
+def _unit(vector: Doubles) -> Doubles:
+    return vector / np.linalg.norm(vector)
+
+
+def _cube(values: NDArray[Any], name: str) -> Volume:
+    return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
+
+
+def _check(name: str, size: int, bytes_per_line: int) -> None:
+    if size < 2:
+        raise ValueError(f"{name}: size is at least 2 voxels, not {size}")
+    require_memory(size * size * bytes_per_line, name)

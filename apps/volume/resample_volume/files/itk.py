@@ -1,0 +1,100 @@
+"""SimpleITK, with its habits tamed: one line per error, nothing printed, nothing tolerated.
+
+What ITK 5.4 tolerates is found in `completeness` before it is asked to read.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from resample_volume.files.headers import Header, header, volume
+from resample_volume.files.memory import require_memory
+from resample_volume.files.quiet import quiet
+from resample_volume.types import Volume
+
+# Pixel types whose name in lower case is NumPy's.
+INTEGERS = ("UInt8", "Int8", "UInt16", "Int16", "UInt32", "Int32", "UInt64", "Int64")
+PLAIN = (*INTEGERS, "Float32", "Float64")
+
+# `[nrrd] function:`, `ITK ERROR: Class(0x55d2):` and the like
+ORIGIN = re.compile(r"^(\[\w+\]\s*\w+:|(\w+::)?.*?ERROR:)\s*(\w+\(0x\w+\):)?\s*")
+
+Result = TypeVar("Result")
+
+
+def read_header(path: Path, image_io: str, name: str) -> tuple[Any, Header]:
+    """Reader of a file, ready to be executed, and what its header says.
+
+    Parameters
+    ----------
+    path
+        A file that exists.
+    image_io
+        ITK's class for the format; without it ITK asks every format it knows, HDF5 loudly.
+    name
+        For messages.
+    """
+    import SimpleITK
+
+    with quiet():
+        reader = SimpleITK.ImageFileReader()
+        reader.SetFileName(str(path))
+        reader.SetImageIO(image_io)
+        attempt(name, reader.ReadImageInformation)
+    return reader, described(reader, name)
+
+
+def read_values(reader: Any, known: Header) -> Volume:
+    """Execute a reader whose header has been checked."""
+    import SimpleITK
+
+    require_memory(2 * known.size, known.name)  # ITK's image and NumPy's copy
+    with quiet():
+        image = attempt(known.name, reader.Execute)
+        return volume(SimpleITK.GetArrayFromImage(image), known)
+
+
+def described(source: Any, name: str) -> Header:
+    """Header of an ITK reader or image.
+
+    A reader still has the file's own numbers; an image's negative spacing has become a mirrored
+    direction. They are refused before that happens.
+    """
+    import SimpleITK
+
+    types = {getattr(SimpleITK, f"sitk{kind}"): kind.lower() for kind in PLAIN}
+    pixel = source.GetPixelID()
+    if pixel not in types:
+        text = SimpleITK.GetPixelIDValueAsString(pixel)
+        raise ValueError(
+            f"{name} has voxels of type {text!r}, {source.GetNumberOfComponents()} numbers each; "
+            "a volume has one real number per voxel: extract a component"
+        )
+    count = source.GetDimension()
+    if count != 3:  # ITK's direction has that many rows
+        return header(source.GetSize(), types[pixel], name)
+    return header(
+        source.GetSize(),
+        types[pixel],
+        name,
+        spacing=source.GetSpacing(),
+        origin=source.GetOrigin(),
+        direction=np.reshape(source.GetDirection(), (3, 3)),
+    )
+
+
+def attempt(name: str, call: Callable[[], Result]) -> Result:
+    """Run a call of SimpleITK; its pages of C++ become one line."""
+    try:
+        return call()
+    except RuntimeError as error:
+        raise ValueError(f"{name} cannot be read: {reason(error)}") from None
+
+
+def reason(error: Exception) -> str:
+    """Last line of a C++ exception, which is where the cause is, without where it was thrown."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return ORIGIN.sub("", lines[-1]).rstrip(".!") if lines else type(error).__name__

@@ -1,0 +1,285 @@
+"""Readers of volume files, one class per format.
+
+Positions are in the file's own physical space, which for medical formats is LPS, millimeters. The
+matrix of the axes is kept as it is, rotated or mirrored; what a format cannot say is 1 (spacing) or
+0 (origin). Heavy libraries are imported by the reader that needs them, when it reads.
+"""
+
+import gzip
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_volume.files import completeness, slices
+from resample_volume.files.headers import Header, check_type, existing_file, header, stem, volume
+from resample_volume.files.itk import read_header, read_values
+from resample_volume.files.memory import require_memory
+from resample_volume.files.vti import read_vti
+from resample_volume.types import Volume
+
+Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
+
+
+class Reader(Protocol):
+    """What a reader of volumes has; one that is installed is found by its suffixes.
+
+    A folder is read by the reader whose suffix its files have. Whatever cannot be read ends in a
+    `ValueError` or `OSError` of one line.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]  # in lower case, with their dot; the longest match wins
+
+    def __call__(self, path: Path) -> Volume:
+        """Read one volume."""
+
+
+@dataclass(frozen=True)
+class Nrrd:
+    """NRRD, with the data in the same file or beside it."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
+
+    def __call__(self, path: Path) -> Volume:
+        detached = completeness.check_nrrd(existing_file(path))
+        reader, known = read_header(path, "NrrdImageIO", stem(path, self.suffixes))
+        if detached:
+            completeness.check_nrrd_size(detached, known)
+        return read_values(reader, known)
+
+
+@dataclass(frozen=True)
+class MetaImage:
+    """MetaImage, with the data in the same file or beside it."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
+
+    def __call__(self, path: Path) -> Volume:
+        completeness.check_metaimage(existing_file(path))
+        reader, known = read_header(path, "MetaImageIO", stem(path, self.suffixes))
+        completeness.check_metaimage(path, known)
+        return read_values(reader, known)
+
+
+@dataclass(frozen=True)
+class Nifti:
+    """NIfTI-1 in a single file; slope and intercept are applied, which gives floats.
+
+    Its coordinates are RAS; they come out as LPS, like those of the other formats.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
+
+    def __call__(self, path: Path) -> Volume:
+        existing_file(path)
+        with _unpacked(path) as file:
+            reader, known = read_header(file, "NiftiImageIO", stem(path, self.suffixes))
+            return read_values(reader, known)
+
+
+@dataclass(frozen=True)
+class Vti:
+    """VTK image data; values at points."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vti",)
+
+    def __call__(self, path: Path) -> Volume:
+        return read_vti(existing_file(path), self.array, stem(path, self.suffixes))
+
+
+@dataclass(frozen=True)
+class TiffStack:
+    """A folder of gray pictures in the order of their numbers, or one file of many pages."""
+
+    spacing: Numbers = "1x1x1"  # pictures do not know it
+
+    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png")
+
+    def __post_init__(self) -> None:
+        three_numbers("spacing", self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        if path.is_dir():
+            paths, name = slices.files_with(path, self.suffixes), path.resolve().name
+        else:
+            paths, name = [existing_file(path)], stem(path, self.suffixes)
+        if not paths:
+            raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
+        pages = slices.stack_pages(paths)
+        shape = (pages[0].width, pages[0].height, len(pages))
+        known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
+        return volume(slices.stack_values(paths, known), known)
+
+
+@dataclass(frozen=True)
+class Dicom:
+    """A folder with a DICOM series, sorted by position, or one file of many frames."""
+
+    series: str = ""  # instance UID; needed where the folder holds several
+
+    suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
+
+    def __call__(self, path: Path) -> Volume:
+        if path.is_dir():
+            files = slices.dicom_files(path, self.series)
+            return volume(*slices.dicom_values(files, path.resolve().name))
+        name = stem(existing_file(path), self.suffixes)
+        return read_values(*read_header(path, "GDCMImageIO", name))
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Bare voxels, x fastest; a plain file is mapped, not read.
+
+    Without `shape` and `dtype` they are taken from a name like `engine_256x256x128_uint8.raw`.
+    """
+
+    shape: Numbers = ""  # voxels along x, y, z: (256, 256, 128) or "256x256x128"
+    dtype: str = ""  # NumPy's name
+    spacing: Numbers = "1x1x1"
+    endian: str = "little"  # or big
+    offset: int = 0  # bytes before the first voxel
+
+    suffixes: ClassVar[tuple[str, ...]] = (".raw", ".raw.gz")
+
+    def __post_init__(self) -> None:
+        three_numbers("spacing", self.spacing)
+        if self.shape:
+            _sizes(self.shape)
+        if self.dtype:
+            check_type(_type(self.dtype, self.endian), "raw")
+        if self.endian not in ("little", "big"):
+            raise ValueError(f"endian is little or big, not {self.endian!r}")
+        if self.offset < 0:
+            raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
+
+    def __call__(self, path: Path) -> Volume:
+        known = self._header(existing_file(path))
+        if path.suffix.lower() == ".gz":
+            return volume(_gunzipped(path, known, self.offset), known)
+        given = path.stat().st_size - self.offset
+        if given != known.size:
+            raise completeness.wrong_size(path.name, max(0, given), known.size)
+        values = np.memmap(path, known.dtype, "r", self.offset, known.shape[::-1])
+        return volume(values, known)
+
+    def _header(self, path: Path) -> Header:
+        name = stem(path, self.suffixes)
+        found = re.fullmatch(r"(.+)_(\d+x\d+x\d+)_(\w+)", name)
+        if not (found or (self.shape and self.dtype)):
+            raise ValueError(
+                f"{path.name} does not tell its shape and type as engine_256x256x128_uint8.raw "
+                "does; give shape and dtype"
+            )
+        sizes = self.shape or (found[2] if found else "")
+        kind = self.dtype or (found[3] if found else "")
+        return header(
+            _sizes(sizes),
+            _type(kind, self.endian),
+            found[1] if found else name,
+            spacing=three_numbers("spacing", self.spacing),
+        )
+
+
+@dataclass(frozen=True)
+class Npy:
+    """NumPy's own format, (Z, Y, X); mapped, not read."""
+
+    spacing: Numbers = "1x1x1"  # the file does not know it
+
+    suffixes: ClassVar[tuple[str, ...]] = (".npy",)
+
+    def __post_init__(self) -> None:
+        three_numbers("spacing", self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        try:
+            values = np.load(existing_file(path), mmap_mode="r", allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            reason = " ".join(str(error).split())
+            raise ValueError(f"{path.name} is no array of numbers, or cut off: {reason}") from None
+        name, spacing = stem(path, self.suffixes), three_numbers("spacing", self.spacing)
+        return volume(values, header(values.shape[::-1], values.dtype, name, spacing=spacing))
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    """Make sure of a NIfTI file that is whole, and unpack it.
+
+    Not left to ITK: it reads damaged files without a word, and given `a.nii.gz` it takes the values
+    of an `a.nii` that happens to lie beside it.
+    """
+    if not path.name.lower().endswith(".gz"):
+        with path.open("rb") as file:
+            size = completeness.nifti_size(file.read(348), path.name)
+        if path.stat().st_size < size:
+            raise completeness.wrong_size(path.name, path.stat().st_size, size)
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder, completeness.unpacking(path.name):
+        whole = Path(folder, "whole.nii")
+        with gzip.open(path) as packed, whole.open("wb") as file:
+            size = completeness.nifti_size(packed.read(348), path.name)
+            require_memory(size, path.name)
+            packed.seek(0)
+            shutil.copyfileobj(packed, file, completeness.BLOCK)
+        if whole.stat().st_size < size:
+            raise completeness.wrong_size(path.name, whole.stat().st_size, size)
+        yield whole
+
+
+def _gunzipped(path: Path, known: Header, offset: int) -> NDArray[Any]:
+    """Values (Z, Y, X) of a compressed raw file."""
+    require_memory(known.size, known.name)
+    values = np.empty(known.shape[::-1], known.dtype)
+    target, count = values.reshape(-1).view(np.uint8).data, 0
+    with completeness.unpacking(path.name), gzip.open(path) as packed:
+        packed.read(offset)
+        while piece := packed.readinto(target[count : count + completeness.BLOCK]):
+            count += piece
+        rest = packed.read(1)  # reads the checksum, too
+    if count != known.size or rest:
+        more = " or more" if rest else ""
+        raise completeness.wrong_size(path.name, count + len(rest), known.size, more=more)
+    return values
+
+
+def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
+    """Three positive numbers, given as such or as text like 1x1x1.4.
+
+    Raises
+    ------
+    ValueError
+        They are not.
+    """
+    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
+    try:
+        found = tuple(float(piece) for piece in pieces)
+    except (TypeError, ValueError):
+        found = ()
+    if len(found) != 3 or not all(0 < number < float("inf") for number in found):
+        raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")
+    return found
+
+
+def _sizes(shape: Numbers) -> tuple[int, ...]:
+    sizes = tuple(int(size) for size in three_numbers("shape", shape))
+    if sizes != three_numbers("shape", shape):
+        raise ValueError(f"shape is three whole numbers like 256x256x128 (x, y, z), not {shape}")
+    return sizes
+
+
+def _type(name: str, endian: str) -> np.dtype[Any]:
+    try:
+        return np.dtype(name).newbyteorder(">" if endian == "big" else "<")
+    except TypeError:
+        raise ValueError(f"dtype is a name like uint8, int16 or float32, not {name!r}") from None

@@ -1,0 +1,181 @@
+"""Volumes that come as pictures: TIFF and PNG stacks, DICOM series."""
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_volume.files.headers import Header
+from resample_volume.files.itk import attempt, described
+from resample_volume.files.memory import require_memory
+from resample_volume.files.quiet import quiet
+
+NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
+
+POSITION = "0020|0032"  # DICOM's Image Position (Patient)
+
+
+class Page(NamedTuple):
+    """One slice before its values are read."""
+
+    name: str
+    width: int
+    height: int
+    channels: int
+    dtype: str
+
+
+def natural(path: Path) -> list[tuple[int, str]]:
+    """Sort key under which `slice9` comes before `slice10`."""
+    pieces = re.split(r"(\d+)", path.name)
+    return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in pieces]
+
+
+def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """Visible files of a folder with one of the suffixes, in natural order."""
+    found = (file for file in folder.iterdir() if file.suffix.lower() in suffixes)
+    return sorted((file for file in found if not file.name.startswith(".")), key=natural)
+
+
+def stack_pages(paths: list[Path]) -> list[Page]:
+    """All slices of picture files, which have to be alike.
+
+    Raises
+    ------
+    ValueError
+        A file is no picture, has several channels, or differs from the first.
+    """
+    with quiet():
+        pages = [page for path in paths for page, _ in _walk(path)]
+    first = pages[0]
+    for page in pages:
+        if page.channels != 1:
+            raise ValueError(
+                f"{page.name} has {page.channels} channels; slices have one number per pixel: "
+                "convert it to gray"
+            )
+        if page[1:] != first[1:]:
+            raise ValueError(
+                f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
+                f"{first.width} x {first.height} {first.dtype}; slices must be alike"
+            )
+    return pages
+
+
+def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
+    """Values (Z, Y, X) of picture files."""
+    require_memory(known.size, known.name)
+    values = np.empty(known.shape[::-1], known.dtype)
+    with quiet():
+        pages = (image for path in paths for _, image in _walk(path))
+        for n, image in enumerate(pages):
+            pixels = image.read_image("unknown")  # as stored
+            if pixels is None:
+                raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
+            values[n] = pixels[..., 0]
+    return values
+
+
+def dicom_files(folder: Path, series: str) -> list[str]:
+    """Files of one DICOM series, in the order of their positions.
+
+    GDCM leaves out files that it cannot parse; here they are an error.
+    """
+    import SimpleITK
+
+    with quiet():
+        reader = SimpleITK.ImageSeriesReader()
+        known = {
+            uid: reader.GetGDCMSeriesFileNames(str(folder), uid)
+            for uid in reader.GetGDCMSeriesIDs(str(folder))
+        }
+    taken = {Path(file).name for files in known.values() for file in files}
+    damaged = [file.name for file in sorted(folder.iterdir()) if is_dicom(file)]
+    damaged = [name for name in damaged if name not in taken and name != "DICOMDIR"]
+    if damaged:
+        raise ValueError(f"{damaged[0]} is a damaged DICOM file (of {len(damaged)}); get it again")
+    if len(known) == 1 and not series:
+        return list(*known.values())
+    if series not in known:
+        listed = ", ".join(known) or "none; is this a folder of DICOM files?"
+        raise ValueError(f"{folder.name}: name one series ({series or 'none'} given) of: {listed}")
+    return list(known[series])
+
+
+def dicom_values(files: list[str], name: str) -> tuple[NDArray[Any], Header]:
+    """Values (Z, Y, X) of DICOM slices and what they say about space.
+
+    Raises
+    ------
+    ValueError
+        The slices are not evenly spaced: one is missing, or the gantry was tilted.
+    """
+    import SimpleITK
+
+    with quiet():
+        first = SimpleITK.ImageFileReader()
+        first.SetFileName(files[0])
+        attempt(name, first.ReadImageInformation)
+        require_memory(2 * 2 * math.prod(first.GetSize()) * len(files), name)  # int16, copied
+        reader = SimpleITK.ImageSeriesReader()
+        reader.SetFileNames(files)
+        reader.MetaDataDictionaryArrayUpdateOn()
+        image = attempt(name, reader.Execute)
+    _check_gaps(reader, len(files), name)
+    return SimpleITK.GetArrayFromImage(image), described(image, name)
+
+
+def is_dicom(file: Path) -> bool:
+    """Whether a file says that it is DICOM; its name often does not."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        opened.seek(128)
+        return opened.read(4) == b"DICM"
+
+
+def _check_gaps(reader: Any, count: int, name: str) -> None:
+    """Refuse slices whose distances differ by over a percent."""
+    if not all(reader.HasMetaDataKey(n, POSITION) for n in range(count)):
+        return
+    places = [reader.GetMetaData(n, POSITION).split("\\") for n in range(count)]
+    gaps = np.linalg.norm(np.diff(np.array(places, np.float64), axis=0), axis=1)
+    if count > 1 and np.ptp(gaps) > 0.01 * gaps.mean():
+        raise ValueError(
+            f"{name}: its {count} slices are not evenly spaced but {gaps.min():.4g} to "
+            f"{gaps.max():.4g} apart; is one missing?"
+        )
+
+
+def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
+    """Pages of one file, each with the open image that stands at it."""
+    with _opened(path) as image:
+        n = 0
+        while image.seek_subimage(n, 0):
+            spec = image.spec()
+            kind = NUMPY.get(str(spec.format), str(spec.format))
+            yield Page(path.name, spec.width, spec.height, spec.nchannels, kind), image
+            n += 1
+        image.geterror()  # that there is no page n
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    import OpenImageIO
+
+    image = OpenImageIO.ImageInput.open(str(path))
+    if image is None:
+        raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
+    try:
+        yield image
+    finally:
+        image.close()
+
+
+def _last(message: str) -> str:
+    return message.strip().rpartition("\n")[2] or "no reason given"

@@ -1,0 +1,168 @@
+"""From what a user names to a volume: a file of any known format, a folder, a generated one."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample import registry
+from resample_volume.files.generated import GENERATED
+from resample_volume.files.readers import Reader
+from resample_volume.files.slices import is_dicom
+from resample_volume.types import Volume
+from resample_volume.voxels.parts import slabs
+
+
+def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
+    """Open what there is under a name.
+
+    Parameters
+    ----------
+    name
+        A file, a folder of slices, or a generated volume with its parameters: `vessel-tree`,
+        `checker-box:size=64,block=8`.
+    reader
+        Reads the file or folder; None finds one among all that are installed.
+
+    Returns
+    -------
+    Its values may be a read-only view of the file.
+
+    Raises
+    ------
+    OSError
+        There is no such file, or it must not be read.
+    ValueError
+        No reader knows it, or what it holds is no volume.
+    """
+    path = Path(name)
+    if path.exists() or reader is not None:
+        return (reader or find_reader(path))(path)
+    if str(name).partition(":")[0] in GENERATED:
+        return generate(str(name))
+    if _suffix(path.name, _readers()[0]):
+        raise FileNotFoundError(f"{path}: there is no such file")
+    raise FileNotFoundError(
+        f"{path}: there is no such file; generated volumes are {', '.join(GENERATED)}"
+    )
+
+
+def find_reader(path: Path) -> Reader:
+    """Reader for a file's suffix, the longest that fits, or for what a folder holds.
+
+    Raises
+    ------
+    ValueError
+        No installed reader fits, or two do.
+    """
+    readers, broken = _readers()
+    suffix = _folder_suffix(path, readers) if path.is_dir() else _suffix(path.name, readers)
+    if not suffix:
+        known = " ".join(sorted(readers))
+        what = "holds no slices" if path.is_dir() else "has no known suffix"
+        hint = "; ".join([f"{path} {what}; known are {known}", *broken])
+        raise ValueError(f"{hint}; rename it or choose a reader")
+    if len(readers[suffix]) > 1:
+        raise ValueError(f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix}")
+    built: Reader = registry.build("readers", readers[suffix][0])
+    return built
+
+
+def generate(spec: str) -> Volume:
+    """Volume of a generator's name and parameters, `checker-box:size=64`.
+
+    Raises
+    ------
+    ValueError
+        A parameter is unknown, or no number of its kind.
+    """
+    name, _, text = spec.partition(":")
+    if name not in GENERATED:
+        raise ValueError(f"unknown volume {name!r}; generated are {', '.join(GENERATED)}")
+    known = registry.parameters(GENERATED[name])
+    chosen: dict[str, Any] = {}
+    for part in text.split(",") if text else ():
+        key, _, value = (piece.strip() for piece in part.partition("="))
+        try:
+            chosen[key] = type(known[key])(value)
+        except (KeyError, ValueError):
+            takes = registry.described(GENERATED[name])
+            raise ValueError(f"{spec}: {part!r} is no parameter; {name} takes {takes}") from None
+    return GENERATED[name](**chosen)
+
+
+def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
+    """Facts about a volume, in plain Python values.
+
+    Parameters
+    ----------
+    volume
+        May be mapped from a file: it is gone through in slabs.
+    bins
+        Of the histogram, of equal width over the range.
+
+    Returns
+    -------
+    `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range` (lowest
+    and highest finite value, or None), `nan` and `infinite` (counts), `histogram` (counts).
+    """
+    if bins < 1:
+        raise ValueError(f"a histogram has at least 1 bin, not {bins}")
+    low, high, nan, infinite = np.inf, -np.inf, 0, 0
+    for slab in slabs(volume.values):
+        finite = slab[np.isfinite(slab)]
+        missing = int(np.isnan(slab).sum())
+        nan, infinite = nan + missing, infinite + slab.size - finite.size - missing
+        if finite.size:
+            low, high = min(low, finite.min().item()), max(high, finite.max().item())
+    return {
+        "name": volume.name,
+        "shape": volume.values.shape[::-1],
+        "dtype": volume.values.dtype.name,
+        "spacing": volume.spacing.tolist(),
+        "origin": volume.origin.tolist(),
+        "direction": volume.direction.tolist(),
+        "range": (low, high) if low <= high else None,
+        "nan": nan,
+        "infinite": infinite,
+        "histogram": _histogram(volume.values, bins, (low, high)) if low <= high else [0] * bins,
+    }
+
+
+def _histogram(values: NDArray[Any], bins: int, limits: tuple[float, float]) -> list[int]:
+    count = np.zeros(bins, np.int64)
+    for slab in slabs(values):
+        count += np.histogram(slab[np.isfinite(slab)], bins, limits)[0]
+    return [int(number) for number in count]
+
+
+def _readers() -> tuple[dict[str, list[str]], list[str]]:
+    """Names of the readers for each suffix; what is wrong with those that cannot be imported."""
+    found: dict[str, list[str]] = {}
+    broken = []
+    for name in registry.names("readers"):
+        try:
+            suffixes = registry.load("readers", name).suffixes
+        except LookupError as error:  # matters only to who needs that one
+            broken.append(str(error))
+            continue
+        for suffix in suffixes:
+            found.setdefault(suffix, []).append(name)
+    return found, broken
+
+
+def _suffix(name: str, known: Iterable[str]) -> str:
+    """Longest known suffix of a file name, or nothing."""
+    fitting = (suffix for suffix in known if name.lower().endswith(suffix))
+    return max(fitting, key=len, default="")
+
+
+def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
+    """Suffix of a folder's files; DICOM is recognised without one."""
+    files = [file for file in folder.iterdir() if file.is_file() and file.name[0] != "."]
+    found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
+    if len({tuple(readers[suffix]) for suffix in found}) > 1:
+        raise ValueError(f"{folder} holds files of {' and '.join(sorted(found))}; name one of them")
+    return min(found, default="")

@@ -1,0 +1,101 @@
+"""VTK's image data (`.vti`), by VTK's own reader, which is an extra."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample_volume.files.headers import Header, header, volume
+from resample_volume.files.memory import require_memory
+from resample_volume.files.quiet import quiet
+from resample_volume.types import Volume
+
+
+def read_vti(path: Path, array: str, name: str) -> Volume:
+    """One array of values at points.
+
+    Parameters
+    ----------
+    path
+        A file that exists.
+    array
+        Name of the array; empty: the active one, or the only one.
+    name
+        Of the volume.
+    """
+    try:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkIOXML import vtkXMLImageDataReader
+    except ImportError:
+        raise ValueError(
+            f"{path.name}: .vti is read by VTK; pip install 'hybrid-resample[vtk]'"
+        ) from None
+    failures: list[str] = []
+    reader = vtkXMLImageDataReader()
+    reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
+    reader.SetFileName(str(path))
+    with quiet():
+        reader.UpdateInformation()
+        _refuse(failures, path.name)
+        _require_memory(reader, path.name)
+        reader.Update()
+        _refuse(failures, path.name)
+    image = reader.GetOutput()
+    chosen = _chosen(image.GetPointData(), array, path.name)
+    values = vtk_to_numpy(chosen)  # shares VTK's memory and keeps it alive
+    if values.ndim != 1:
+        raise ValueError(
+            f"{path.name}: {chosen.GetName()} has {values.shape[1]} numbers per voxel, a volume "
+            "has one; extract a component"
+        )
+    known = _header(image, values.dtype, _spacing(path), name)
+    return volume(values.reshape(known.shape[::-1]), known)
+
+
+def _header(image: Any, dtype: Any, spacing: Any, name: str) -> Header:
+    """Header of image data, whose first voxel need not have index 0."""
+    known = header(
+        image.GetDimensions(),
+        dtype,
+        name,
+        spacing=image.GetSpacing() if spacing is None else spacing,
+        origin=image.GetOrigin(),
+        direction=np.reshape(image.GetDirectionMatrix().GetData(), (3, 3)),
+    )
+    first = known.spacing * image.GetExtent()[::2]
+    return known._replace(origin=known.origin + known.direction @ first)
+
+
+def _chosen(points: Any, array: str, name: str) -> Any:
+    known = [points.GetArrayName(n) for n in range(points.GetNumberOfArrays())]
+    if array:
+        found = points.GetArray(array)
+    else:
+        found = points.GetScalars() or (points.GetArray(0) if len(known) == 1 else None)
+    if found is None:
+        listed = ", ".join(map(str, known)) or "none (cell data is not read: convert it)"
+        raise ValueError(f"{name}: choose the array of points ({array or 'none'} given): {listed}")
+    return found
+
+
+def _spacing(path: Path) -> list[float] | None:
+    """Spacing as it is written; VTK makes it (1, 1, 1) where it is no number."""
+    with path.open("rb") as file:
+        found = re.search(rb"<ImageData[^>]*\bSpacing=\"([^\"]*)\"", file.read(1 << 16))
+    return [float(text) for text in found[1].split()] if found else None
+
+
+def _require_memory(reader: Any, name: str) -> None:
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
+    extent = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    first, last = np.reshape(extent, (3, 2)).T.tolist()
+    count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
+    require_memory(count, name)  # a byte per voxel at the least
+
+
+def _refuse(failures: list[str], name: str) -> None:
+    if failures:
+        raise ValueError(f"{name} is damaged or not VTK image data; get the file again")

@@ -1,0 +1,114 @@
+"""Write volumes to files."""
+
+from pathlib import Path
+
+import numpy as np
+
+from resample.colors import to_srgb
+from resample.command.settings import Color
+from resample.files.writing import replacing
+from resample.memory import require_memory
+from resample.resampler import Projection, Resampler
+from resample.types import Frame
+from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
+from resample_volume.rendering import Appearance, transfer_of
+from resample_volume.types import Volume
+
+BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
+SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
+
+
+def write_volume(path: Path, volume: Volume) -> None:
+    """Write a volume with its spacing, origin and direction (.npy: the values alone).
+
+    Raises
+    ------
+    ValueError
+        The suffix is none of `SUFFIXES`.
+    OSError
+        The file cannot be written.
+    """
+    suffix = check_suffix(path)
+    with replacing(path) as temporary:
+        if suffix == ".npy":
+            with temporary.open("wb") as file:  # given a name, NumPy may append to it
+                np.save(file, volume.values)
+            return
+        # ITK goes by the suffix: the whole of it, in lower case, and no other before it.
+        inner = temporary.with_name(f"{temporary.stem}-itk{suffix}")
+        try:
+            _write_image(inner, volume)
+            inner.replace(temporary)
+        finally:
+            inner.unlink(missing_ok=True)
+
+
+def check_suffix(path: Path) -> str:
+    """Suffix of a volume's file; refuses one that `write_volume` would refuse, before any work."""
+    suffix = next((known for known in SUFFIXES if path.name.lower().endswith(known)), "")
+    if not suffix:
+        raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
+    return suffix
+
+
+def check_memory(height: int, width: int) -> None:
+    """Refuse a picture that this machine cannot hold, before any work is done."""
+    needed = BYTES_PER_PIXEL * height * width
+    require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
+
+
+def check_color_bar(path: Path, height: int) -> None:
+    """Refuse a color bar that `with_bar` could not add, before any work is done."""
+    from resample_volume.showing.color_bar import LEAST_HEIGHT
+
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"{path}: a color bar has no depth; write a .png, or leave it out")
+    if height < LEAST_HEIGHT:
+        raise ValueError(
+            f"a color bar is at least {LEAST_HEIGHT} px high, not {height}; take a larger size"
+        )
+
+
+def with_bar(
+    frame: Frame,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    background: Color | None,
+) -> Frame:
+    """Picture with a bar of colors, opacities and values, or of sums, to its right."""
+    from resample_volume.showing.color_bar import color_bar, with_color_bar
+    from resample_volume.voxels.visible import finite_range
+
+    if resampler.projection is Projection.ADDITIVE:
+        transfer, extent = _sums(frame)
+    else:
+        transfer = transfer_of(volume, appearance, resampler.projection)
+        extent = finite_range(volume.values)
+    behind = background or (0.0, 0.0, 0.0)
+    bar = color_bar(transfer, extent, len(frame.rgba), title=volume.name, background=behind)
+    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+
+
+def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
+    """What the gray levels of an X-ray mean: light grows with the sum, and the largest is white."""
+    share = np.linspace(0.0, 1.0, 256)
+    gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
+    value = np.zeros(1) if frame.value is None else frame.value
+    known = value[np.isfinite(value)]
+    levels = TransferFunction(share, gray, np.ones(share.size), normalized=True)
+    return levels, (0.0, float(known.max(initial=0.0)))
+
+
+def _write_image(path: Path, volume: Volume) -> None:
+    import SimpleITK as sitk  # noqa: N813 - the library's own habit
+
+    image = sitk.GetImageFromArray(volume.values)
+    image.SetSpacing(tuple(map(float, volume.spacing)))
+    image.SetOrigin(tuple(map(float, volume.origin)))
+    image.SetDirection(tuple(map(float, volume.direction.ravel())))
+    try:
+        sitk.WriteImage(image, str(path), useCompression=True)
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise OSError(f"{path}: could not be written ({reason})") from None

@@ -1,1 +1,0 @@
-"""The numba code of volumes: bare arrays and numbers."""

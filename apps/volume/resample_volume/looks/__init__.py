@@ -1,0 +1,1 @@
+"""Which color and opacity values get."""

@@ -1,0 +1,226 @@
+"""Files of transfer functions, JSON or TOML, and clear words on what is wrong with one."""
+
+import json
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from resample.files.writing import replacing
+from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.looks.transfer import SUFFIXES, Color, Transfer, TransferFunction, from_points
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+
+def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer) -> None:
+    """Write a file from which `load_transfer` makes the same function, by suffix JSON or TOML.
+
+    Raises
+    ------
+    ValueError
+        The suffix is neither .json nor .toml.
+    OSError
+        The file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: transfer functions are written as {' or '.join(SUFFIXES)}")
+    head: dict[str, object] = {"normalized": transfer.normalized}
+    if transfer.opacity_unit is not None:
+        head["opacity_unit"] = transfer.opacity_unit
+    name, rows = _rows(transfer)
+    text = _toml(head, name, rows) if suffix == ".toml" else _json({**head, name: rows})
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _rows(transfer: TransferFunction | RegionTransfer) -> tuple[str, list[dict[str, object]]]:
+    """The list that a file holds, and its name."""
+    if isinstance(transfer, RegionTransfer):
+        return "regions", [asdict(region) for region in transfer.regions]
+    columns = (transfer.value.tolist(), transfer.color.tolist(), transfer.opacity.tolist())
+    points = [
+        dict(zip(_Point.model_fields, row, strict=True)) for row in zip(*columns, strict=True)
+    ]
+    return "points", points
+
+
+def _json(document: object) -> str:
+    """JSON, which has no infinity: a range without an end has null there."""
+    return json.dumps(_endless(document), allow_nan=False)
+
+
+def _endless(item: object) -> object:
+    if isinstance(item, dict):
+        return {key: _endless(value) for key, value in item.items()}
+    if isinstance(item, list | tuple):
+        return [_endless(value) for value in item]
+    return None if isinstance(item, float) and math.isinf(item) else item
+
+
+def _toml(head: dict[str, object], name: str, rows: list[dict[str, object]]) -> str:
+    """TOML, one point or region a line."""
+    lines = [f"{key} = {_word(item)}" for key, item in head.items()]
+    inner = [", ".join(f"{key} = {_word(item)}" for key, item in row.items()) for row in rows]
+    return "\n".join([*lines, f"{name} = [", *(f"    {{ {row} }}," for row in inner), "]"])
+
+
+def _word(item: object) -> str:
+    """Numbers, truth values and lists are written in TOML as in JSON, but for infinity."""
+    return json.dumps(item).replace("Infinity", "inf")
+
+
+def _share(number: float) -> float:
+    if not 0 <= number <= 1:
+        raise ValueError("must be between 0 and 1")
+    return number
+
+
+def displayed_color(given: object) -> Color:
+    """Color as displayed, 0..1, from what a file may write: a code, a name or three numbers.
+
+    Raises
+    ------
+    ValueError
+        It is none of these.
+    """
+    import matplotlib.colors
+
+    is_form_known = isinstance(given, str) or (isinstance(given, list) and len(given) == 3)
+    if is_form_known and matplotlib.colors.is_color_like(given):
+        return matplotlib.colors.to_rgb(given)  # type: ignore[arg-type]
+    raise ValueError("must be '#rrggbb', a color's name or [red, green, blue] between 0 and 1")
+
+
+class _Point(BaseModel):
+    """A control point in a file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    value: float
+    color: Annotated[Color, BeforeValidator(displayed_color)]
+    opacity: Annotated[float, AfterValidator(_share)]
+
+
+def _ends(given: object) -> tuple[float, float]:
+    """Range as a file may write it; JSON has null for infinity."""
+    if isinstance(given, list) and len(given) == 2:
+        low, high = (
+            end if bound is None else bound
+            for bound, end in zip(given, (-math.inf, math.inf), strict=True)
+        )
+        if _is_number(low) and _is_number(high):
+            return float(low), float(high)
+    raise ValueError("must be two numbers, [least, greatest], of which inf is one")
+
+
+def _pair(given: object) -> tuple[float, float]:
+    """Softness as a file may write it."""
+    if isinstance(given, list) and len(given) == 2 and all(map(_is_number, given)):
+        return float(given[0]), float(given[1])
+    raise ValueError("must be two numbers, [along values, along gradients]")
+
+
+def _is_number(given: object) -> bool:
+    return isinstance(given, int | float) and not isinstance(given, bool) and not math.isnan(given)
+
+
+class _Region(BaseModel):
+    """A region in a file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    value: Annotated[tuple[float, float], BeforeValidator(_ends)]
+    color: Annotated[Color, BeforeValidator(displayed_color)]
+    opacity: Annotated[float, AfterValidator(_share)]
+    gradient: Annotated[tuple[float, float], BeforeValidator(_ends)] = Region.gradient
+    softness: Annotated[tuple[float, float], BeforeValidator(_pair)] = Region.softness
+
+
+class _Head(BaseModel):
+    """What all files may say."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    normalized: bool = False
+    opacity_unit: Annotated[float, Field(gt=0)] | None = None
+
+
+class _Points(_Head):
+    """File of a function of values."""
+
+    points: Annotated[list[_Point], Field(min_length=1)]
+
+    def transfer(self) -> TransferFunction:
+        points = [(point.value, point.color, point.opacity) for point in self.points]
+        return from_points(points, opacity_unit=self.opacity_unit, normalized=self.normalized)
+
+
+class _Regions(_Head):
+    """File of a function of values and gradients."""
+
+    regions: Annotated[list[_Region], Field(min_length=1)]
+
+    def transfer(self) -> RegionTransfer:
+        regions = [Region(**region.model_dump()) for region in self.regions]
+        return RegionTransfer(tuple(regions), self.opacity_unit, self.normalized)
+
+
+def read_transfer(path: Path) -> Transfer:
+    """Transfer function of a file, of `points` over values or `regions` over values and gradients.
+
+    Raises
+    ------
+    ValueError
+        What the file holds is no transfer function; says where and what would be.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        content = _parsed(path)
+        form = _Regions if isinstance(content, dict) and "regions" in content else _Points
+        return form.model_validate(content).transfer()
+    except ValidationError as error:
+        complaints = "; ".join(map(_complaint, error.errors()))
+        raise ValueError(f"{path}: {complaints}") from None
+    except json.JSONDecodeError as error:
+        place = f"at line {error.lineno}, column {error.colno}"
+        raise ValueError(f"{path}: {error.msg} ({place})") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: is not UTF-8 text (at byte {error.start})") from None
+    except ValueError as error:  # TOML's message ends in line and column
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _parsed(path: Path) -> Any:
+    text = path.read_text(encoding="utf-8")
+    return tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+
+
+def _complaint(detail: "ErrorDetails") -> str:
+    """One of pydantic's findings: `points.2.opacity: must be between 0 and 1 (got 1.7)`."""
+    place = ".".join(map(str, detail["loc"]))
+    known = ", ".join(_known(detail["loc"]))
+    got = f" (got {detail['input']!r:.40})"
+    text = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be") + got
+    match detail["type"]:
+        case "missing":
+            text = "is missing"
+        case "extra_forbidden":
+            text = f"is unknown; known: {known}"
+        case "model_type":
+            text = f"must be a table of {known}{got}"
+    return f"{place}: {text}" if place else text
+
+
+def _known(place: Sequence[int | str]) -> list[str]:
+    """Keys that are known at a place in a file."""
+    if len(place) < 2:
+        return [*_Points.model_fields, *(set(_Regions.model_fields) - set(_Points.model_fields))]
+    return list((_Region if place[0] == "regions" else _Point).model_fields)

@@ -1,0 +1,260 @@
+"""Transfer functions of two variables: a value and how steeply values change there.
+
+Kniss, Kindlmann and Hansen, Multidimensional Transfer Functions for Interactive Volume Rendering,
+2002. A boundary between two materials is an arch over their values that is highest, in gradient,
+in the middle; so a region of high gradients shows a surface whose values also occur elsewhere.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.colors import from_srgb
+from resample.types import Doubles, Floats
+from resample_volume.looks.transfer import Color, DataRange, Transfer
+
+BEYOND = 1 + 1e-6  # a border belongs to its region
+CHUNK = 1 << 20  # values looked at together
+TINY = float(np.finfo(np.float64).tiny)
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle over values and gradients with a color and an opacity.
+
+    Borders belong to it. Where it is soft, opacity rises from 0 at the border to its full height
+    that far within. A range that ends where the data cannot go on (a gradient of 0, infinity, or
+    0 and 1 of a normalized range) is open there: that border is not soft, and what is beyond
+    counts as inside.
+    """
+
+    value: Range  # data units, or 0..1 of the data's range
+    color: Color  # sRGB as displayed, 0..1
+    opacity: float  # 0..1 of a layer that is one `opacity_unit` thick
+    gradient: Range = (0.0, math.inf)  # data units per scene unit, or 0..1 of a full surface's
+    softness: Range = (0.0, 0.0)  # along values and gradients, in their units; at most half a range
+
+
+@dataclass(frozen=True)
+class RegionTransfer:
+    """Color and opacity by regions over values and the lengths of gradients.
+
+    Where several overlap, light passes through all of them: their transparencies multiply. Color
+    is their mean in linear light, weighted by their opacities. Their order does not matter.
+
+    Gradients are measured in data units per scene unit, so that a file says the same of a scan
+    whatever its voxels' size. What is `normalized` needs no knowledge of the data: values are
+    positions between the least and the greatest, gradients fractions of the 99th percentile of
+    their lengths over all voxels that regions could show by their value, as in `gradient_opacity`.
+
+    Raises
+    ------
+    ValueError
+        There is no region, or a number is outside its range.
+    """
+
+    regions: tuple[Region, ...]
+    opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
+    normalized: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "regions", tuple(self.regions))
+        if not self.regions:
+            raise ValueError("a transfer function of regions needs at least one")
+        if self.opacity_unit is not None and not 0 < self.opacity_unit < np.inf:
+            raise ValueError(f"opacity_unit: must be greater than 0 (got {self.opacity_unit})")
+        for n, region in enumerate(self.regions):
+            _check(f"regions.{n}", region, self.normalized)
+
+    @property
+    def needs_gradient(self) -> bool:
+        return True
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Opacity of values, (N,), if the gradient is within all regions: never less than it is."""
+        place = self._places(np.asarray(values), data_range)
+        transparency = np.ones(place.shape)
+        for region in self.regions:
+            transparency *= 1 - region.opacity * self._share_by_value(region, place)
+        return np.asarray(1 - transparency, np.float32)
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        if slopes is None:
+            raise ValueError("regions over values and gradients need gradients")
+        color = np.empty((values.size, 3), np.float32)
+        opacity = np.empty(values.size, np.float32)
+        for start in range(0, values.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            place = self._places(values[part], data_range)
+            slope = slopes[part].astype(np.float64)
+            if self.normalized:
+                slope = np.minimum(slope / max(steep, TINY), 1)
+            color[part], opacity[part] = self._mixed(place, slope)
+        return color, opacity
+
+    def steepest(self, steep: float) -> float:
+        if self.normalized:
+            return steep
+        ends = [end for region in self.regions for end in _ends(region) if math.isfinite(end)]
+        return max(ends) * BEYOND
+
+    def thinned(self, share: float) -> "RegionTransfer":
+        thinner = [replace(region, opacity=share * region.opacity) for region in self.regions]
+        return replace(self, regions=tuple(thinner))
+
+    def cut(self, low: float) -> "RegionTransfer":
+        kept = [_above(region, low) for region in self.regions if region.value[1] >= low]
+        nothing = replace(self.regions[0], opacity=0.0)
+        return replace(self, regions=tuple(kept) or (nothing,))
+
+    def _places(self, values: NDArray[Any], data_range: DataRange) -> Doubles:
+        """Values in the units of the regions."""
+        place = values.astype(np.float64)
+        if not self.normalized:
+            return place
+        low, high = data_range
+        if not low < high:
+            return np.where(np.isnan(place), np.nan, 1.0)
+        return np.clip((place - low) / (high - low), 0, 1)
+
+    def _mixed(self, place: Doubles, slope: Doubles) -> tuple[Doubles, Doubles]:
+        """Color and opacity where all regions are added up."""
+        transparency, weight = np.ones(place.shape), np.zeros(place.shape)
+        color = np.zeros((*place.shape, 3))
+        for region in self.regions:
+            inside = self._share_by_value(region, place) * self._share_by_slope(region, slope)
+            opacity = region.opacity * inside
+            transparency *= 1 - opacity
+            weight += opacity
+            color += opacity[:, np.newaxis] * from_srgb(np.array(region.color))
+        color /= np.maximum(weight, TINY)[:, np.newaxis]
+        return color, 1 - transparency
+
+    def _share_by_value(self, region: Region, place: Doubles) -> Doubles:
+        limits = (0.0, 1.0) if self.normalized else (-math.inf, math.inf)
+        return _share(place, region.value, region.softness[0], limits)
+
+    def _share_by_slope(self, region: Region, slope: Doubles) -> Doubles:
+        limits = (0.0, 1.0 if self.normalized else math.inf)
+        return _share(slope, region.gradient, region.softness[1], limits)
+
+
+@dataclass(frozen=True)
+class Faded:
+    """A transfer function that fades even regions, so that surfaces stay.
+
+    Opacity is multiplied by a ramp that rises from 0 to 1 between two lengths of the gradient, as
+    fractions of their 99th percentile.
+
+    Raises
+    ------
+    ValueError
+        The ramp descends, or is not of numbers from 0 on.
+    """
+
+    transfer: Transfer
+    ramp: Range
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.ramp[0] <= self.ramp[1] < np.inf:
+            raise ValueError(
+                f"gradient_opacity must be two fractions that ascend from 0 (got {self.ramp})"
+            )
+
+    @property
+    def opacity_unit(self) -> float | None:
+        return self.transfer.opacity_unit
+
+    @property
+    def normalized(self) -> bool:
+        return self.transfer.normalized
+
+    @property
+    def needs_gradient(self) -> bool:
+        return True
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        return self.transfer.opacities(values, data_range)
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        if slopes is None:
+            raise ValueError("gradient_opacity needs gradients")
+        color, opacity = self.transfer.looks(values, slopes, data_range, steep)
+        share = np.interp(slopes, steep * np.array(self.ramp), [0, 1])
+        return color, (opacity * share).astype(np.float32)
+
+    def steepest(self, steep: float) -> float:
+        return max(self.transfer.steepest(steep), self.ramp[1] * steep)
+
+    def thinned(self, share: float) -> "Faded":
+        return replace(self, transfer=self.transfer.thinned(share))
+
+    def cut(self, low: float) -> "Faded":
+        return replace(self, transfer=self.transfer.cut(low))
+
+
+def _share(place: Doubles, span: Range, soft: float, limits: Range) -> Doubles:
+    """How far places (N,) are within a range, 0..1; not at all where they are NaN."""
+    low, high = span
+    rise = np.ones(place.shape)
+    if low > limits[0]:
+        rise = np.clip((place - low) / soft, 0, 1) if soft else (place >= low).astype(np.float64)
+    fall = np.ones(place.shape)
+    if high < limits[1]:
+        fall = np.clip((high - place) / soft, 0, 1) if soft else (place <= high).astype(np.float64)
+    return np.where(np.isnan(place), 0.0, rise * fall)
+
+
+def _ends(region: Region) -> tuple[float, float]:
+    """Gradients beyond which a region looks the same, some infinite."""
+    low, high = region.gradient
+    return low + region.softness[1], high
+
+
+def _above(region: Region, low: float) -> Region:
+    """What of a region is at or above a value; its border moves there, as soft as it can be."""
+    if region.value[0] >= low:
+        return region
+    high = region.value[1]
+    softness = (min(region.softness[0], (high - low) / 2), region.softness[1])
+    return replace(region, value=(low, high), softness=softness)
+
+
+def _check(where: str, region: Region, normalized: bool) -> None:
+    top = 1.0 if normalized else math.inf
+    low, high = region.gradient
+    gradient = (low, min(high, top) if math.isinf(high) else high)
+    _check_range(f"{where}.value", region.value, (0.0 if normalized else -math.inf, top))
+    _check_range(f"{where}.gradient", gradient, (0.0, top))
+    _check_share(f"{where}.opacity", region.opacity)
+    for share in region.color:
+        _check_share(f"{where}.color", share)
+    for soft, span in zip(region.softness, (region.value, gradient), strict=True):
+        if not 0 <= soft <= (span[1] - span[0]) / 2:
+            raise ValueError(
+                f"{where}.softness: must be from 0 to half the range's width (got {soft:g} for "
+                f"{span[0]:g} to {span[1]:g})"
+            )
+
+
+def _check_share(where: str, share: float) -> None:
+    if not 0 <= share <= 1:
+        raise ValueError(f"{where}: must be between 0 and 1 (got {share})")
+
+
+def _check_range(where: str, span: Range, limits: Range) -> None:
+    low, high = span
+    if not limits[0] <= low <= high <= limits[1]:
+        raise ValueError(
+            f"{where}: must be two numbers that ascend, from {limits[0]:g} to {limits[1]:g} "
+            f"(got {low:g}, {high:g})"
+        )

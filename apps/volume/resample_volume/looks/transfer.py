@@ -1,0 +1,312 @@
+"""Which color and opacity a data value gets: what transfer functions do, and those of values."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.colors import from_srgb
+from resample.types import Doubles, Floats
+
+SUFFIXES = (".json", ".toml")  # of files that hold one
+MOST_OPAQUE = 1 - 1e-6  # opacity 1 would be infinite extinction
+
+DataRange = tuple[float, float]  # least and greatest finite value of a volume
+Color = tuple[float, float, float]  # sRGB as displayed, 0..1
+Point = tuple[float, Color, float]  # value, color, opacity
+
+
+class Transfer(Protocol):
+    """Role of a transfer function. It is a dataclass, so `dataclasses.replace` changes it."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def opacity_unit(self) -> float | None:
+        """Scene units of thickness that opacities hold for; None: cube root of a voxel's volume."""
+
+    @property
+    def normalized(self) -> bool:
+        """Whether values are positions between the data's least and greatest."""
+
+    @property
+    def needs_gradient(self) -> bool:
+        """Whether the slopes of the data make a difference."""
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Opacity (N,) that values have at most, whatever their slope; 0 for NaN."""
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        """Color (N, 3) in linear light and opacity (N,) of values and lengths of gradients.
+
+        Parameters
+        ----------
+        values
+            (N,) data units. NaN is transparent.
+        slopes
+            (N,) data units per scene unit; None if the function does not need them.
+        data_range
+            Least and greatest finite value of the data.
+        steep
+            Data units per scene unit, slope of a full surface: what fractions are fractions of.
+        """
+
+    def steepest(self, steep: float) -> float:
+        """Slope from which on looks do not change, if `steep` is that of a full surface."""
+
+    def thinned(self, share: float) -> Self:
+        """All opacities multiplied."""
+
+    def cut(self, low: float) -> Self:
+        """Transparent below a value, in the units of the function's own values."""
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """Color and opacity, linear between K control points.
+
+    Two points at one value make a step; the later holds at and above that value. Below the first
+    and above the last point their colors and opacities go on. Colors are interpolated as they are
+    displayed and turned into linear light afterwards, so that a ramp looks even.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, values descend, or a number is outside its range.
+    """
+
+    value: Doubles  # (K,) ascending; data units, or 0..1 of the data's range
+    color: Doubles  # (K, 3) sRGB as displayed, 0..1
+    opacity: Doubles  # (K,) 0..1 of a layer that is one `opacity_unit` thick
+    opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
+    normalized: bool = False  # whether values are positions between the data's least and greatest
+
+    def __post_init__(self) -> None:
+        for name in ("value", "color", "opacity"):
+            array = np.array(getattr(self, name), np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        _check(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TransferFunction) and self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
+
+    def __call__(self, values: ArrayLike, data_range: DataRange) -> tuple[Floats, Floats]:
+        """Color and opacity of data values.
+
+        Parameters
+        ----------
+        values
+            (N,) numbers. NaN is transparent and black.
+        data_range
+            Least and greatest finite value of the data; only normalized functions look at it.
+            Where both are equal, the last point holds.
+
+        Returns
+        -------
+        (N, 3) linear light, and (N,) opacity of one `opacity_unit`.
+        """
+        return self.colors(values, data_range), self.opacities(values, data_range)
+
+    def colors(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Color of data values in linear light, (N, 3)."""
+        place = self._places(data_range)
+        given = np.asarray(values)
+        channel = [np.interp(given, place, self.color[:, c]) for c in range(3)]
+        displayed = np.nan_to_num(np.stack(channel, axis=-1), nan=0.0)
+        return np.asarray(from_srgb(displayed), np.float32)
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Opacity of data values, (N,)."""
+        opacity = np.interp(np.asarray(values), self._places(data_range), self.opacity)
+        return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
+
+    @property
+    def needs_gradient(self) -> bool:
+        return False
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        del slopes, steep
+        opacity = evaluated(self.opacities, values, data_range)
+        return evaluated(self.colors, values, data_range), opacity
+
+    def steepest(self, steep: float) -> float:
+        del steep
+        return 0.0
+
+    def thinned(self, share: float) -> "TransferFunction":
+        return replace(self, opacity=share * self.opacity)
+
+    def cut(self, low: float) -> "TransferFunction":
+        above = self.value > low
+        edge = np.array([np.interp(low, self.value, self.color[:, c]) for c in range(3)])
+        opacity = np.interp(low, self.value, self.opacity)
+        return replace(
+            self,
+            value=np.concatenate([[low, low], self.value[above]]),
+            color=np.concatenate([[edge, edge], self.color[above]]),
+            opacity=np.concatenate([[0.0, opacity], self.opacity[above]]),
+        )
+
+    def _places(self, data_range: DataRange) -> Doubles:
+        """Control points in data units, ascending in spite of rounding."""
+        if not self.normalized:
+            return self.value
+        low, high = data_range
+        place = np.clip(low * (1 - self.value) + high * self.value, low, high)
+        return np.maximum.accumulate(place)
+
+    def _identity(self) -> tuple[object, ...]:
+        arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
+        return (*arrays, self.opacity_unit, self.normalized)
+
+
+class Looks(NamedTuple):
+    """A transfer function as a table; the first fields of `resample.types.Classifier`."""
+
+    table: Floats  # (G, K, 4) straight linear RGB, and optical depth per scene unit
+    low: float  # data units, the value of the first column
+    high: float  # data units, the value of the last column, above `low`
+    steep: float  # data units per scene unit, the slope of the last row, > 0; the first row's is 0
+
+
+def tabulated(
+    transfer: Transfer,
+    data_range: DataRange,
+    steep: float,
+    unit: float,
+    shape: tuple[int, int] = (64, 4096),
+) -> Looks:
+    """Tabulate what values and slopes look like.
+
+    Parameters
+    ----------
+    transfer
+        Any; one that needs no gradient gets a single row.
+    data_range
+        Least and greatest finite value of the data; columns are spread evenly from one to the
+        other. What is narrower than a column is lost.
+    steep
+        Data units per scene unit, slope of a full surface. Rows are spread evenly from 0 to where
+        looks do not change any more.
+    unit
+        Scene units of thickness that opacities hold for.
+    shape
+        Rows and columns (G, K).
+    """
+    low, high = data_range
+    end = transfer.steepest(steep)
+    rows = shape[0] if transfer.needs_gradient else 1
+    value, slope = np.linspace(low, high, shape[1]), np.linspace(0, end, rows, dtype=np.float32)
+    values, slopes = np.tile(value, rows), np.repeat(slope, shape[1])
+    color, opacity = transfer.looks(values, slopes, data_range, steep)
+    columns = np.column_stack([color, extinction(opacity, unit)])
+    return Looks(
+        np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),
+        low,
+        high if high > low else low + 1.0,
+        end if end > 0 else 1.0,
+    )
+
+
+def evaluated(
+    function: Callable[[NDArray[Any], DataRange], Floats],
+    values: NDArray[Any],
+    data_range: DataRange,
+) -> Floats:
+    """Evaluate a function of values (N,), by a table of all values where these are few."""
+    every = _every_value(values.dtype)
+    if every is None:
+        return function(values, data_range)
+    return np.take(function(every, data_range), _bits(values), axis=0)
+
+
+def places_seen(
+    transfer: Transfer, values: NDArray[Any], data_range: DataRange
+) -> NDArray[np.int64]:
+    """Where values (N,) have some opacity, whatever the slope; indices that ascend."""
+    every = _every_value(values.dtype)
+    if every is None:
+        return np.flatnonzero(transfer.opacities(values, data_range) > 0)
+    is_seen = transfer.opacities(every, data_range) > 0
+    if not is_seen.any():
+        return np.zeros(0, np.int64)
+    low, high = every[is_seen].min(), every[is_seen].max()
+    place = np.flatnonzero((values >= low) & (values <= high))
+    if is_seen[(every >= low) & (every <= high)].all():
+        return place
+    return place[np.take(is_seen, _bits(values[place]))]
+
+
+def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
+    """All values of a type in the order of their bits, where these are few; else None."""
+    if dtype.kind not in "iu" or dtype.itemsize > 2:
+        return None
+    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
+
+
+def _bits(values: NDArray[Any]) -> NDArray[Any]:
+    return values.view(f"u{values.dtype.itemsize}")
+
+
+def extinction(opacity: NDArray[Any], unit: float) -> Floats:
+    """Optical depth per scene unit.
+
+    Parameters
+    ----------
+    opacity
+        (N,) 0..1 of a layer of the thickness `unit`; at most `MOST_OPAQUE` is used.
+    unit
+        Scene units.
+
+    Raises
+    ------
+    ValueError
+        The unit is so small that the optical depth is infinite.
+    """
+    share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
+    with np.errstate(over="ignore"):
+        depth = np.asarray(-np.log1p(-share) / unit, np.float32)
+    if not np.isfinite(depth).all():
+        raise ValueError(f"opacities over a length of {unit:g} scene units are beyond any number")
+    return depth
+
+
+def from_points(
+    points: Sequence[Point], *, opacity_unit: float | None = None, normalized: bool = False
+) -> TransferFunction:
+    """Transfer function of a list of control points: value, color, opacity."""
+    value, color, opacity = (np.array(part) for part in zip(*points, strict=True))
+    return TransferFunction(value, color, opacity, opacity_unit, normalized)
+
+
+def _check(transfer: TransferFunction) -> None:
+    value, color, opacity = transfer.value, transfer.color, transfer.opacity
+    if value.ndim != 1 or not value.size or opacity.shape != value.shape:
+        raise ValueError(f"{value.shape} values do not fit {opacity.shape} opacities, (K,) each")
+    if color.shape != (value.size, 3):
+        raise ValueError(f"{value.size} points need colors of the shape ({value.size}, 3)")
+    if transfer.opacity_unit is not None and not 0 < transfer.opacity_unit < np.inf:
+        raise ValueError(f"opacity_unit: must be greater than 0 (got {transfer.opacity_unit})")
+    _check_shares("color", color)
+    _check_shares("opacity", opacity)
+    if transfer.normalized:
+        _check_shares("value", value, " where normalized")
+    for n in range(value.size):
+        if not np.isfinite(value[n]) or value[n] < value[max(n - 1, 0)]:
+            raise ValueError(f"points.{n}.value: must be finite and not descend (got {value[n]})")
+
+
+def _check_shares(name: str, array: Doubles, when: str = "") -> None:
+    for n, number in enumerate(array):
+        if not np.all((number >= 0) & (number <= 1)):
+            raise ValueError(f"points.{n}.{name}: must be between 0 and 1{when} (got {number})")

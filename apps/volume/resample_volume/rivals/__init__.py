@@ -1,0 +1,1 @@
+"""The reference ray caster, and VTK's."""

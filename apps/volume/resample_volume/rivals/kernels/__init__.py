@@ -1,0 +1,1 @@
+"""The numba code of the reference: bare arrays and numbers."""

@@ -1,0 +1,404 @@
+"""Rays through a reconstructed field: the obvious loops, in float64.
+
+Nothing here is shared with the splats that it judges, neither footprints nor their tables. Work is
+done in lattice coordinates, in which samples stand on whole numbers and kernels are balls.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
+from resample.types import ADDITIVE, COMPOSITE, FIRST_HIT, MAXIMUM, Doubles, Floats, Lamp, View
+
+UNSEEN = 1e-7  # transmittance at which a ray ends
+HALVINGS = 40  # of the step in which a surface lies
+LEAST_DENSITY = 0.5  # kernels' sum below which values fade to the field's low
+
+Indices = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+Sums = tuple[float, float, float, float, float]  # of k, then of k times each of four properties
+Light = tuple[float, float, float, float]  # straight RGB and extinction per scene unit
+# RGBA, α × depth, share × value (or the integral), and the share of the pixel that has one.
+Result = tuple[float, float, float, float, float, float, float]
+NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Grid(NamedTuple):
+    """Samples on their lattice; sample coordinates count from the lattice's first node."""
+
+    node: Indices  # (Z, Y, X) which sample stands here, -1: none
+    matter: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
+    occupied: Flags  # (z, y, x) bricks of `brick`³ nodes in which something may be seen
+    density: Doubles  # (K + 1,) kernel over the squared distance in radii; a constant field gives 1
+    radius: float  # voxels
+    brick: int  # voxels; the first one's corner is `radius` before the first node
+    lattice: Doubles  # (3, 3) columns are steps, scene units
+    origin: Doubles  # (3,) scene position of the first node
+    start: Doubles  # (3,) of the camera, in sample coordinates
+    turn: Doubles  # (3, 3) from camera axes to sample coordinates
+
+
+class Look(NamedTuple):
+    """Classifier of a field as numbers; see `resample.types.Classifier`."""
+
+    table: Floats  # (G, K, 4)
+    low: float
+    high: float
+    steep: float
+    near: float
+    far: float
+    dimmed: float
+
+
+class Plan(NamedTuple):
+    """Choices as numbers."""
+
+    rays: int  # per side of a pixel
+    step: float  # scene units, at most
+    voxel: float  # scene units
+    projection: int
+    classified: bool  # a field is seen; otherwise samples
+    iso: float
+    clip: Doubles  # (M, 4) planes in camera axes
+
+
+class Ray(NamedTuple):
+    """Part of a ray that may meet something; all depths are along the view axis."""
+
+    start: Vector  # at depth 0, sample coordinates
+    way: Vector  # per unit of depth
+    length: float  # scene units per unit of depth
+    enter: float
+    leave: float
+    steps: int  # 0: it meets nothing
+    thickness: float  # depth of a step
+
+
+@kernel
+def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, float]:
+    """Part of a ray on which here + slope × depth is at least 0."""
+    enter, leave = part
+    if slope > 0.0:
+        return max(enter, -here / slope), leave
+    if slope < 0.0:
+        return enter, min(leave, -here / slope)
+    return (enter, leave) if here >= 0.0 else (enter, -np.inf)
+
+
+@kernel
+def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
+    """Ray through a point of the screen, px, cut to the samples' box, near plane and planes."""
+    x, y = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
+    here, way = (0.0, 0.0, 0.0), (x, y, 1.0)
+    if not view.perspective:
+        here, way = (x, y, 0.0), (0.0, 0.0, 1.0)
+    part = (view.near, np.inf)
+    for n in range(len(plan.clip)):
+        plane = (plan.clip[n, 0], plan.clip[n, 1], plan.clip[n, 2])
+        part = _cut(part, dot(plane, here) + plan.clip[n, 3], dot(plane, way))
+    turn = matrix_of(grid.turn)
+    origin = (grid.start[0], grid.start[1], grid.start[2])
+    start = combine(origin, 1.0, multiply(turn, here))
+    along = multiply(turn, way)
+    for axis in range(3):
+        last = grid.node.shape[2 - axis] - 1.0
+        part = _cut(part, start[axis] + grid.radius, along[axis])
+        part = _cut(part, last + grid.radius - start[axis], -along[axis])
+    length = math.sqrt(dot(way, way))
+    enter, leave = part
+    if not leave > enter:
+        return Ray(start, along, length, 0.0, 0.0, 0, 0.0)
+    steps = max(1, math.ceil((leave - enter) * length / plan.step))
+    return Ray(start, along, length, enter, leave, steps, (leave - enter) / steps)
+
+
+@kernel
+def _kernel_at(density: Doubles, squared: float) -> float:
+    """Kernel at a squared distance below 1, between its table's nearest entries."""
+    place = squared * (density.size - 1)
+    entry = min(int(place), density.size - 2)
+    return float(density[entry] + (place - entry) * (density[entry + 1] - density[entry]))
+
+
+@kernel
+def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density: Doubles) -> Sums:
+    """Sums of all kernels at a point."""
+    total = first = second = third = fourth = 0.0
+    x, y, z = place
+    depth, height, width = node.shape
+    for k in range(max(0, math.ceil(z - radius)), min(depth - 1, math.floor(z + radius)) + 1):
+        in_plane = radius * radius - (z - k) * (z - k)
+        reach = math.sqrt(max(0.0, in_plane))
+        for j in range(max(0, math.ceil(y - reach)), min(height - 1, math.floor(y + reach)) + 1):
+            in_line = in_plane - (y - j) * (y - j)
+            half = math.sqrt(max(0.0, in_line))
+            for i in range(max(0, math.ceil(x - half)), min(width - 1, math.floor(x + half)) + 1):
+                sample = node[k, j, i]
+                squared = 1.0 - (in_line - (x - i) * (x - i)) / (radius * radius)
+                if sample < 0 or squared >= 1.0:
+                    continue
+                weight = _kernel_at(density, squared)
+                total += weight
+                first += weight * matter[sample, 0]
+                second += weight * matter[sample, 1]
+                third += weight * matter[sample, 2]
+                fourth += weight * matter[sample, 3]
+    return (total, first, second, third, fourth)
+
+
+@kernel
+def _sums(ray: Ray, depth: float, grid: Grid) -> Sums:
+    place = combine(ray.start, depth, ray.way)
+    return _gather(place, grid.radius, grid.node, grid.matter, grid.density)
+
+
+@kernel
+def _next_step(ray: Ray, step: int, grid: Grid) -> int:
+    """The first step from this one on that lies in a brick which is not empty."""
+    depth, height, width = grid.occupied.shape
+    while step < ray.steps:
+        x, y, z = combine(ray.start, ray.enter + (step + 0.5) * ray.thickness, ray.way)
+        i = _brick(x, grid, width)
+        j = _brick(y, grid, height)
+        k = _brick(z, grid, depth)
+        if grid.occupied[k, j, i]:
+            return step
+        out = min(_wall(ray, 0, i, grid), _wall(ray, 1, j, grid), _wall(ray, 2, k, grid))
+        if not out < ray.leave:
+            return ray.steps
+        step = max(step + 1, math.ceil((out - ray.enter) / ray.thickness - 0.5))
+    return step
+
+
+@kernel
+def _brick(place: float, grid: Grid, count: int) -> int:
+    """Number of the brick that a coordinate lies in, of `count` along that axis."""
+    return max(0, min(count - 1, math.floor((place + grid.radius) / grid.brick)))
+
+
+@kernel
+def _wall(ray: Ray, axis: int, brick: int, grid: Grid) -> float:
+    """Depth at which a ray leaves a brick along one axis."""
+    way = ray.way[axis]
+    if way == 0.0:
+        return np.inf
+    wall = (brick + 1 if way > 0.0 else brick) * grid.brick - grid.radius
+    return (wall - ray.start[axis]) / way
+
+
+@kernel
+def _value(sums: Sums, look: Look) -> float:
+    """Value of a field; it fades to the lowest where samples end."""
+    return look.low + sums[1] / max(sums[0], LEAST_DENSITY)
+
+
+@kernel
+def _unit(v: Vector) -> Vector:
+    square = dot(v, v)
+    return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
+
+
+@kernel
+def _cell(place: float, count: int) -> tuple[int, float]:
+    """Entry before a place 0..1 in a table of `count` entries, and the way to the next, 0..1."""
+    position = max(0.0, min(1.0, place)) * (count - 1)
+    entry = max(0, min(int(position), count - 2))
+    return entry, position - entry
+
+
+@kernel
+def _classified(value: float, slope: float, look: Look) -> Light:
+    """Color and extinction of a value and the length of its gradient."""
+    rows, columns, _ = look.table.shape
+    r, down = _cell(slope / look.steep, rows)
+    c, right = _cell((value - look.low) / (look.high - look.low), columns)
+    below, beside = min(r + 1, rows - 1), min(c + 1, columns - 1)
+    found = (0.0, 0.0, 0.0, 0.0)
+    for n in range(4):
+        upper = (1.0 - right) * look.table[r, c, n] + right * look.table[r, beside, n]
+        lower = (1.0 - right) * look.table[below, c, n] + right * look.table[below, beside, n]
+        found = (found[1], found[2], found[3], (1.0 - down) * upper + down * lower)
+    return found
+
+
+@kernel
+def _lit(light: Light, place: Vector, gradient: Vector, slope: float, lamp: Lamp) -> Light:
+    """Light that a surface sends to the viewer, both sides alike (Blinn and Phong)."""
+    own, highlight = lamp.ambient + lamp.diffuse, 0.0
+    if slope > lamp.flat:
+        normal = scaled(1.0 / slope, gradient)
+        viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
+        eye = _unit(combine(viewer, -lamp.viewer[3], place))
+        toward = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
+        if dot(toward, toward) == 0.0:
+            toward = eye
+        halfway = _unit(combine(eye, 1.0, toward))
+        own = lamp.ambient + lamp.diffuse * abs(dot(normal, toward))
+        highlight = lamp.specular * abs(dot(normal, halfway)) ** lamp.shininess
+    red, green, blue, extinction = light
+    return (own * red + highlight, own * green + highlight, own * blue + highlight, extinction)
+
+
+@kernel
+def _surface(
+    sums: Sums, value: float, ray: Ray, depth: float, grid: Grid, look: Look, lamp: Lamp
+) -> Light:
+    """What a field looks like where it has a value: classified, lit and dimmed by its depth."""
+    total = max(sums[0], 1e-30)
+    gradient = (sums[2] / total, sums[3] / total, sums[4] / total)
+    slope = math.sqrt(dot(gradient, gradient))
+    light = _classified(value, slope, look)
+    at = combine(ray.start, depth, ray.way)
+    origin = (grid.origin[0], grid.origin[1], grid.origin[2])
+    place = combine(origin, 1.0, multiply(matrix_of(grid.lattice), at))
+    red, green, blue, extinction = _lit(light, place, gradient, slope, lamp)
+    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
+    left = 1.0 - look.dimmed * far
+    return (left * red, left * green, left * blue, extinction * sums[0])
+
+
+@kernel
+def _sample_light(sums: Sums) -> Light:
+    """Color and extinction of samples that were classified before."""
+    total = sums[1]
+    if total <= 0.0:
+        return (0.0, 0.0, 0.0, 0.0)
+    return (sums[2] / total, sums[3] / total, sums[4] / total, total)
+
+
+@kernel
+def _composite(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+    """Front to back; a step has the opacity that the extinction at its middle gives."""
+    red = green = blue = deep = 0.0
+    passed = 1.0
+    step = _next_step(ray, 0, grid)
+    while step < ray.steps and passed > UNSEEN:
+        depth = ray.enter + (step + 0.5) * ray.thickness
+        sums = _sums(ray, depth, grid)
+        if sums[0] > 0.0:
+            light = _sample_light(sums)
+            if plan.classified:
+                value = look.low + sums[1] / sums[0]
+                light = _surface(sums, value, ray, depth, grid, look, lamp)
+            share = -passed * math.expm1(-light[3] * ray.thickness * ray.length)
+            red += share * light[0]
+            green += share * light[1]
+            blue += share * light[2]
+            deep += share * depth
+            passed -= share
+        step = _next_step(ray, step + 1, grid)
+    return (red, green, blue, 1.0 - passed, deep, 0.0, 0.0)
+
+
+@kernel
+def _measure(ray: Ray, grid: Grid, look: Look, plan: Plan) -> Result:
+    """Largest value, mean value or integral along a ray, and the color of the former two.
+
+    Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
+    as a voxel of theirs where that is 1.
+    """
+    largest, largest_at, within, weighed, deep = look.low, 0.0, 0.0, 0.0, 0.0
+    step = _next_step(ray, 0, grid)
+    while step < ray.steps:
+        depth = ray.enter + (step + 0.5) * ray.thickness
+        sums = _sums(ray, depth, grid)
+        if sums[0] > 0.0 and (within == 0.0 or _value(sums, look) > largest):
+            largest, largest_at = _value(sums, look), depth
+        length = ray.thickness * ray.length
+        within += sums[0] * length
+        weighed += (sums[1] + look.low * sums[0]) * length
+        deep += depth * sums[0] * length
+        step = _next_step(ray, step + 1, grid)
+    if within <= 0.0:
+        return NOTHING
+    share, depth = min(1.0, within / plan.voxel), deep / within
+    if plan.projection == ADDITIVE:
+        return (0.0, 0.0, 0.0, share, share * depth, weighed, 1.0)
+    value = weighed / within
+    if plan.projection == MAXIMUM:
+        value, depth = largest, largest_at
+    light = _classified(value, 0.0, look)
+    alpha = -share * math.expm1(-light[3] * plan.voxel)
+    return (
+        alpha * light[0],
+        alpha * light[1],
+        alpha * light[2],
+        alpha,
+        alpha * depth,
+        share * value,
+        share,
+    )
+
+
+@kernel
+def _is_within(ray: Ray, depth: float, grid: Grid, look: Look, iso: float) -> bool:
+    return _value(_sums(ray, depth, grid), look) >= iso
+
+
+@kernel
+def _first_hit(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+    """The surface on which the field first rises to `iso`; opaque."""
+    step = _next_step(ray, 0, grid)
+    while step < ray.steps:
+        behind = ray.enter + (step + 0.5) * ray.thickness
+        if _is_within(ray, behind, grid, look, plan.iso):
+            before = max(ray.enter, behind - ray.thickness)
+            for _ in range(HALVINGS):
+                middle = 0.5 * (before + behind)
+                if _is_within(ray, middle, grid, look, plan.iso):
+                    behind = middle
+                else:
+                    before = middle
+            sums = _sums(ray, behind, grid)
+            light = _surface(sums, plan.iso, ray, behind, grid, look, lamp)
+            return (light[0], light[1], light[2], 1.0, behind, plan.iso, 1.0)
+        step = _next_step(ray, step + 1, grid)
+    return NOTHING
+
+
+@kernel
+def _cast(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+    if plan.projection == COMPOSITE:
+        return _composite(ray, grid, look, lamp, plan)
+    if plan.projection == FIRST_HIT:
+        return _first_hit(ray, grid, look, lamp, plan)
+    return _measure(ray, grid, look, plan)
+
+
+@kernel
+def _cast_row(
+    row: int, view: View, grid: Grid, look: Look, lamp: Lamp, plan: Plan, picture: Doubles
+) -> None:
+    """Means over the rays of every pixel in a row."""
+    share = 1.0 / (plan.rays * plan.rays)
+    for column in range(picture.shape[1]):
+        for channel in range(7):
+            picture[row, column, channel] = 0.0
+        for down in range(plan.rays):
+            for right in range(plan.rays):
+                x, y = column + (right + 0.5) / plan.rays, row + (down + 0.5) / plan.rays
+                ray = _new_ray(x, y, grid, view, plan)
+                seen = _cast(ray, grid, look, lamp, plan)
+                for channel in range(7):
+                    picture[row, column, channel] += share * seen[channel]
+
+
+@parallel_kernel
+def cast_rows(
+    counter: Counter,
+    first: int,
+    count: int,
+    view: View,
+    grid: Grid,
+    look: Look,
+    lamp: Lamp,
+    plan: Plan,
+    picture: Doubles,
+) -> None:
+    """Fill `count` rows of a picture (H, W, 7) with what rays give."""
+    for row in tasks(counter, count):
+        _cast_row(first + row, view, grid, look, lamp, plan, picture)

@@ -1,0 +1,1 @@
+"""Measured and shown: comparisons, color bars, the paper's figures."""

@@ -1,0 +1,166 @@
+"""One view of one volume by several renderers, measured side by side."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from resample import registry
+from resample.cameras.models import Camera
+from resample.colors import from_srgb
+from resample.measuring.compare import shown
+from resample.measuring.quality import measure
+from resample.resampler import Footprint, Primitive, Projection, Resampler
+from resample.types import Floats
+from resample_volume.command.session import Session
+from resample_volume.rendering import Appearance, Subject, transfer_of
+from resample_volume.rivals.raycasting import Casting, cast_rays
+from resample_volume.types import Volume
+
+AMPLIFIED = 4  # times that differences are shown enlarged
+
+Row = dict[str, object]
+
+
+def variants(
+    resampler: Resampler,
+    primitives: Sequence[str],
+    footprints: Sequence[str] = (),
+    orders: Sequence[str] = (),
+) -> dict[str, Resampler]:
+    """Renderers by name, one for each combination; names show only what differs.
+
+    Raises
+    ------
+    ValueError, LookupError
+        A name is no primitive's, footprint's or order's, there is none, or two do not go together.
+    """
+    if not primitives:
+        raise ValueError(f"give a primitive to compare; known: {', '.join(Primitive)}")
+    choice: dict[str, Resampler] = {}
+    for primitive, footprint, order in product(primitives, footprints or [""], orders or [""]):
+        name = " ".join(filter(None, [primitive, footprint, order]))
+        choice[name] = replace(
+            resampler,
+            primitive=_member(Primitive, primitive),
+            footprint=_member(Footprint, footprint) if footprint else resampler.footprint,
+            order=registry.build("orders", order) if order else resampler.order,
+        )
+    return choice
+
+
+def thickest(choice: Mapping[str, Resampler]) -> Resampler:
+    """Renderer whose slabs need voxels from farthest around what is seen."""
+    return max(choice.values(), key=lambda resampler: resampler.order.thickness)
+
+
+def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
+    """Refuse a look that is not given to VTK, whose picture would be of something else.
+
+    Raises
+    ------
+    ValueError
+        Something is cut away, labelled or dimmed, or not composited.
+    """
+    cut = {"crop": appearance.crop, "clip": appearance.clip}
+    chosen = [*appearance.extras, *(name for name, choice in cut.items() if choice)]
+    if resampler.projection is not Projection.COMPOSITE:
+        chosen.append(f"the projection {resampler.projection}")
+    if chosen:
+        raise ValueError(f"VTK is not told of {', '.join(chosen)}; leave out either it or these")
+
+
+def _member(family: Any, name: str) -> Any:
+    if name not in list(family):
+        raise ValueError(f"{family.__name__.lower()} {name!r}; known: {', '.join(family)}")
+    return family(name)
+
+
+@dataclass
+class Contest:
+    """A view that renderers draw, and what they should come to."""
+
+    subject: Subject
+    camera: Camera
+    size: tuple[int, int]  # height and width, px
+    rows: list[Row] = field(default_factory=list)
+    pictures: dict[str, Floats] = field(default_factory=dict)  # the reference first
+
+    @property
+    def reference(self) -> Floats:
+        """Picture (H, W, 4) that all are measured against."""
+        return next(iter(self.pictures.values()))
+
+    def splatted(self, resampler: Resampler, rays: int) -> None:
+        """Take exact splats at `rays` × `rays` per pixel for the reference."""
+        fine = replace(
+            resampler,
+            primitive=Primitive.SPLATS,
+            footprint=Footprint.EXACT,
+            subpixels=rays,
+            pixel_filter=None,
+        )
+        self.pictures[f"reference, {rays} x {rays} splats"] = self._painted(fine)[0]
+
+    def cast(self, resampler: Resampler, rays: int) -> None:
+        """Take the field, integrated along `rays` × `rays` rays per pixel, for the reference."""
+        casting = Casting(
+            rays=rays,
+            reconstruction=resampler.reconstruction,
+            projection=resampler.projection,
+            iso=resampler.iso,
+            clip=self.subject.clip,
+        )
+        seen = self.subject.lit_for(self.camera)
+        cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
+        self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
+
+    def draw(self, name: str, resampler: Resampler) -> None:
+        """Measure a renderer; milliseconds are of a second, warm run."""
+        self._painted(resampler)
+        start = time.perf_counter()
+        picture, share = self._painted(resampler)
+        self._book(name, picture, 1000 * (time.perf_counter() - start), f"{100 * share:.1f} %")
+
+    def draw_vtk(self, volume: Volume, rays: int) -> None:
+        """Measure VTK's ray caster at `rays` × `rays` rays per pixel.
+
+        Raises
+        ------
+        ValueError
+            VTK is not installed, or cannot draw this volume or transfer function.
+        """
+        from resample_volume.rivals.peers import Peer, VtkRenderer
+
+        look = Peer(rays=rays, light=self.subject.appearance.light)
+        height, width = self.size
+        transfer = transfer_of(volume, self.subject.appearance)
+        renderer = VtkRenderer(volume, transfer, height=height, width=width, look=look)
+        renderer.render(self.camera)
+        start = time.perf_counter()
+        picture = renderer.render(self.camera)
+        self._book(f"VTK, {rays} x {rays} rays", picture, 1000 * (time.perf_counter() - start), "")
+
+    def differences(self) -> dict[str, Floats]:
+        """Pictures of the errors, enlarged, mid-gray where there is none."""
+        target = shown(self.reference)
+        return {
+            f"{name}, error x {AMPLIFIED}": from_srgb(
+                np.clip(0.5 + AMPLIFIED * (shown(picture) - target), 0.0, 1.0).astype(np.float32)
+            )
+            for name, picture in list(self.pictures.items())[1:]
+        }
+
+    def _book(self, name: str, picture: Floats, duration: float, share: str) -> None:
+        self.pictures[name] = picture
+        quality = measure(shown(picture), shown(self.reference))
+        self.rows.append({"picture": name, **quality, "splats": share, "ms": duration})
+
+    def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
+        """Picture, and the share of splats in it."""
+        seen = self.subject.seen_by(self.camera)
+        frame = Session().paint(resampler, seen, self.camera, self.size, clip=self.subject.clip)
+        return frame.rgba, frame.statistics.splat_fraction

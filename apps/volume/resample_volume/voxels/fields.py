@@ -1,0 +1,164 @@
+"""Voxels whose values are classified after their reconstruction, or projected as they are."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.resampler import Projection, Resampler
+from resample.types import Classifier, Doubles, Field, Floats
+from resample_volume.files.memory import require_memory
+from resample_volume.looks.transfer import Looks, Transfer, tabulated
+from resample_volume.types import Volume
+from resample_volume.voxels.shading import Light, lamp_of
+from resample_volume.voxels.visible import (
+    BYTES_PER_VOXEL,
+    finite_range,
+    gradients_at,
+    lattice_of,
+    positions_at,
+    reachable,
+    steepness,
+    unit_of,
+)
+
+COLUMNS = 4096  # of a table of looks; values of integers fall on columns
+MOST_COLUMNS = 1 << 16
+
+# Projections under which a ray may end up with what is seen, or without it; others sum all.
+SEEN = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
+
+UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
+
+Indices = NDArray[np.int64]
+
+
+class FieldVoxels(NamedTuple):
+    """The N voxels that a picture of a field depends on."""
+
+    position: Floats  # (N, 3) scene units
+    value: Floats  # (N,) data units
+    gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
+    lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
+    looks: Looks  # what values look like
+
+
+def field_voxels(
+    volume: Volume, transfer: Transfer, resampler: Resampler, gradient: str | None
+) -> FieldVoxels:
+    """Voxels that a renderer needs to reconstruct what is seen of a volume.
+
+    Parameters
+    ----------
+    volume
+        Any of its types. Values that are missing or infinite are left out.
+    transfer
+        Gives colors and opacities.
+    resampler
+        Whose projection is asked for: an X-ray needs values other than 0, a mean all of them, and
+        others what is near something that can be seen.
+    gradient
+        One of `resample_volume.voxels.visible.GRADIENTS`; None where nothing is lit.
+
+    Raises
+    ------
+    ValueError
+        The iso value is none that the data pass, or the voxels do not fit in memory.
+    """
+    lattice = lattice_of(volume)
+    data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
+    _check_iso(resampler.iso, volume, data_range)
+    shape = (64 if transfer.needs_gradient else 1, _columns(volume, data_range))
+    looks = tabulated(transfer, data_range, 1.0, unit, shape)
+    voxel = _needed(volume, looks, resampler)
+    require_memory(BYTES_PER_VOXEL * voxel.size, f"{volume.name} with {voxel.size} voxels")
+    value = volume.values.reshape(-1)[voxel].astype(np.float32)
+    slope = np.empty((0, 3), np.float32)
+    if gradient is not None:
+        slope = gradients_at(volume, voxel, gradient)
+    if transfer.needs_gradient:
+        visible = transfer.opacities(value, data_range) > 0
+        steep = steepness(np.linalg.norm(slope[visible], axis=1))
+        looks = tabulated(transfer, data_range, steep, unit, shape)
+    return FieldVoxels(positions_at(volume, voxel), value, slope, lattice, looks)
+
+
+def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
+    """Those that can be seen themselves, and do not just change what is seen around them.
+
+    What they are around is what a camera looks at. Where none can be, all are given.
+    """
+    looks, iso = voxels.looks, resampler.iso
+    if iso is not None:
+        seen = voxels.value >= iso
+    elif resampler.projection in SEEN:
+        last = looks.table.shape[1] - 1
+        place = (voxels.value - looks.low) * (last / (looks.high - looks.low))
+        column = np.clip(np.rint(place), 0, last).astype(np.int64)
+        seen = (looks.table[..., 3].max(axis=0) > 0)[column]
+    else:
+        return voxels
+    return voxels._replace(position=voxels.position[seen]) if seen.any() else voxels
+
+
+def lit_field(
+    voxels: FieldVoxels,
+    light: Light | None,
+    viewer: Doubles,
+    cue: tuple[float, float, float] = (0.0, 1.0, 0.0),
+) -> Field:
+    """Field that is seen by a light.
+
+    Parameters
+    ----------
+    voxels
+        With gradients, unless `light` is None.
+    light
+        None leaves the colors as they are.
+    viewer
+        (4,) position and 1, or direction to the viewer and 0; scene axes.
+    cue
+        Depths at which light begins and ends to fade, and the share that is taken away there.
+    """
+    lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
+    classifier = Classifier(*voxels.looks, lamp, *cue)
+    return Field(voxels.position, voxels.value, voxels.gradient, voxels.lattice, classifier)
+
+
+def _check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
+    low, high = data_range
+    if iso is not None and not low < iso <= high and np.isfinite(volume.values).any():
+        raise ValueError(
+            f"there is no surface of the value {iso:g}: {volume.name} holds {low:g} to {high:g}"
+        )
+
+
+def _columns(volume: Volume, data_range: tuple[float, float]) -> int:
+    """Columns of a table of looks, so many that integers fall on columns."""
+    span = data_range[1] - data_range[0]
+    if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:
+        return COLUMNS
+    return int(span) * max(1, COLUMNS // int(span)) + 1
+
+
+def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
+    """Flat indices of the voxels that a projection depends on."""
+    values, projection = volume.values, resampler.projection
+    if projection in SEEN:
+        if resampler.iso is not None:
+            looks = looks._replace(table=_opaque_from(looks, resampler.iso))
+        # Values are means over a ray's way through a slab, up to √3 times its thickness.
+        radius = resampler.reconstruction.radius + resampler.order.thickness
+        return reachable(volume, looks, radius)
+    needed = np.isfinite(values)
+    if projection is Projection.ADDITIVE:
+        needed &= values != 0
+    return np.flatnonzero(needed)
+
+
+def _opaque_from(looks: Looks, value: float) -> Floats:
+    """Table of a function that shows what is at or above a value."""
+    column = np.linspace(looks.low, looks.high, looks.table.shape[1])
+    table = np.zeros_like(looks.table)
+    table[..., 3] = column >= value
+    return table

@@ -1,0 +1,1 @@
+"""The numba code of voxels: bare arrays and numbers."""

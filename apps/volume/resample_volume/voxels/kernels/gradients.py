@@ -1,0 +1,166 @@
+"""Where voxels lie, and how their values slope."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Matrix, Vector, matrix_of, multiply
+from resample.types import Doubles, Floats
+
+CHUNK = 4096  # voxels that a thread takes at a time
+BRICK = 8  # voxels
+
+Indices = NDArray[np.int64]
+Step = tuple[int, int, int]  # z, y, x
+
+
+@kernel
+def _place_of(index: int, size: Step) -> Step:
+    """Voxel of a flat index into an array of that size."""
+    row, x = divmod(index, size[2])
+    z, y = divmod(row, size[1])
+    return z, y, x
+
+
+@kernel
+def brick_order(index: Indices, size: Step, order: Indices) -> None:
+    """Numbers (N,) that put voxels, by their flat index into (Z, Y, X), brick after brick.
+
+    Within a brick of BRICK voxels per side they stay in the order they have.
+    """
+    rows, columns = (size[1] + BRICK - 1) // BRICK, (size[2] + BRICK - 1) // BRICK
+    layers = (size[0] + BRICK - 1) // BRICK
+    start = np.zeros(layers * rows * columns + 1, np.int64)
+    brick = np.empty(index.size, np.int32)
+    for n in range(index.size):
+        z, y, x = _place_of(index[n], size)
+        brick[n] = (z // BRICK * rows + y // BRICK) * columns + x // BRICK
+        start[brick[n] + 1] += 1
+    for b in range(start.size - 1):
+        start[b + 1] += start[b]
+    for n in range(index.size):
+        order[start[brick[n]]] = n
+        start[brick[n]] += 1
+
+
+@kernel
+def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, position: Floats) -> None:
+    """Scene positions (N, 3) of voxels that are given by their flat index into (Z, Y, X)."""
+    steps = matrix_of(lattice)
+    for n in range(index.size):
+        z, y, x = _place_of(index[n], size)
+        moved = multiply(steps, (float(x), float(y), float(z)))
+        for c in range(3):
+            position[n, c] = origin[c] + moved[c]
+
+
+@kernel
+def _mean(behind: float, ahead: float) -> float:
+    """Mean of two differences; the other one where one is not finite, NaN where both are not.
+
+    So values that are missing or infinite change no slope, and linear fields come out exactly.
+    """
+    if not math.isfinite(ahead):
+        return behind if math.isfinite(behind) else math.nan
+    return 0.5 * (ahead + behind) if math.isfinite(behind) else ahead
+
+
+@kernel
+def _value(values: NDArray[Any], place: Step) -> float:
+    """Value of a voxel; NaN outside the volume."""
+    z, y, x = place
+    depth, height, width = values.shape
+    if 0 <= z < depth and 0 <= y < height and 0 <= x < width:
+        return float(values[z, y, x])
+    return math.nan
+
+
+@kernel
+def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z from a voxel's neighbours; NaN where none is known."""
+    z, y, x = place
+    here = _value(values, place)
+    left, right = here - _value(values, (z, y, x - 1)), _value(values, (z, y, x + 1)) - here
+    above, below = here - _value(values, (z, y - 1, x)), _value(values, (z, y + 1, x)) - here
+    before, after = here - _value(values, (z - 1, y, x)), _value(values, (z + 1, y, x)) - here
+    return _mean(left, right), _mean(above, below), _mean(before, after)
+
+
+@kernel
+def _store(turn: Matrix, slope: Vector, gradient: Floats, n: int) -> None:
+    turned = multiply(turn, slope)
+    for c in range(3):
+        gradient[n, c] = turned[c]
+
+
+@kernel
+def central_gradients(
+    values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
+) -> None:
+    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; no slope is known: 0.
+
+    `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
+    slopes per scene unit.
+    """
+    turn = matrix_of(to_scene)
+    for n in range(index.size):
+        x, y, z = _central_slopes(values, _place_of(index[n], values.shape))
+        known = (
+            x if math.isfinite(x) else 0.0,
+            y if math.isfinite(y) else 0.0,
+            z if math.isfinite(z) else 0.0,
+        )
+        _store(turn, known, gradient, n)
+
+
+@kernel
+def _moved(place: Step, count: int, step: Step) -> Step:
+    return (place[0] + count * step[0], place[1] + count * step[1], place[2] + count * step[2])
+
+
+@kernel
+def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
+    """Mean of the slopes along nine parallel lines, weighted 1-2-1 × 1-2-1; 0: none is known."""
+    across = (step[1], step[2], step[0])
+    along = (step[2], step[0], step[1])
+    total = weight = 0.0
+    for a in range(-1, 2):
+        line = _moved(place, a, across)
+        for b in range(-1, 2):
+            middle = _moved(line, b, along)
+            here = _value(values, middle)
+            behind = here - _value(values, _moved(middle, -1, step))
+            slope = _mean(behind, _value(values, _moved(middle, 1, step)) - here)
+            if math.isfinite(slope):
+                share = (2 - abs(a)) * (2 - abs(b))
+                total += share * slope
+                weight += share
+    return total / weight if weight > 0.0 else 0.0
+
+
+@kernel
+def _sobel_chunk(
+    values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats, first: int
+) -> None:
+    """Gradients of one chunk's voxels."""
+    turn = matrix_of(to_scene)
+    for n in range(first, min(first + CHUNK, index.size)):
+        place = _place_of(index[n], values.shape)
+        slope = (
+            _smooth_slope(values, place, (0, 0, 1)),
+            _smooth_slope(values, place, (0, 1, 0)),
+            _smooth_slope(values, place, (1, 0, 0)),
+        )
+        _store(turn, slope, gradient, n)
+
+
+@parallel_kernel
+def sobel_gradients(
+    counter: Counter, values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
+) -> None:
+    """Like `central_gradients`, with slopes smoothed across as by Sobel."""
+    for chunk in tasks(counter, (index.size + CHUNK - 1) // CHUNK):
+        _sobel_chunk(values, index, to_scene, gradient, chunk * CHUNK)

@@ -1,0 +1,191 @@
+"""Light on voxels: their gradients are the normals of the surfaces that they lie on."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resample.types import Doubles, Floats, Lamp, Samples
+from resample_volume.voxels.visible import Voxels
+
+if TYPE_CHECKING:
+    from resample.cameras.models import Camera
+    from resample_volume.cameras.framing import Sphere
+
+FLAT = 1e-6  # of the steepest gradient: what is less steep is rounding and has no normal
+
+
+@dataclass(frozen=True)
+class Light:
+    """A white light far away and what voxels do with it, after Blinn and Phong.
+
+    Raises
+    ------
+    ValueError
+        A direction of no length, or a number outside its range.
+    """
+
+    direction: tuple[float, float, float] | None = None  # toward the light; None: at the eye
+    ambient: float = 0.3  # share of the voxel's color that is always seen, >= 0
+    diffuse: float = 0.7  # share that depends on the angle to the light, >= 0
+    specular: float = 0.2  # strength of the white highlight, >= 0
+    shininess: float = 32.0  # the greater, the smaller the highlight, > 0
+
+    def __post_init__(self) -> None:
+        if self.direction is not None:
+            _unit("light direction", self.direction)
+        for name in ("ambient", "diffuse", "specular"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be 0 or more (got {getattr(self, name)})")
+        if not 0 < self.shininess < math.inf:
+            raise ValueError(f"shininess must be greater than 0 (got {self.shininess})")
+
+
+@dataclass(frozen=True)
+class DepthCue:
+    """Light that fades with depth, so that what is near stands out.
+
+    Raises
+    ------
+    ValueError
+        The share is not between 0 and 1.
+    """
+
+    share: float = 0.5  # of the light that is taken away where what is visible ends, 0..1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise ValueError(f"a depth cue takes a share from 0 to 1 (got {self.share})")
+
+
+def cue_range(camera: "Camera", sphere: "Sphere") -> tuple[float, float]:
+    """Depths at which cueing sets in and ends, scene units: where a sphere begins and ends.
+
+    What is behind the near plane is not seen: cueing begins there at the earliest.
+    """
+    view = camera.view()
+    depth = float(view.rotation[2] @ sphere.center + view.translation[2])
+    near = max(depth - sphere.radius, view.near)
+    return near, max(depth, near) + sphere.radius
+
+
+def cued(samples: Samples, camera: "Camera", cue: DepthCue, near: float, far: float) -> Samples:
+    """Samples whose light fades evenly with their depth.
+
+    Parameters
+    ----------
+    samples
+        Lit; colors are multiplied by 1 at `near` and before and by 1 - share at `far` and beyond.
+    camera
+        Depth is distance along its axis.
+    cue
+        How much is taken away.
+    near, far
+        Scene units, the first less than the second; see `cue_range`.
+    """
+    view = camera.view()
+    forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
+    depth = (samples.position @ forward + ahead) / np.float32(far - near)
+    light = 1 - np.float32(cue.share) * np.clip(depth, 0, 1)
+    return samples._replace(color=samples.color * light[:, np.newaxis])
+
+
+def shade(
+    voxels: Voxels,
+    light: Light | None,
+    eye: Sequence[float] | Doubles | None = None,
+    *,
+    view: Sequence[float] | Doubles | None = None,
+) -> Samples:
+    """Voxels as samples that carry the light which they send to the viewer.
+
+    Parameters
+    ----------
+    voxels
+        With gradients, unless `light` is None. Both sides of a surface are lit alike; a voxel
+        without a gradient has no surface and shows its color as if it faced the light.
+    light
+        None leaves the colors as they are.
+    eye
+        (3,) scene position of a perspective camera.
+    view
+        (3,) scene direction in which a parallel camera looks; takes the place of `eye`.
+
+    Raises
+    ------
+    ValueError
+        There are no gradients, or not exactly one of `eye` and `view`.
+    """
+    color = voxels.color if light is None else _lit(voxels, light, viewer_of(eye, view))
+    return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
+
+
+def viewer_of(
+    eye: Sequence[float] | Doubles | None = None, view: Sequence[float] | Doubles | None = None
+) -> Doubles:
+    """Viewer as a `Lamp` knows him, (4,): position and 1, or direction toward him and 0.
+
+    Parameters and errors as of `shade`.
+    """
+    if eye is not None and view is None:
+        return np.append(_finite("eye", eye), 1.0)
+    if view is not None and eye is None:
+        return np.append(-_unit("view", view), 0.0)
+    raise ValueError("light needs the eye of a perspective or the view of a parallel camera")
+
+
+def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
+    from resample_volume.voxels.kernels.shading import shade_voxels
+
+    if len(voxels.gradient) != len(voxels.position):
+        raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
+    shaded = np.empty(voxels.color.shape, np.float32)
+    lamp = lamp_of(light, viewer, voxels.gradient)
+    shade_voxels(
+        voxels.position.reshape(-1),
+        voxels.color.reshape(-1),
+        voxels.gradient.reshape(-1),
+        lamp,
+        shaded.reshape(-1),
+    )
+    return shaded
+
+
+def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
+    """Light as kernels take it.
+
+    Parameters
+    ----------
+    light
+        What shines.
+    viewer
+        (4,) from `viewer_of`.
+    gradient
+        (N, 3) of all that is lit: what is far less steep than the steepest has no normal.
+    """
+    flat = FLAT * _steepest(gradient)
+    toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
+    numbers = (light.ambient, light.diffuse, light.specular, light.shininess, flat)
+    return Lamp(toward, viewer, *map(float, numbers))
+
+
+def _steepest(gradient: Floats) -> float:
+    """Greatest component, which is at least 1 / √3 of the greatest length."""
+    return max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
+
+
+def _finite(name: str, vector: Sequence[float] | Doubles) -> Doubles:
+    array = np.asarray(vector, np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be three finite numbers (got {vector})")
+    return array
+
+
+def _unit(name: str, vector: Sequence[float] | Doubles) -> Doubles:
+    array = _finite(name, vector)
+    length = np.linalg.norm(array)
+    if not length:
+        raise ValueError(f"{name} must not be of length 0")
+    return np.asarray(array / length)

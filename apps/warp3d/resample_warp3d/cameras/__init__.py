@@ -1,0 +1,1 @@
+"""Calibrated cameras, their lenses and poses, and files of them."""

@@ -1,0 +1,346 @@
+"""Point clouds and the files they come from: PLY, PCD, columns of text, and arrays of NumPy."""
+
+import errno
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb
+from resample.types import Doubles, Floats
+
+Fields = Mapping[str, NDArray[Any]]  # columns of a file by name, (N,) each
+
+PLACES = (("x", "y", "z"),)
+NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+COLORS = (
+    ("red", "green", "blue"),
+    ("r", "g", "b"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+)
+PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
+LONGEST_HEADER = 1000  # lines
+COLUMNS = {3: "x y z", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
+
+PLY_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
+    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
+
+
+class Cloud(NamedTuple):
+    """N points of surfaces; what is not known of any of them has the length 0."""
+
+    position: Floats | Doubles  # (N, 3) scene units
+    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
+    color: Floats  # (N, 3) linear light; or (0, 3)
+    radius: Floats  # (N,) scene units, of the disc that a point stands for; or (0,)
+
+
+def read_cloud(path: str | Path) -> Cloud:
+    """Read a point cloud.
+
+    Parameters
+    ----------
+    path
+        By its suffix: `.ply` and `.pcd`, ASCII and binary of all kinds; text of numbers in columns,
+        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal) and `.xyzn` (x y z and a
+        normal); `.npz` with the arrays position, and, if known, normal, color (linear light) and
+        radius. Colors of all others are taken for sRGB: whole numbers of their type's range, floats
+        from 0 to 1; in text 0 to 255 if any is above 1.
+
+    Returns
+    -------
+    The points whose places are numbers. Triangles of a mesh are left out: its vertices are points.
+
+    Raises
+    ------
+    ValueError
+        The format is unknown, the file is none of its kind, or it has no points.
+    OSError
+        The file is missing, cut off or damaged.
+    """
+    source = Path(path)
+    reader = READERS.get(source.suffix.lower())
+    if reader is None:
+        raise ValueError(f"{path}: clouds are read from {', '.join(READERS)}")
+    if not source.is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    try:
+        cloud = reader(source)
+    except ValueError as error:
+        raise ValueError(f"{source.name}: {error}") from None
+    known = np.asarray(np.isfinite(cloud.position).all(axis=1))
+    if not known.any():
+        raise ValueError(f"{source.name} has no points")
+    return some_of(cloud, known)
+
+
+def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
+    """Points of a cloud by a mask or by their indices."""
+    position, normal, color, radius = cloud
+    return Cloud(
+        position[which],
+        normal[which] if len(normal) else normal,
+        color[which] if len(color) else color,
+        radius[which] if len(radius) else radius,
+    )
+
+
+def _cloud(fields: Fields) -> Cloud:
+    """Cloud of a file's columns."""
+    position = _stacked(fields, PLACES)
+    if position is None:
+        raise ValueError(f"has no x, y and z; it has {', '.join(fields) or 'nothing'}")
+    single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
+    normal = _stacked(fields, NORMALS)
+    radius = fields.get("radius", np.zeros(0))
+    return Cloud(
+        position.astype(np.float32 if single else np.float64),
+        np.zeros((0, 3), np.float32) if normal is None else normal.astype(np.float32),
+        _colors(fields),
+        radius.astype(np.float32),
+    )
+
+
+def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
+    """Columns (N, 3) under the first names that are all there, or None."""
+    for group in names:
+        if all(name in fields for name in group):
+            return np.stack([fields[name] for name in group], axis=1)
+    return None
+
+
+def _colors(fields: Fields) -> Floats:
+    """Linear light (N, 3) of a file's colors, or (0, 3)."""
+    levels = _stacked(fields, COLORS)
+    for name in PACKED:
+        if levels is None and name in fields:
+            levels = _unpacked(fields[name])
+    if levels is None:
+        return np.zeros((0, 3), np.float32)
+    most = np.iinfo(levels.dtype).max if levels.dtype.kind in "iu" else 1
+    return from_srgb(levels.astype(np.float32) / np.float32(most))
+
+
+def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
+    """Red, green and blue (N, 3) from the bits of one number each."""
+    if packed.dtype.itemsize != 4:
+        raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
+    bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")
+    return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)
+
+
+def _read_arrays(path: Path) -> Cloud:
+    try:
+        with np.load(path) as stored:
+            known = {name: stored[name] for name in Cloud._fields if name in stored}
+    except (OSError, ValueError, EOFError) as error:
+        raise OSError(f"{path} is damaged: {error}") from None
+    if "position" not in known:
+        raise ValueError(f"has no array position; a cloud has {', '.join(Cloud._fields)}")
+    nothing = {name: np.zeros((0,) if name == "radius" else (0, 3)) for name in Cloud._fields}
+    parts = {name: known.get(name, nothing[name]) for name in Cloud._fields}
+    count = len(parts["position"])
+    for name, part in parts.items():
+        expected = nothing[name].shape[1:]
+        if part.shape[1:] != expected or len(part) not in {count, 0}:
+            raise ValueError(f"{name} has the shape {part.shape}; give {(count, *expected)}")
+    position = parts.pop("position")
+    kind = np.float32 if position.dtype == np.float32 else np.float64
+    return Cloud(position.astype(kind), *(part.astype(np.float32) for part in parts.values()))
+
+
+def _read_columns(path: Path) -> Cloud:
+    """Cloud of numbers in columns, with commas, semicolons or blanks between them."""
+    try:
+        lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
+    except UnicodeDecodeError:
+        raise ValueError("is no text") from None
+    table = _table(lines)
+    width = table.shape[1]
+    with_normals = path.suffix.lower() == ".xyzn"
+    if width not in COLUMNS or (with_normals and width != 6):
+        known = "x y z nx ny nz" if with_normals else ", ".join(COLUMNS.values())
+        raise ValueError(f"has {width} columns; known are {known}")
+    rest = table[:, 3:].astype(np.float32)
+    normal = rest if with_normals else rest[:, 3:]
+    color = np.zeros((0, 3), np.float32) if with_normals else rest[:, :3]
+    if (color > 1).any():
+        color = color / np.float32(255)
+    return Cloud(
+        table[:, :3],
+        normal if normal.shape[1] else np.zeros((0, 3), np.float32),
+        from_srgb(color) if color.shape[1] else np.zeros((0, 3), np.float32),
+        np.zeros(0, np.float32),
+    )
+
+
+def _header(file: BinaryIO, last: str) -> list[list[str]]:
+    """Words of a header's lines up to the one that begins with `last`."""
+    lines = []
+    for line in islice(file, LONGEST_HEADER):
+        words = line.decode("latin-1").split()
+        lines.append(words)
+        if words and words[0] == last:
+            return lines
+    raise ValueError(f"is none of its kind: it has no line {last}")
+
+
+def _read_ply(path: Path) -> Cloud:
+    with path.open("rb") as file:
+        header = _header(file, "end_header")
+        if header[0] != ["ply"]:
+            raise ValueError("is no PLY file: it does not begin with ply")
+        encoding, lines, count, kind = _ply_vertices(header)
+        if encoding == "ascii":
+            for _ in islice(file, lines):
+                pass
+            return _cloud(_text_fields(path, file, count, kind))
+        return _cloud(_binary_fields(path, file, count, kind))
+
+
+def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]]:
+    """Encoding, things before the vertices, their count, and the type of one."""
+    encoding, element, before, count = "", "", 0, -1
+    fields = []
+    for words in header:
+        if words[:1] == ["format"]:
+            encoding = " ".join(words[1:2])
+        elif words[:1] == ["element"]:
+            element = " ".join(words[1:2])
+            count = _length(words) if element == "vertex" else count
+            before += _length(words) if count < 0 else 0
+        elif words[:1] == ["property"] and element == "vertex":
+            if len(words) != 3 or words[1] not in PLY_TYPES:
+                raise ValueError(f"has vertices with '{' '.join(words)}', which is no number")
+            fields.append((words[2], PLY_FORMATS.get(encoding, "") + PLY_TYPES[words[1]]))
+    if encoding not in PLY_FORMATS or count < 0:
+        raise ValueError(f"has no element vertex, or is none of {', '.join(PLY_FORMATS)}")
+    if before and encoding != "ascii":
+        raise ValueError("has something before its vertices; write the vertices first")
+    return encoding, before, count, np.dtype(fields)
+
+
+def _length(words: list[str]) -> int:
+    """How many of an element there are, by its line."""
+    if len(words) != 3 or not words[2].isdecimal():
+        raise ValueError(f"has a PLY header with '{' '.join(words)}'")
+    return int(words[2])
+
+
+def _binary_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
+    data = file.read(count * kind.itemsize)
+    if len(data) < count * kind.itemsize:
+        raise OSError(f"{path} is cut off: {len(data)} of {count * kind.itemsize} bytes are there")
+    points = np.frombuffer(data, kind, count)
+    return {name: points[name] for name in kind.names or ()}
+
+
+def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
+    """Columns of lines of numbers, in their types."""
+    table = _table([line.decode("latin-1") for line in islice(file, count)])
+    if len(table) < count:
+        raise OSError(f"{path} is cut off: {len(table)} of {count} points are there")
+    fields, first = {}, 0
+    for name in kind.names or ():
+        if first >= table.shape[1]:
+            raise ValueError(f"has {table.shape[1]} numbers in a line and no {name}")
+        fields[name] = table[:, first].astype(kind[name].base)
+        first += int(np.prod(kind[name].shape))
+    return fields
+
+
+def _table(lines: list[str]) -> Doubles:
+    """Numbers of lines with blanks between them, (N, columns)."""
+    if not any(line.strip() for line in lines):
+        return np.zeros((0, 3))
+    try:
+        table: Doubles = np.loadtxt(lines, np.float64, comments=("#", "//"), ndmin=2)
+        return table
+    except ValueError as error:
+        raise ValueError(f"is no table of numbers: {str(error).partition(';')[0]}") from None
+
+
+def _read_pcd(path: Path) -> Cloud:
+    with path.open("rb") as file:
+        header = {words[0].upper(): words[1:] for words in _header(file, "DATA") if words}
+        count, kind = _pcd_points(header)
+        encoding = " ".join(header["DATA"]).lower()
+        if encoding == "ascii":
+            fields = _text_fields(path, file, count, kind)
+        elif encoding == "binary":
+            fields = _binary_fields(path, file, count, kind)
+        elif encoding == "binary_compressed":
+            fields = _compressed_fields(path, file, count, kind)
+        else:
+            raise ValueError(f"has DATA {encoding}; known: ascii, binary, binary_compressed")
+    return _cloud({name: column for name, column in fields.items() if column.ndim == 1})
+
+
+def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
+    """Number of points and the type of one."""
+    try:
+        names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
+        counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
+        sizes, types = header["SIZE"], [PCD_TYPES[word.upper()] for word in header["TYPE"]]
+        points = int(header["POINTS"][0]) if "POINTS" in header else _area(header)
+        described = zip(_told_apart(names), types, sizes, counts, strict=True)
+        return points, np.dtype(
+            [
+                (name, f"<{letter}{size}", (count,) if count > 1 else ())
+                for name, letter, size, count in described
+            ]
+        )
+    except (KeyError, IndexError, ValueError, TypeError):
+        raise ValueError("has no PCD header with FIELDS, SIZE, TYPE and POINTS that fit") from None
+
+
+def _told_apart(names: list[str]) -> list[str]:
+    """Names of fields, each once; padding is often called _ several times."""
+    return [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
+
+
+def _area(header: dict[str, list[str]]) -> int:
+    return int(header["WIDTH"][0]) * int(header["HEIGHT"][0])
+
+
+def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
+    """Columns that stand one after the other, packed by LZF."""
+    from resample_warp3d.clouds.kernels.lzf import unpack
+
+    sizes = file.read(8)
+    packed, size = struct.unpack("<II", sizes) if len(sizes) == 8 else (0, 0)
+    data = np.frombuffer(file.read(packed), np.uint8)
+    if len(data) < packed or size != count * kind.itemsize:
+        raise OSError(f"{path} is cut off or damaged: its packed points do not fit its header")
+    unpacked = np.zeros(size, np.uint8)
+    if unpack(data, unpacked) != size:
+        raise OSError(f"{path} is damaged: its packed points cannot be unpacked")
+    fields, first = {}, 0
+    for name in kind.names or ():
+        part = kind[name]
+        column = unpacked[first : first + count * part.itemsize]
+        fields[name] = column.view(part.base).reshape(count, *part.shape)
+        first += count * part.itemsize
+    return fields
+
+
+READERS: dict[str, Callable[[Path], Cloud]] = {
+    ".ply": _read_ply,
+    ".pcd": _read_pcd,
+    ".xyz": _read_columns,
+    ".xyzn": _read_columns,
+    ".txt": _read_columns,
+    ".asc": _read_columns,
+    ".csv": _read_columns,
+    ".npz": _read_arrays,
+}

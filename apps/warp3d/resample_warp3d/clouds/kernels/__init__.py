@@ -1,0 +1,1 @@
+"""The numba code of clouds: bare arrays and numbers."""

@@ -1,0 +1,365 @@
+"""What a point of a cloud stands for: its cell among its neighbours, in the plane of the surface.
+
+The cell is that part of the tangent plane which is nearer to the point than to any neighbour. Discs
+that contain the cells of their points leave no gap on a surface, however irregular the sampling.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Vector, cross, dot
+from resample.types import Doubles, Floats
+
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+CHUNK = 1024  # points that a thread takes at a time
+MOST_CORNERS = 64
+SIDES = 8  # of the polygon that a cell is cut out of
+WIDEST = 0.7  # distances to the last neighbour, half the width of that polygon
+AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
+RIM = 0.65  # of that spacing: how far a cell reaches where there is no neighbour
+FARTHEST = 5.0  # times that: how far it reaches among neighbours
+LONGEST = 8.0  # times its width a disc may be long
+SLACK = 1.02  # discs overlap by this
+SWEEPS = 6  # of Jacobi's method: 3 × 3 matrices have then converged
+
+
+@kernel
+def _turned(matrix: Doubles, vectors: Doubles, p: int, q: int) -> None:
+    """One rotation of Jacobi's method: makes the entry p, q of a symmetric matrix 0."""
+    if matrix[p, q] == 0.0:
+        return
+    half = 0.5 * (matrix[q, q] - matrix[p, p]) / matrix[p, q]
+    t = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    s = t * c
+    for k in range(3):
+        kp, kq = matrix[k, p], matrix[k, q]
+        matrix[k, p], matrix[k, q] = c * kp - s * kq, s * kp + c * kq
+    for k in range(3):
+        pk, qk = matrix[p, k], matrix[q, k]
+        matrix[p, k], matrix[q, k] = c * pk - s * qk, s * pk + c * qk
+        kp, kq = vectors[k, p], vectors[k, q]
+        vectors[k, p], vectors[k, q] = c * kp - s * kq, s * kp + c * kq
+
+
+@kernel
+def _flattest(matrix: Doubles, vectors: Doubles) -> Vector:
+    """Unit vector along which a symmetric 3 × 3 matrix, which is lost, is least."""
+    for k in range(3):
+        for m in range(3):
+            vectors[k, m] = 1.0 if k == m else 0.0
+    for _ in range(SWEEPS):
+        _turned(matrix, vectors, 0, 1)
+        _turned(matrix, vectors, 0, 2)
+        _turned(matrix, vectors, 1, 2)
+    least = 0
+    for k in range(1, 3):
+        if matrix[k, k] < matrix[least, least]:
+            least = k
+    return vectors[0, least], vectors[1, least], vectors[2, least]
+
+
+@kernel
+def _spread(position: Floats, neighbour: Indices, n: int, matrix: Doubles) -> None:
+    """Covariance of a point's neighbours, of which it is one itself."""
+    count = neighbour.shape[1]
+    for k in range(3):
+        for m in range(3):
+            matrix[k, m] = 0.0
+    here = neighbour[n, 0]
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for j in range(count):
+        there = neighbour[n, j]
+        x = float(position[there, 0]) - position[here, 0]
+        y = float(position[there, 1]) - position[here, 1]
+        z = float(position[there, 2]) - position[here, 2]
+        sx, sy, sz = sx + x, sy + y, sz + z
+        matrix[0, 0] += x * x
+        matrix[0, 1] += x * y
+        matrix[0, 2] += x * z
+        matrix[1, 1] += y * y
+        matrix[1, 2] += y * z
+        matrix[2, 2] += z * z
+    matrix[0, 0] -= sx * sx / count
+    matrix[0, 1] -= sx * sy / count
+    matrix[0, 2] -= sx * sz / count
+    matrix[1, 1] -= sy * sy / count
+    matrix[1, 2] -= sy * sz / count
+    matrix[2, 2] -= sz * sz / count
+    matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+
+
+@kernel
+def across(normal: Vector) -> Vector:
+    """A unit vector perpendicular to another."""
+    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    if x <= y and x <= z:
+        side = (0.0, -normal[2], normal[1])
+    elif y <= z:
+        side = (normal[2], 0.0, -normal[0])
+    else:
+        side = (-normal[1], normal[0], 0.0)
+    length = math.sqrt(dot(side, side))
+    return side[0] / length, side[1] / length, side[2] / length
+
+
+@kernel
+def _open_polygon(polygon: Doubles, half: float) -> int:
+    """Start with a regular polygon of half a width."""
+    outer = half / math.cos(math.pi / SIDES)
+    for k in range(SIDES):
+        angle = 2.0 * math.pi * k / SIDES
+        polygon[k, 0], polygon[k, 1] = outer * math.cos(angle), outer * math.sin(angle)
+        polygon[k, 2] = 0.0  # the side from here to the next corner is of no neighbour
+    return SIDES
+
+
+@kernel
+def _cut(polygon: Doubles, spare: Doubles, corners: int, side: Vector, distance: float) -> int:
+    """Cut away where side · (x, y) is above side[2]; `distance` marks the new side.
+
+    Gives the number of corners. Both arrays are (MOST_CORNERS, 3): x, y, mark of the side after it.
+    """
+    count = 0
+    before = side[0] * polygon[corners - 1, 0] + side[1] * polygon[corners - 1, 1] - side[2]
+    for k in range(corners):
+        last = k - 1 if k > 0 else corners - 1
+        here = side[0] * polygon[k, 0] + side[1] * polygon[k, 1] - side[2]
+        if (before > 0.0) != (here > 0.0) and count < MOST_CORNERS:
+            share = before / (before - here)
+            spare[count, 0] = polygon[last, 0] + share * (polygon[k, 0] - polygon[last, 0])
+            spare[count, 1] = polygon[last, 1] + share * (polygon[k, 1] - polygon[last, 1])
+            spare[count, 2] = distance if here > 0.0 else polygon[last, 2]
+            count += 1
+        if here <= 0.0 and count < MOST_CORNERS:
+            for c in range(3):
+                spare[count, c] = polygon[k, c]
+            count += 1
+        before = here
+    for k in range(count):
+        for c in range(3):
+            polygon[k, c] = spare[k, c]
+    return count
+
+
+@kernel
+def _reach(polygon: Doubles, corners: int) -> float:
+    """Distance of the farthest corner."""
+    most = 0.0
+    for k in range(corners):
+        most = max(most, math.hypot(polygon[k, 0], polygon[k, 1]))
+    return most
+
+
+@kernel
+def _cell(
+    position: Floats,
+    neighbour: Indices,
+    n: int,
+    frame: tuple[Vector, Vector],
+    half: float,
+    polygon: Doubles,
+    spare: Doubles,
+) -> int:
+    """Cell of a point in the plane of two unit vectors; gives its number of corners."""
+    corners = _open_polygon(polygon, half)
+    reach = _reach(polygon, corners)
+    here = neighbour[n, 0]
+    for j in range(1, neighbour.shape[1]):
+        there = neighbour[n, j]
+        step = (
+            float(position[there, 0]) - position[here, 0],
+            float(position[there, 1]) - position[here, 1],
+            float(position[there, 2]) - position[here, 2],
+        )
+        square = dot(step, step)
+        if square >= 4.0 * reach * reach:  # neighbours come by distance
+            break
+        # The plane between both points, where it meets the tangent plane.
+        side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * square
+        if square > 0.0:
+            corners = _cut(polygon, spare, corners, side, math.sqrt(square))
+            reach = _reach(polygon, corners)
+    return corners
+
+
+@kernel
+def _is_open(polygon: Doubles, corners: int) -> bool:
+    """Whether a side of a cell is of no neighbour."""
+    least = np.inf
+    for k in range(corners):
+        least = min(least, polygon[k, 2])
+    return least == 0.0
+
+
+@kernel
+def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
+    """Distance of a point's j-th neighbour; of the last one if there are fewer."""
+    here, there = neighbour[n, 0], neighbour[n, min(j, neighbour.shape[1] - 1)]
+    x = float(position[there, 0]) - position[here, 0]
+    y = float(position[there, 1]) - position[here, 1]
+    z = float(position[there, 2]) - position[here, 2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _rim(position: Floats, neighbour: Indices, n: int) -> float:
+    """How far a cell reaches where it has no neighbour."""
+    total = 0.0
+    for j in range(1, AROUND + 1):
+        total += _distance(position, neighbour, n, j)
+    return RIM * total / AROUND
+
+
+@kernel
+def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float]:
+    """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a polygon.
+
+    Its shape is that of the polygon's second moments.
+    """
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(corners):
+        m = k + 1 if k + 1 < corners else 0
+        ax, ay, bx, by = polygon[k, 0], polygon[k, 1], polygon[m, 0], polygon[m, 1]
+        area = ax * by - bx * ay
+        xx += area * (ax * ax + ax * bx + bx * bx)
+        xy += area * (2.0 * ax * ay + ax * by + bx * ay + 2.0 * bx * by)
+        yy += area * (ay * ay + ay * by + by * by)
+    xy *= 0.5
+    mean, odd = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    if mean <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    angle = 0.5 * math.atan2(xy, 0.5 * (xx - yy))
+    c, s = math.cos(angle), math.sin(angle)
+    long = math.sqrt(mean + odd)
+    short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
+    scale = 0.0
+    for k in range(corners):
+        along = (c * polygon[k, 0] + s * polygon[k, 1]) / long
+        aside = (c * polygon[k, 1] - s * polygon[k, 0]) / short
+        scale = max(scale, along * along + aside * aside)
+    scale = SLACK * math.sqrt(scale)
+    return scale * long * c, scale * long * s, -scale * short * s, scale * short * c
+
+
+@kernel
+def _measure(
+    position: Floats,
+    neighbour: Indices,
+    is_last: bool,
+    chunk: int,
+    normal: Floats,
+    axes: Floats,
+    is_open: Flags,
+) -> None:
+    """Normals, where they are 0, and discs of a chunk of points."""
+    start = int(np.int64(chunk)) * CHUNK
+    matrix, vectors = np.empty((3, 3)), np.empty((3, 3))
+    polygon, spare = np.empty((MOST_CORNERS, 3)), np.empty((MOST_CORNERS, 3))
+    for n in range(start, min(start + CHUNK, neighbour.shape[0])):
+        here = neighbour[n, 0]
+        known = (float(normal[here, 0]), float(normal[here, 1]), float(normal[here, 2]))
+        length = math.sqrt(dot(known, known))
+        if length > 0.0:
+            upward = (known[0] / length, known[1] / length, known[2] / length)
+        else:
+            _spread(position, neighbour, n, matrix)
+            upward = _flattest(matrix, vectors)
+        frame = across(upward), cross(upward, across(upward))
+        half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
+        rim = _rim(position, neighbour, n)
+        if is_last:
+            half = min(half, FARTHEST * rim)
+        corners = _cell(position, neighbour, n, frame, half, polygon, spare)
+        is_open[n] = _is_open(polygon, corners)
+        if is_open[n] and is_last:
+            half = min(half, rim)
+            corners = _cell(position, neighbour, n, frame, half, polygon, spare)
+        x1, y1, x2, y2 = _ellipse(polygon, corners)
+        for c in range(3):
+            normal[here, c] = np.float32(upward[c])
+            axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
+            axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
+
+
+@parallel_kernel
+def measure(
+    counter: Counter,
+    position: Floats,
+    neighbour: Indices,
+    is_last: bool,
+    normal: Floats,
+    axes: Floats,
+    is_open: Flags,
+) -> None:
+    """Find normals and discs of some points.
+
+    Parameters
+    ----------
+    position
+        (N, 3) of all points.
+    neighbour
+        (M, k) some points and their neighbours, by distance, themselves first.
+    is_last
+        Close the cells that are open.
+    normal
+        (N, 3) made unit length; filled where it is 0, with either of both signs.
+    axes
+        (N, 2, 3) filled: half axes of each point's disc, first × second along the normal.
+    is_open
+        (M,) filled: there are not enough neighbours all around the point, or it lies at a rim.
+    """
+    for chunk in tasks(counter, (neighbour.shape[0] + CHUNK - 1) // CHUNK):
+        _measure(position, neighbour, is_last, chunk, normal, axes, is_open)
+
+
+@kernel
+def _limit(nearest: Indices, size: Floats, most: float, axes: Floats, chunk: int) -> None:
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, size.size)):
+        around = np.float32(0)
+        for j in range(nearest.shape[1]):
+            around = max(around, size[nearest[n, j]])
+        if size[n] > most * around:
+            scale = np.float32(most) * around / size[n]
+            for c in range(3):
+                axes[n, 0, c] *= scale
+                axes[n, 1, c] *= scale
+
+
+@parallel_kernel
+def limit(counter: Counter, nearest: Indices, size: Floats, most: float, axes: Floats) -> None:
+    """Shrink discs that are more than `most` times as large as those around them.
+
+    A stray point far from a surface would else cover it. `nearest` (N, k) holds neighbours, `size`
+    (N,) the sizes of discs before, `axes` (N, 2, 3) what is changed.
+    """
+    for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
+        _limit(nearest, size, most, axes, chunk)
+
+
+@kernel
+def _lay(normal: Floats, radius: Floats, axes: Floats, chunk: int) -> None:
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, radius.size)):
+        known = (float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2]))
+        length = math.sqrt(dot(known, known))
+        upward = (known[0] / length, known[1] / length, known[2] / length)
+        one = across(upward)
+        two = cross(upward, one)
+        for c in range(3):
+            normal[n, c] = np.float32(upward[c])
+            axes[n, 0, c] = np.float32(radius[n] * one[c])
+            axes[n, 1, c] = np.float32(radius[n] * two[c])
+
+
+@parallel_kernel
+def lay(counter: Counter, normal: Floats, radius: Floats, axes: Floats) -> None:
+    """Round discs of known radius (N,); `axes` (N, 2, 3) is filled, normals get unit length."""
+    for chunk in tasks(counter, (radius.size + CHUNK - 1) // CHUNK):
+        _lay(normal, radius, axes, chunk)

@@ -1,0 +1,263 @@
+"""Discs of a cloud as the screen sees them.
+
+The disc p + u a + v b is seen at the pixel (x, y) where H (u, v, 1) ~ (x, y, 1), with the columns
+P a, P b and P p + t of H. The inverse of H gives u, v and 1 / z of the disc's plane at a pixel as
+ratios of linear functions, without approximation. Only where a disc is so small, or seen so much
+from the side, that it would fall between sub-pixels, its projection is taken for linear, and its
+singular values are kept from going below the size of a sub-pixel: such discs are points along one
+axis, or along both.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Vector, cross, dot
+from resample.types import Doubles, Floats, Record, Records
+
+CHUNK = 4096  # discs that a thread takes at a time
+REACH = 1.75  # radii at which a disc's weight (1 − i² / REACH²)² ends
+FINEST = 1.0  # sub-pixels, least reach along any axis
+STEEPEST = 8.0  # tangent between the screen and the plane of a point
+LOOSEST = 0.5  # of the nearness: most by which discs of one surface may differ
+
+# With (dx, dy) a pixel's offset from (x, y), and D = 1 + slope_x dx + slope_y dy: the disc has the
+# nearness D × nearness there, and the index i = |(ux dx + uy dy, vx dx + vy dy)| / E in reaches,
+# with E = D where weight = 1 and E = 1 where it is less.
+SURFEL = np.dtype(
+    [
+        ("x", np.float32),  # px, where the center projects
+        ("y", np.float32),
+        ("ux", np.float32),  # px⁻¹
+        ("uy", np.float32),
+        ("vx", np.float32),
+        ("vy", np.float32),
+        ("slope_x", np.float32),  # px⁻¹
+        ("slope_y", np.float32),
+        ("nearness", np.float32),  # 1 / z of the center, 1 / scene units
+        ("keep", np.float32),  # surfaces nearer than keep × nearness are one with the disc
+        ("weight", np.float32),  # area of the disc over that of what is drawn; 1: a splat
+        ("left", np.float32),  # px, bounds; left > right: none
+        ("top", np.float32),
+        ("right", np.float32),
+        ("bottom", np.float32),
+        ("spacing", np.float32),  # px, the disc's smaller axis
+        ("red", np.float32),
+        ("green", np.float32),
+        ("blue", np.float32),
+    ]
+)
+
+
+class Eye(NamedTuple):
+    """What discs are seen by, and how."""
+
+    projection: Doubles  # (3, 4) takes places (x, y, z, 1) to px × depth
+    place: Doubles  # (3,) of the eye, scene units
+    height: int  # px
+    width: int  # px
+    focal: float  # px, mean of both axes
+    near: float  # scene units; nearer centers are left out
+    subpixels: int  # per side of a pixel
+    size: float  # times which discs are drawn
+    headlight: bool  # shade by the angle between normal and view
+    cull: bool  # leave out discs seen from behind
+    tolerance: float  # radii by which discs of one surface may differ in depth
+
+
+@kernel
+def _project(eye: Eye, vector: Vector, last: float) -> Vector:
+    """Homogeneous px of a place (`last` 1) or a direction (0)."""
+    p = eye.projection
+    return (
+        p[0, 0] * vector[0] + p[0, 1] * vector[1] + p[0, 2] * vector[2] + p[0, 3] * last,
+        p[1, 0] * vector[0] + p[1, 1] * vector[1] + p[1, 2] * vector[2] + p[1, 3] * last,
+        p[2, 0] * vector[0] + p[2, 1] * vector[1] + p[2, 2] * vector[2] + p[2, 3] * last,
+    )
+
+
+@kernel
+def _is_beside(center: float, a: float, b: float) -> bool:
+    """Whether a linear function is below 0 on all of a disc, by its value and changes."""
+    return center + REACH * math.hypot(a, b) < 0.0
+
+
+@kernel
+def _is_outside(eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
+    """Whether a disc lies wholly beyond one side of the frame."""
+    wide, high = float(eye.width), float(eye.height)
+    return (
+        _is_beside(center[0], a[0], b[0])
+        or _is_beside(center[1], a[1], b[1])
+        or _is_beside(wide * center[2] - center[0], wide * a[2] - a[0], wide * b[2] - b[0])
+        or _is_beside(high * center[2] - center[1], high * a[2] - a[1], high * b[2] - b[1])
+    )
+
+
+@kernel
+def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, float]:
+    """Middle and half the extent, px, of a disc's outline along an axis; infinite behind the eye.
+
+    From the dual conic ρ² (a aᵀ + b bᵀ) − center centerᵀ.
+    """
+    square = REACH * REACH
+    last = square * (a[2] * a[2] + b[2] * b[2]) - center[2] * center[2]
+    if last >= -1e-12 * center[2] * center[2]:
+        return 0.0, np.inf
+    mixed = square * (a[axis] * a[2] + b[axis] * b[2]) - center[axis] * center[2]
+    own = square * (a[axis] * a[axis] + b[axis] * b[axis]) - center[axis] * center[axis]
+    middle = mixed / last
+    return middle, math.sqrt(max(0.0, middle * middle - own / last))
+
+
+@kernel
+def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
+    """Forms of a splat: rows of the inverse of (a b center), relative to the center."""
+    u, v, w = cross(b, center), cross(center, a), cross(a, b)
+    scale = center[2] / dot(w, center)
+    record["ux"], record["uy"] = scale / REACH * u[0], scale / REACH * u[1]
+    record["vx"], record["vy"] = scale / REACH * v[0], scale / REACH * v[1]
+    record["slope_x"], record["slope_y"] = scale * w[0], scale * w[1]
+    record["weight"] = np.float32(1)
+    middle, half = _bound(center, a, b, 0)
+    record["left"], record["right"] = middle - half, middle + half
+    middle, half = _bound(center, a, b, 1)
+    record["top"], record["bottom"] = middle - half, middle + half
+
+
+@kernel
+def _slopes(eye: Eye, center: Vector, a: Vector, b: Vector) -> tuple[float, float]:
+    """Change of relative nearness per px on the plane of a disc, as steep as a point's may be."""
+    w = cross(a, b)
+    volume = dot(w, center)
+    if volume == 0.0:
+        return 0.0, 0.0
+    x, y = center[2] / volume * w[0], center[2] / volume * w[1]
+    scale = min(1.0, STEEPEST / (eye.focal * max(math.hypot(x, y), 1e-30)))
+    return scale * x, scale * y
+
+
+@kernel
+def _set_clamped(
+    record: Record,
+    eye: Eye,
+    slopes: tuple[float, float],
+    spread: Vector,
+    values: tuple[float, float],
+) -> None:
+    """Forms of a point of J Jᵀ = (xx, xy, yy), whose singular values are kept from vanishing."""
+    xx, xy, yy = spread
+    least = FINEST / (REACH * eye.subpixels)
+    long, short = max(values[0], least), max(values[1], least)
+    angle = 0.5 * math.atan2(xy, 0.5 * (xx - yy))
+    c, s = math.cos(angle), math.sin(angle)
+    record["ux"], record["uy"] = c / (REACH * long), s / (REACH * long)
+    record["vx"], record["vy"] = -s / (REACH * short), c / (REACH * short)
+    record["weight"] = values[0] * values[1] / (long * short)
+    record["slope_x"], record["slope_y"] = slopes
+    half = REACH * math.hypot(c * long, s * short)
+    record["left"], record["right"] = record["x"] - half, record["x"] + half
+    half = REACH * math.hypot(s * long, c * short)
+    record["top"], record["bottom"] = record["y"] - half, record["y"] + half
+
+
+@kernel
+def _set_shape(record: Record, eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
+    """Place and forms of a disc; gives whether anything of it can be seen."""
+    x, y = center[0] / center[2], center[1] / center[2]
+    jxu, jxv = (a[0] - x * a[2]) / center[2], (b[0] - x * b[2]) / center[2]
+    jyu, jyv = (a[1] - y * a[2]) / center[2], (b[1] - y * b[2]) / center[2]
+    xx, xy, yy = jxu * jxu + jxv * jxv, jxu * jyu + jxv * jyv, jyu * jyu + jyv * jyv
+    area = abs(jxu * jyv - jxv * jyu)
+    long = math.sqrt(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
+    short = area / long if long > 0.0 else 0.0
+    record["x"], record["y"] = x, y
+    record["spacing"] = short
+    if short * REACH * eye.subpixels > FINEST:
+        _set_exact(record, center, a, b)
+    else:
+        _set_clamped(record, eye, _slopes(eye, center, a, b), (xx, xy, yy), (long, short))
+    is_finite = math.isfinite(x + y + record["ux"] + record["uy"] + record["vx"] + record["vy"])
+    return bool(
+        is_finite
+        and record["weight"] > 0
+        and record["right"] >= 0
+        and record["bottom"] >= 0
+        and record["left"] <= eye.width
+        and record["top"] <= eye.height
+    )
+
+
+@kernel
+def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
+    """Cosine between a disc's normal and the way to the eye."""
+    normal = cross(a, b)
+    toward = (eye.place[0] - place[0], eye.place[1] - place[1], eye.place[2] - place[2])
+    square = dot(normal, normal) * dot(toward, toward)
+    return dot(normal, toward) / math.sqrt(square) if square > 0.0 else 0.0
+
+
+@kernel
+def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record: Record) -> None:
+    """Fill in a disc's record."""
+    record["left"], record["right"] = np.float32(1), np.float32(-1)
+    place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
+    center = _project(eye, place, 1.0)
+    if not center[2] > eye.near:
+        return
+    size = eye.size
+    one = (size * axes[n, 0, 0], size * axes[n, 0, 1], size * axes[n, 0, 2])
+    two = (size * axes[n, 1, 0], size * axes[n, 1, 1], size * axes[n, 1, 2])
+    a, b = _project(eye, one, 0.0), _project(eye, two, 0.0)
+    facing = _facing(eye, place, one, two) if eye.cull or eye.headlight else 1.0
+    # The margin keeps points whose sub-pixels reach into the frame.
+    if (eye.cull and facing <= 0.0) or (
+        _is_outside(eye, center, a, b)
+        and not (
+            -1.0 < center[0] / center[2] < eye.width + 1.0
+            and -1.0 < center[1] / center[2] < eye.height + 1.0
+        )
+    ):
+        return
+    if not _set_shape(record, eye, center, a, b):
+        record["left"], record["right"] = np.float32(1), np.float32(-1)
+        return
+    radius = math.sqrt(math.sqrt(dot(one, one) * dot(two, two)))
+    record["nearness"] = 1.0 / center[2]
+    steep = min(STEEPEST, eye.focal * math.hypot(record["slope_x"], record["slope_y"]))
+    apart = eye.tolerance * radius / center[2] + 1.0 / (eye.focal * eye.subpixels)
+    loose = apart * math.sqrt(1.0 + steep * steep)  # apart is perpendicular to the surface
+    record["keep"] = 1.0 - min(LOOSEST, loose)
+    light = abs(facing) if eye.headlight else 1.0
+    record["red"] = light * color[n, 0]
+    record["green"], record["blue"] = light * color[n, 1], light * color[n, 2]
+
+
+@kernel
+def _see_chunk(
+    position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records, chunk: int
+) -> None:
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, position.shape[0])):
+        _see(position, axes, color, n, eye, records[n])
+
+
+@parallel_kernel
+def see(
+    counter: Counter, position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records
+) -> None:
+    """Project all discs.
+
+    Parameters
+    ----------
+    position, axes, color
+        (N, 3), (N, 2, 3) and (N, 3) of the discs.
+    eye
+        What they are seen by.
+    records
+        (N,) of `SURFEL`, filled.
+    """
+    for chunk in tasks(counter, (position.shape[0] + CHUNK - 1) // CHUNK):
+        _see_chunk(position, axes, color, eye, records, chunk)

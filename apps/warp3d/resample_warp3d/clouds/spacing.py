@@ -1,0 +1,185 @@
+"""Points of a cloud made ready for rendering: in an order of their own, with normals and discs.
+
+Done once per cloud; the result serves every camera.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_warp3d.clouds.files import Cloud, some_of
+
+NEIGHBOURS = 13  # with the point itself
+MORE_NEIGHBOURS = 41  # of points around which those leave a gap
+NEAREST = 4  # of them, whose discs limit a point's own
+LARGEST = 3.0  # times the largest disc of the nearest neighbours a disc may be
+FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+AT_ONCE = 1 << 18  # points whose neighbours are looked up together
+
+Indices = NDArray[np.int64]
+Codes = NDArray[np.uint64]
+
+
+class Surfels(NamedTuple):
+    """N discs of surfaces, in an order that does not depend on the one they were given in."""
+
+    origin: (
+        Doubles  # (3,) scene units; positions are relative to it, so that float32 tells them apart
+    )
+    position: Floats  # (N, 3) scene units
+    axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
+    color: Floats  # (N, 3) linear light; or (0, 3)
+    is_oriented: bool  # normals are known to point outward
+
+
+def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
+    """Prepare a point cloud.
+
+    Parameters
+    ----------
+    cloud
+        Points; those whose place or color is not finite, or whose radius is not above 0, are left
+        out. Normals that are unknown are
+        fitted to the neighbours.
+    radius
+        Of all discs, scene units. Left out, it is the cloud's own; where there is none, each disc
+        is the least ellipse about its point that contains the part of the surface which is nearer
+        to it than to its neighbours: discs then meet, and leave no gaps.
+
+    Returns
+    -------
+    Discs in the order of a curve through space.
+
+    Raises
+    ------
+    ValueError
+        Lengths do not fit, or no radius is known and all points are in one place.
+    """
+    points = _checked(cloud)
+    if radius is not None:
+        if not (np.isfinite(radius) and radius > 0):
+            raise ValueError(f"a radius of {radius}; give a length above 0")
+        points = points._replace(radius=np.full(len(points.position), radius, np.float32))
+    origin = _middle(points.position)
+    position = (points.position - origin).astype(np.float32)
+    order = _canonical(points._replace(position=position))
+    return _discs(origin, some_of(points._replace(position=position), order))
+
+
+def _checked(cloud: Cloud) -> Cloud:
+    """Points that can be drawn, in arrays of the shapes that they must have."""
+    count = len(cloud.position)
+    shapes = {"position": (count, 3), "normal": (count, 3), "color": (count, 3), "radius": (count,)}
+    for (name, shape), part in zip(shapes.items(), cloud, strict=True):
+        if part.shape not in {shape, (0, *shape[1:])}:
+            raise ValueError(f"{name} of a cloud has the shape {part.shape}; it must be {shape}")
+    known = np.asarray(np.isfinite(cloud.position).all(axis=1))
+    if len(cloud.color):
+        known &= np.isfinite(cloud.color).all(axis=1)
+    if len(cloud.radius):
+        known &= np.isfinite(cloud.radius) & (cloud.radius > 0)
+    position, normal, color, radius = some_of(cloud, known)
+    farthest = float(np.abs(position).max(initial=0.0))
+    if farthest > FARTHEST:
+        raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
+    is_normal = np.isfinite(normal).all(axis=1, keepdims=True)
+    return Cloud(
+        np.asarray(position, np.float64),
+        np.asarray(np.where(is_normal, normal, 0.0), np.float32),
+        np.asarray(color, np.float32),
+        np.asarray(radius, np.float32),
+    )
+
+
+def _middle(position: Floats | Doubles) -> Doubles:
+    """Middle of the box around all points."""
+    if not len(position):
+        return np.zeros(3)
+    return np.asarray(0.5 * position.min(axis=0) + 0.5 * position.max(axis=0), np.float64)
+
+
+def _canonical(cloud: Cloud) -> Indices:
+    """Order along a curve through space; points on one place of it by all that they are."""
+    code = _codes(cloud.position)
+    order = np.argsort(code, kind="stable")
+    ordered = code[order]
+    again = np.concatenate([[False], ordered[1:] == ordered[:-1]])
+    shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
+    if shared.size:
+        among = order[shared]
+        columns = [part[among].reshape(among.size, -1).T for part in cloud[::-1] if len(part)]
+        keys = [column for columns_of in columns for column in columns_of[::-1]]
+        order[shared] = among[np.lexsort([*keys, code[among]])]
+    return order
+
+
+def _codes(position: Floats | Doubles) -> Codes:
+    """Places along a Morton curve with 2²¹ steps per axis, (N,)."""
+    if not len(position):
+        return np.zeros(0, np.uint64)
+    low = position.min(axis=0)
+    extent = float((position.max(axis=0) - low).max()) or 1.0
+    steps = ((position - low).astype(np.float64) * ((2**21 - 1) / extent)).astype(np.uint64)
+    x, y, z = _spaced(steps[:, 0]), _spaced(steps[:, 1]), _spaced(steps[:, 2])
+    code: Codes = x | y << np.uint64(1) | z << np.uint64(2)
+    return code
+
+
+def _spaced(bits: Codes) -> Codes:
+    """The 21 bits of each number with two zeros after each of them."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+    return bits
+
+
+def _discs(origin: Doubles, cloud: Cloud) -> Surfels:
+    """Discs of points that are in order and relative to an origin."""
+    count = len(cloud.position)
+    normal = cloud.normal.copy() if len(cloud.normal) else np.zeros((count, 3), np.float32)
+    is_oriented = bool(count) and bool(normal.any(axis=1).all())
+    axes = np.zeros((count, 2, 3), np.float32)
+    if count and not (is_oriented and len(cloud.radius)):
+        _measured(np.asarray(cloud.position, np.float32), normal, axes, len(cloud.radius) > 0)
+    if count and len(cloud.radius):
+        from resample_warp3d.clouds.kernels.cells import lay
+
+        lay(normal, cloud.radius, axes)
+    return Surfels(origin, np.asarray(cloud.position, np.float32), axes, cloud.color, is_oriented)
+
+
+def _measured(position: Floats, normal: Floats, axes: Floats, has_radius: bool) -> None:
+    """Fill in normals and discs by the neighbours of each point."""
+    from scipy.spatial import cKDTree
+
+    from resample_warp3d.clouds.kernels.cells import limit, measure
+
+    is_first = np.ones(len(position), np.bool_)
+    is_first[1:] = (position[1:] != position[:-1]).any(axis=1)
+    place = position[is_first]
+    if len(place) == 1 and not has_radius:
+        raise ValueError("all points are in one place, so their size is unknown; give a radius")
+    owner = np.cumsum(is_first) - 1
+    upward, size = np.ascontiguousarray(normal[is_first]), np.zeros((len(place), 2, 3), np.float32)
+    tree = cKDTree(place, balanced_tree=False, compact_nodes=False)
+    few, many = min(NEIGHBOURS, len(place)), min(MORE_NEIGHBOURS, len(place))
+    nearest = np.zeros((len(place), min(NEAREST, few)), np.int64)
+    for first in range(0, len(place), AT_ONCE):
+        some = np.arange(first, min(first + AT_ONCE, len(place)))
+        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=-1)[1]
+        is_open = np.zeros(len(some), np.bool_)
+        measure(place, neighbour, few == many, upward, size, is_open)
+        nearest[some] = neighbour[:, : nearest.shape[1]]
+        if is_open.any() and few < many:
+            neighbour = tree.query(place[some[is_open]], np.arange(1, many + 1), workers=-1)[1]
+            measure(place, neighbour, True, upward, size, np.zeros(len(neighbour), np.bool_))
+    before = np.linalg.norm(size, axis=2).max(axis=1)
+    limit(np.ascontiguousarray(nearest[:, 1:]), before, LARGEST, size)
+    normal[:], axes[:] = upward[owner], size[owner]

@@ -1,0 +1,1 @@
+"""The `resample-warp3d` command."""

@@ -1,0 +1,217 @@
+"""Cameras that move past a depth image, frame by frame."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from resample.colors import Background
+from resample.files.animations import Levels, Shots, check_count, fingerprint
+from resample.measuring.compare import shown
+from resample.types import Doubles, Floats
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.cameras.poses import read_poses
+from resample_warp3d.types import Warped
+
+PATHS = ("sway", "orbit", "dolly")
+AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}
+NEAR = 0.9  # quantile of the nearness that stands for what is near
+FRAMES = 48
+
+Poses = Callable[[int], Doubles]
+
+
+@dataclass(frozen=True)
+class Range:
+    """How far a picture's things are, scene units."""
+
+    near: float
+    middle: float
+
+    @classmethod
+    def of(cls, nearness: Floats) -> "Range":
+        """Range of the nearness that is known, of which there must be some."""
+        known = nearness[nearness > 0].astype(np.float64)
+        near, middle = np.quantile(known, [NEAR, 0.5])
+        return cls(1.0 / float(near), 1.0 / float(middle))
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A closed path near a camera, of which each frame sees what is in the middle distance.
+
+    Parameters
+    ----------
+    path
+        `sway`: left and right; `orbit`: in a circle, half as high as wide; `dolly`: ahead and back.
+    frames
+        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+    amount
+        How far, as a share of the distance of what is near; None is the path's in `AMOUNTS`.
+
+    Raises
+    ------
+    ValueError
+        The path is unknown, or a number is out of range.
+    """
+
+    path: str = "sway"
+    frames: int = FRAMES
+    amount: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.path not in PATHS:
+            raise ValueError(
+                f"unknown path {self.path!r}; known: {', '.join(PATHS)}, or a file of poses"
+            )
+        if self.amount is not None and not 0.0 < self.amount < math.inf:
+            raise ValueError(f"an amount of {self.amount:g}; give a share above 0, such as 0.1")
+        check_count(self.frames)
+
+    def pose(self, n: int, start: Doubles, distance: Range) -> Doubles:
+        """Pose (4, 4) of a frame, world to camera, of a camera that begins at `start`."""
+        amount = AMOUNTS[self.path] if self.amount is None else self.amount
+        reach, phase = amount * distance.near, 2.0 * math.pi * n / self.frames
+        if self.path == "dolly":
+            return stepped([0.0, 0.0, reach * (1.0 - math.cos(phase)) / 2.0]) @ start
+        right = reach * math.sin(phase)
+        down = 0.5 * reach * math.cos(phase) if self.path == "orbit" else 0.0
+        yaw, pitch = -math.atan2(right, distance.middle), math.atan2(down, distance.middle)
+        return stepped([right, down, 0.0], [math.degrees(yaw), math.degrees(pitch), 0.0]) @ start
+
+
+def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
+    """Pose (4, 4) of a camera that moved and then turned, in the axes that it had before.
+
+    Parameters
+    ----------
+    move
+        To the right, down and ahead, scene units.
+    turn
+        To the right, up and clockwise, degrees; in this order, each about the camera's new axes.
+    """
+    yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
+    axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old
+    pose = np.eye(4)
+    pose[:3, :3] = axes.T
+    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
+    return pose
+
+
+def poses_between(poses: Sequence[Doubles], count: int) -> list[Doubles]:
+    """So many poses evenly along the way through given ones, in straight lines and even turns."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    check_count(count)
+    if len(poses) == 1:
+        return [poses[0]] * count
+    back = np.linalg.inv(np.stack(poses))  # eyes move in straight lines, not the world
+    time, wanted = np.arange(len(poses)), np.linspace(0, len(poses) - 1, count)
+    turned = Slerp(time, Rotation.from_matrix(back[:, :3, :3]))(wanted).as_matrix()
+    place = np.stack([np.interp(wanted, time, back[:, axis, 3]) for axis in range(3)], axis=1)
+    made = np.tile(np.eye(4), (count, 1, 1))
+    made[:, :3, :3] = turned
+    made[:, :3, 3] = place
+    return list(np.linalg.inv(made))
+
+
+def check_path(path: str, frames: int | None, amount: float | None) -> None:
+    """Refuse a path that `poses_of` would refuse, before any work is done.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of `poses_of`.
+    """
+    poses_of(path, frames, amount, np.eye(4), Range(1.0, 1.0))
+
+
+def poses_of(
+    path: str, frames: int | None, amount: float | None, start: Doubles, distance: Range
+) -> list[Doubles]:
+    """Poses of all frames of a path.
+
+    Parameters
+    ----------
+    path
+        One of `PATHS`, or a file as `resample_warp3d.cameras.poses.read_poses` takes it.
+    frames
+        How many; None are `FRAMES`, or the poses of the file themselves.
+    amount
+        As `Flight` takes it; a file has none.
+    start, distance
+        Pose that paths begin at, and how far things are from it.
+
+    Raises
+    ------
+    ValueError, OSError
+        The path is neither, or a number is out of range.
+    """
+    if path not in PATHS and not Path(path).exists() and not Path(path).suffix:
+        raise ValueError(f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of poses")
+    if path not in PATHS:
+        if amount is not None:
+            raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
+        poses = read_poses(path)
+        return poses_between(poses, len(poses) if frames is None else frames)
+    flight = Flight(path, FRAMES if frames is None else frames, amount)
+    return [flight.pose(n, start, distance) for n in range(flight.frames)]
+
+
+def shots(
+    poses: Sequence[Doubles],
+    camera: Camera,
+    render: Callable[[Camera], Floats],
+    job: Mapping[str, object],
+) -> Shots:
+    """Frames of a path.
+
+    Parameters
+    ----------
+    poses
+        One for each frame, world to camera.
+    camera
+        What its frames are seen with.
+    render
+        Makes a frame (H, W, 3) of 0..1, as a screen shows it, of a camera.
+    job
+        What else the frames depend on; see `resample.files.animations.Shots`.
+    """
+
+    def frame(n: int) -> Levels:
+        screen = render(camera.moved(poses[n]))
+        levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        return levels
+
+    whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": camera.matrix.tolist()}
+    return Shots(len(poses), frame, whole)
+
+
+def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
+    """Warped picture (H, W, 3) as a screen shows it, 0..1.
+
+    Raises
+    ------
+    ValueError
+        It is neither gray nor RGB.
+    """
+    channels = warped.image.shape[2] - has_alpha
+    if channels not in (1, 3):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    image = warped.image
+    if not has_alpha:
+        coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
+        image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
+    return shown(image, background)
+
+
+def _about(axis: int, angle: float) -> Doubles:
+    """Rotation (3, 3) about a camera's axis; 0 is x."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    turned = np.eye(3)
+    turned[[first, second], [first, second]] = cosine
+    turned[first, second], turned[second, first] = -sine, sine
+    return turned

@@ -1,0 +1,397 @@
+"""What the command line lets a user choose about a warp; no numerics in here."""
+
+from dataclasses import is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+from pydantic import BaseModel, ConfigDict, Field
+
+from resample.command.settings import height_and_width, numbers_in
+
+if TYPE_CHECKING:
+    from resample.types import Doubles
+    from resample_warp3d.cameras.models import Camera
+    from resample_warp3d.depth.encodings import Encoding
+    from resample_warp3d.types import Method
+
+Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
+Shape = tuple[int, int]  # height and width, px
+UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
+DISTORTED = "k1,k2,p1,p2[,k3[,k4,k5,k6[,s1,s2,s3,s4[,tx,ty]]]]"
+
+
+class Depth(BaseModel):
+    """What the numbers of the depth file mean."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    depth_kind: Annotated[
+        Literal["z", "ray", "inverse", "disparity"],
+        Field(
+            description="Z along the camera's axis, length of the ray, 1 / z, or disparity of a "
+            "calibrated pair. 0, NaN and inf are unknown."
+        ),
+    ] = "z"
+    depth_scale: Annotated[
+        float | None,
+        Field(description="Numbers per unit: 1000 for mm, 5000 for TUM. Floats need none."),
+    ] = None
+    near: Annotated[float | None, Field(description="Inverse depth: z at the largest number.")] = (
+        None
+    )
+    far: Annotated[float | None, Field(description="Inverse depth: z at 0; may be inf.")] = None
+    baseline: Annotated[
+        float | None, Field(description="Disparity: distance of the two eyes, scene units.")
+    ] = None
+    focal: Annotated[
+        float | None, Field(description="Disparity: focal length in px. That of the intrinsics.")
+    ] = None
+    doffs: Annotated[
+        float,
+        Hyphen,
+        Field(description="Disparity: principal point of the right view minus the left's, px."),
+    ] = 0.0
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the files."""
+        if self.depth_kind == "disparity" and self.baseline is None:
+            raise ValueError("disparity needs --baseline; without one, see the command stereo")
+        of_kind = {
+            "inverse": ("near", "far"),
+            "disparity": ("baseline", "focal", "doffs"),
+        }
+        for kind, names in of_kind.items():
+            given = [name for name in names if getattr(self, name) not in (None, 0.0)]
+            if given and self.depth_kind != kind:
+                raise ValueError(f"--{given[0]} belongs to --depth-kind {kind}")
+
+    def encoding(self, camera: "Camera") -> "Encoding":
+        """Meaning of the numbers, for a picture of the camera.
+
+        Raises
+        ------
+        ValueError
+            A number is out of range.
+        """
+        from resample_warp3d.depth import encodings
+
+        if self.depth_kind == "ray":
+            return encodings.RayLength(camera, self.depth_scale)
+        if self.depth_kind == "inverse":
+            return encodings.InverseDepth(self.depth_scale, self.near, self.far)
+        if self.depth_kind == "disparity":
+            focal = abs(float(camera.matrix[0, 0])) if self.focal is None else self.focal
+            return encodings.Disparity(focal, self.baseline or 0.0, self.depth_scale, self.doffs)
+        return encodings.PlanarDepth(self.depth_scale)
+
+
+class Eye(BaseModel):
+    """The camera that took the picture."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    intrinsics: Annotated[
+        str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; fy may be negative.")
+    ] = None
+    fov: Annotated[
+        float | None,
+        Field(description="In place of intrinsics: degrees along the shorter side."),
+    ] = None
+    distortion: Annotated[
+        str | None, Hyphen, Field(description=f"Of the lens, as OpenCV has it: {DISTORTED}.")
+    ] = None
+    convention: Annotated[
+        Literal["corner", "opencv"],
+        Field(description="Opencv: cx and cy count from the center of the first pixel."),
+    ] = "corner"
+    source_pose: Annotated[
+        str | None,
+        Field(
+            description="Pose of the picture's camera: file or file:frame, as of --pose; may "
+            "bring the intrinsics. The identity."
+        ),
+    ] = None
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the files."""
+        if self.intrinsics is not None and self.fov is not None:
+            raise ValueError("give one of --intrinsics and --fov, not both")
+        if self.intrinsics is not None:
+            intrinsic_numbers("intrinsics", self.intrinsics)
+        elif self.fov is None and self.source_pose is None:
+            raise ValueError("give --intrinsics fx,fy,cx,cy or, where they are unknown, --fov 60")
+        if self.distortion is not None:
+            numbers_in("distortion", self.distortion)
+
+    def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
+        """Camera of a picture (height, width).
+
+        Parameters
+        ----------
+        shape
+            Of the picture, px.
+        pose
+            In place of `source_pose`, for a further view.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            The numbers are no camera's, or a file cannot be read.
+        """
+        from resample_warp3d.cameras.models import Camera
+        from resample_warp3d.cameras.poses import read_shot
+
+        name = self.source_pose if pose is None else pose
+        shot = None if name is None else read_shot(name)
+        place = None if shot is None else shot.pose
+        bends = None if self.distortion is None else numbers_in("distortion", self.distortion)
+        if self.fov is not None:
+            made = Camera.from_fov(self.fov, *shape, world_to_camera=place)
+            return Camera(made.matrix, made.world_to_camera, _array(bends))
+        if self.intrinsics is not None:
+            return with_intrinsics("intrinsics", self.intrinsics, self.convention, place, bends)
+        if shot is None or shot.camera is None or shot.shape is None:
+            raise ValueError(f"{name} has no intrinsics; give --intrinsics fx,fy,cx,cy or --fov 60")
+        return shot.camera.resized(shot.shape, shape)
+
+
+class Aim(BaseModel):
+    """From where and how the new picture is seen."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    pose: Annotated[
+        str | None,
+        Field(
+            description="File or file:frame of the new pose: 4 x 4 numbers that map world to "
+            "camera, or poses of TUM, Open3D (.log), NeRF (.json) or COLMAP (images.txt)."
+        ),
+    ] = None
+    move: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Without a pose file: x,y,z to go right, down and ahead, scene units."),
+    ] = None
+    turn: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="And yaw,pitch,roll to turn right, up and clockwise, degrees."),
+    ] = None
+    target_intrinsics: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="fx,fy,cx,cy[,skew] of the new picture. The source's, fitted to size."),
+    ] = None
+    size: Annotated[
+        str | None, Field(description="Of the new picture in px: 400 or 640x480. The source's.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the files."""
+        given = (self.pose, self.move, self.turn, self.target_intrinsics, self.size)
+        if all(choice is None for choice in given):
+            raise ValueError(
+                "say from where to look: --pose FILE, or --move x,y,z and --turn y,p,r"
+            )
+        self.step()
+        self.shape((1, 1))
+        if self.target_intrinsics is not None:
+            intrinsic_numbers("target-intrinsics", self.target_intrinsics)
+
+    def shape(self, source: Shape) -> Shape:
+        """Height and width of the new picture."""
+        return source if self.size is None else height_and_width(self.size)
+
+    def step(self) -> "Doubles":
+        """Pose of the moved and turned camera in the axes of the one that it starts from."""
+        from resample_warp3d.command.animation import stepped
+
+        move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
+        turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)
+        return stepped(move, turn)
+
+    def camera(self, source: "Camera", source_shape: Shape, convention: str) -> "Camera":
+        """Camera of the new picture.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            The numbers are no camera's, or a file cannot be read.
+        """
+        from resample_warp3d.cameras.models import Camera
+        from resample_warp3d.cameras.poses import read_pose
+
+        pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
+        if self.target_intrinsics is None:
+            matrix = source.resized(source_shape, self.shape(source_shape)).matrix
+        else:
+            matrix = with_intrinsics(
+                "target-intrinsics", self.target_intrinsics, convention, None, None
+            ).matrix
+        return Camera(matrix, self.step() @ pose)
+
+
+class Warping(BaseModel):
+    """How pictures are warped."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    method: Annotated[
+        str, Field(description="Such as hybrid, paper, mesh or mcmillan; see resample plugins.")
+    ] = "hybrid"
+    noise: Annotated[
+        float | None,
+        Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
+    ] = None
+    fill: Annotated[
+        bool,
+        Parameter(negative=""),
+        Field(description="Make up what no view shows, from the background beside it."),
+    ] = False
+    labels: Annotated[
+        bool,
+        Parameter(negative=""),
+        Field(description="Colors are names or numbers, which are not mixed."),
+    ] = False
+    threads: Annotated[
+        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
+    ] = None
+
+    def built(self) -> "Method":
+        """The method.
+
+        Raises
+        ------
+        ValueError, LookupError
+            It is unknown, refuses its parameters, or cannot do what else is asked for.
+        """
+        from resample import registry
+
+        method: Method = registry.build("warps", self.method)
+        if not self.labels:
+            return method
+        if self.fill:
+            raise ValueError("what is filled is mixed; leave out one of --labels and --fill")
+        if is_dataclass(method) and hasattr(method, "labels"):
+            return replace(method, labels=True)
+        if self.method.partition(":")[0] not in UNMIXED:
+            raise ValueError(
+                f"{self.method} mixes colors; for labels take hybrid or {' or '.join(UNMIXED)}"
+            )
+        return method
+
+
+class Extras(BaseModel):
+    """What is written beside the picture."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    holes: Annotated[
+        Path | None,
+        Field(
+            description="What no view shows and why (.png): magenta hidden behind something, gray "
+            "outside the source, blue without depth, yellow a crack that was filled."
+        ),
+    ] = None
+    coverage: Annotated[
+        Path | None,
+        Field(description="The share of each pixel that is covered (.png, .tif, .exr)."),
+    ] = None
+    depth_output: Annotated[
+        Path | None,
+        Field(
+            description="Depth z: .exr and .npy in scene units; .png in 16 bits, of the depth "
+            "scale, or 1000 per unit."
+        ),
+    ] = None
+    export: Annotated[
+        Path | None, Field(description="The source as a colored mesh or points (.ply, .glb).")
+    ] = None
+    export_as: Annotated[Literal["mesh", "points"], Field(description="What is exported.")] = "mesh"
+    stats: Annotated[Path | None, Field(description="Sizes, shares and times (.json).")] = None
+
+    def paths(self) -> list[Path | None]:
+        """All files that are asked for."""
+        return [self.holes, self.coverage, self.depth_output, self.export, self.stats]
+
+    def check(self) -> None:
+        """Refuse suffixes that nothing is written as.
+
+        Raises
+        ------
+        ValueError
+            There is one.
+        """
+        from resample.files.pictures import Look, check_output
+        from resample_warp3d.command.export import check_export
+        from resample_warp3d.command.writing import check_depth, check_holes
+
+        if self.holes is not None:
+            check_holes(self.holes)
+        if self.coverage is not None:
+            check_output(self.coverage, Look(is_light=False), transparent=False)
+        if self.depth_output is not None:
+            check_depth(self.depth_output)
+        if self.export is not None:
+            check_export(self.export)
+
+
+class Travel(BaseModel):
+    """How the camera of an animation moves."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    path: Annotated[
+        str,
+        Field(
+            description="sway: left and right around what is seen; orbit: in a circle; dolly: "
+            "ahead and back; or a file of poses, as of render."
+        ),
+    ] = "sway"
+    amount: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="How far, as a share of the distance of what is near. 0.1; dolly 0.3.",
+        ),
+    ] = None
+    frames: Annotated[
+        int | None, Field(description="How many. 48; of a file as many as it has poses.")
+    ] = None
+
+
+def intrinsic_numbers(name: str, text: str) -> list[float]:
+    """The numbers fx, fy, cx, cy and skew of a text.
+
+    Raises
+    ------
+    ValueError
+        There are others than four or five.
+    """
+    numbers = numbers_in(name, text)
+    if len(numbers) not in (4, 5):
+        raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
+    return [*numbers, 0.0][:5]
+
+
+def with_intrinsics(
+    name: str, text: str, convention: str, pose: Any, distortion: list[float] | None
+) -> "Camera":
+    """Camera of a text of intrinsics."""
+    from resample_warp3d.cameras.models import Camera
+
+    fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
+    return Camera.from_intrinsics(
+        *(fx, fy, cx, cy),
+        skew=skew,
+        world_to_camera=pose,
+        distortion=distortion,
+        convention=convention,
+    )
+
+
+def _array(numbers: list[float] | None) -> "Doubles | None":
+    import numpy as np
+
+    return None if numbers is None else np.array(numbers)

@@ -1,0 +1,193 @@
+"""Prepared depth images as meshes and point clouds for other programs, by trimesh."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb, straight, to_srgb
+from resample.files.writing import replacing
+from resample.types import Doubles
+from resample_warp3d.cameras.models import Camera, camera_to_world, directions, pixel_centers
+from resample_warp3d.types import DOWN, RIGHT, Source
+
+if TYPE_CHECKING:
+    import trimesh
+
+SUFFIXES = (".ply", ".glb")
+OPENGL_AXES = np.diag([1.0, -1.0, -1.0])  # y up, the camera at the identity looking along −z
+Shape = Literal["mesh", "points"]
+Levels = NDArray[np.uint8]
+Indices = NDArray[np.int64]
+
+
+def check_export(path: Path) -> None:
+    """Refuse a target that `write_geometry` would refuse, before any work is done."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: meshes and points are written as {' or '.join(SUFFIXES)}")
+
+
+def write_geometry(path: Path, source: Source, camera: Camera, shape: Shape = "mesh") -> None:
+    """Write a prepared depth image as a file of colored triangles or points, in the world's axes.
+
+    Parameters
+    ----------
+    path
+        `.ply`: axes as they are, sRGB values; `.glb`: y and z turned around, so that up is up where
+        the camera's pose is the identity, a mesh with the picture as its texture, points in linear
+        light, as glTF asks for.
+    source
+        What is written; triangles hang together where its links do.
+    camera
+        Camera that took it.
+    shape
+        Triangles between samples, or samples alone.
+
+    Raises
+    ------
+    ValueError
+        The suffix is unknown, there is nothing to write, or the color is neither gray nor RGB.
+    OSError
+        The file cannot be written.
+    """
+    check_export(path)
+    suffix = path.suffix.lower()
+    is_gltf = suffix == ".glb"
+    geometry: Any = (
+        cloud(source, camera) if shape == "points" else mesh(source, camera, textured=is_gltf)
+    )
+    with replacing(path) as temporary:
+        written = _for_gltf(geometry) if is_gltf else geometry
+        temporary.write_bytes(written.export(file_type=suffix[1:]))
+
+
+def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.Trimesh":
+    """Triangles between linked samples, front sides to the camera.
+
+    Their colors are sRGB, of the vertices or, `textured`, of a texture.
+
+    Raises
+    ------
+    ValueError
+        No three samples hang together.
+    """
+    import trimesh
+
+    triangle = triangles(source)
+    if not triangle.size:
+        raise ValueError("no three neighbours lie on one surface; there is no mesh to write")
+    if camera.matrix[0, 0] * camera.matrix[1, 1] < 0:  # the picture is a mirror image
+        triangle = triangle[:, ::-1]
+    kept, corner = np.unique(triangle, return_inverse=True)
+    color = levels(source)
+    made = trimesh.Trimesh(
+        vertices=positions(source, camera).reshape(-1, 3)[kept],
+        faces=corner.reshape(-1, 3),
+        vertex_colors=None if textured else color.reshape(-1, 4)[kept],
+        process=False,
+    )
+    if textured:
+        made.visual = _texture(color, kept)
+    return made
+
+
+def cloud(source: Source, camera: Camera) -> "trimesh.PointCloud":
+    """All samples that have a depth, with sRGB colors."""
+    import trimesh
+
+    is_known = source.nearness > 0
+    return trimesh.PointCloud(positions(source, camera)[is_known], levels(source)[is_known])
+
+
+def positions(source: Source, camera: Camera) -> Doubles:
+    """Where all samples are in the world, (H, W, 3) scene units; not finite without a depth."""
+    place = source.place if source.place.size else pixel_centers(source.nearness.shape)
+    ray = directions(camera, place)
+    ray = np.concatenate([ray, np.ones((*ray.shape[:2], 1))], axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = ray / source.nearness[..., None].astype(np.float64)
+    back = camera_to_world(camera.world_to_camera)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(point @ back[:3, :3].T + back[:3, 3], np.float64)
+
+
+def triangles(source: Source) -> Indices:
+    """Triangles (N, 3) of sample numbers, counterclockwise for the camera.
+
+    Four samples that are linked all around make two, cut where the nearness changes least; where
+    two links meet in a corner and others are missing, they make one.
+    """
+    height, width = source.nearness.shape
+    number = np.arange(height * width).reshape(height, width)
+    corners = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    right, down = (source.links & RIGHT) > 0, (source.links & DOWN) > 0
+    sides = down[:-1, :-1], right[1:, :-1], down[:-1, 1:], right[:-1, :-1]  # after each corner
+    is_whole = np.logical_and.reduce(sides)
+    nearness = source.nearness
+    falling = np.abs(nearness[:-1, :-1] - nearness[1:, 1:])
+    rising = np.abs(nearness[1:, :-1] - nearness[:-1, 1:])
+    is_falling = falling <= rising
+    found = [
+        _picked(corners, (0, 1, 2), is_whole & is_falling),
+        _picked(corners, (0, 2, 3), is_whole & is_falling),
+        _picked(corners, (0, 1, 3), is_whole & ~is_falling),
+        _picked(corners, (1, 2, 3), is_whole & ~is_falling),
+    ]
+    is_open = ~is_whole
+    for n in range(4):
+        meets = is_open & sides[n] & sides[n - 1]
+        found.append(_picked(corners, (n - 1, n, (n + 1) % 4), meets))
+        is_open = is_open & ~meets
+    return np.concatenate(found)
+
+
+def levels(source: Source) -> Levels:
+    """Colors (H, W, 4) as 8-bit sRGB and straight alpha.
+
+    Raises
+    ------
+    ValueError
+        The picture is neither gray nor RGB, with or without alpha.
+    """
+    channels = source.color.shape[2]
+    if channels not in (1, 2, 3, 4):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be exported")
+    color = source.color[..., [0, 0, 0]] if channels < 3 else source.color[..., :3]
+    alpha = source.color[..., -1:] if channels in (2, 4) else np.ones_like(color[..., :1])
+    rgba = np.clip(straight(np.concatenate([color, alpha], axis=2)), 0.0, 1.0)
+    rgba[..., :3] = to_srgb(rgba[..., :3])
+    return np.asarray(np.floor(rgba * 255.0 + 0.5), np.uint8)
+
+
+def _picked(
+    corners: tuple[Indices, ...], chosen: tuple[int, int, int], where: NDArray[np.bool_]
+) -> Indices:
+    return np.stack([corners[n][where] for n in chosen], axis=1)
+
+
+def _texture(color: Levels, kept: Indices) -> Any:
+    """Picture that meets each kept sample with its own pixel's center."""
+    from PIL import Image
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    height, width = color.shape[:2]
+    across, up = (kept % width + 0.5) / width, 1.0 - (kept // width + 0.5) / height
+    picture = Image.fromarray(color if (color[..., 3] < 255).any() else color[..., :3])
+    material = PBRMaterial(
+        baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
+    )
+    return TextureVisuals(uv=np.stack([across, up], axis=1), material=material)
+
+
+def _for_gltf(geometry: Any) -> "trimesh.Scene":
+    """Geometry as viewers of glTF expect it."""
+    import trimesh
+
+    geometry.vertices = geometry.vertices @ OPENGL_AXES
+    if isinstance(geometry, trimesh.PointCloud):
+        color = geometry.colors.astype(np.float32) / 255.0
+        color[:, :3] = from_srgb(color[:, :3])
+        geometry.colors = np.asarray(np.floor(color * 255.0 + 0.5), np.uint8)
+    return trimesh.Scene([geometry])

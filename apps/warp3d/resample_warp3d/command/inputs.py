@@ -1,0 +1,192 @@
+"""Depth images as the command line's files and words give them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.command.console import say
+from resample.files.images import read_channels
+from resample.files.pictures import Picture, flattened, read_picture
+from resample.memory import require_memory
+from resample.types import Floats
+from resample_warp3d.cameras.models import Camera, undistorted_places
+from resample_warp3d.cameras.poses import looks_inverted
+from resample_warp3d.command.choices import Depth, Eye
+from resample_warp3d.depth.encodings import BareDisparity, Encoding, check_scale
+from resample_warp3d.depth.files import read_depth
+from resample_warp3d.types import DepthImage
+
+BYTES_PER_PIXEL = 96  # of what preparing a source takes beside its colors
+
+
+class View(NamedTuple):
+    """One input: what a camera saw and how far it was."""
+
+    picture: Picture
+    image: DepthImage
+    camera: Camera
+    step: float | None  # smallest difference of nearness that the file tells apart, if known
+
+
+class ViewNames(NamedTuple):
+    """Files of a further view."""
+
+    color: str
+    depth: str
+    pose: str
+
+
+class TrueView(NamedTuple):
+    """Files of a depth image and of what another view of it really shows."""
+
+    color: str | None
+    depth: str | None
+    truth: Path | None
+    mask: Path | None
+
+    def check(self, *, is_generated: bool) -> None:
+        """Refuse files without each other, or beside a generated scene."""
+        if is_generated:
+            if any(name is not None for name in self):
+                raise ValueError("the generated scene takes no files; leave out --scene or them")
+        elif self.depth is None or self.truth is None:
+            raise ValueError("give COLOR, DEPTH and --truth, or --scene generated")
+
+
+class Truth(NamedTuple):
+    """What a view really shows, and which of its pixels count."""
+
+    color: Floats  # (H, W, C) linear light
+    mask: NDArray[np.bool_] | None  # (H, W); None: unknown
+
+
+def read_truth(truth: Path, mask: Path | None) -> Truth:
+    """Picture of a view, over black, and its mask.
+
+    Raises
+    ------
+    OSError
+        A file is missing or damaged.
+    ValueError
+        It is neither gray nor RGB.
+    """
+    picture = flattened(read_picture(truth), (0.0, 0.0, 0.0))
+    if len(picture.kind.channels) not in (1, 3):
+        raise ValueError(f"{truth} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
+    chosen = None if mask is None else read_picture(mask).data[..., 0] > 0.5
+    return Truth(picture.data, chosen)
+
+
+def view_names(text: str) -> ViewNames:
+    """Files of a text COLOR,DEPTH,POSE.
+
+    Raises
+    ------
+    ValueError
+        There are more or fewer.
+    """
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != 3 or not all(words):
+        raise ValueError(f"view {text!r}; give COLOR,DEPTH,POSE, three files separated by commas")
+    return ViewNames(*words)
+
+
+class Reader(NamedTuple):
+    """How files of depth images are understood."""
+
+    eye: Eye
+    meaning: Depth
+    labels: bool = False  # colors are names, kept as they are stored
+
+
+def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> View:
+    """Depth image of a calibrated camera; a doubtful scale is said.
+
+    Parameters
+    ----------
+    color, depth
+        Files, as `resample.files.pictures.read_picture` and
+        `resample_warp3d.depth.files.read_depth` take them.
+    pose
+        In place of the eye's.
+
+    Raises
+    ------
+    OSError
+        A file is missing or damaged.
+    ValueError, LookupError
+        The files do not fit each other, hold no depth, or a choice cannot be worked with.
+    """
+    picture = read_names(color) if reader.labels else read_picture(color)
+    shape = picture.data.shape[0], picture.data.shape[1]
+    camera = reader.eye.camera(shape, pose)
+    image, step = _depth_image(picture, (color, depth), reader.meaning.encoding(camera))
+    doubt = check_scale(image.nearness)
+    if doubt is not None:
+        say(f"{depth}: {doubt}")
+    return View(picture, image._replace(place=undistorted_places(camera, shape)), camera, step)
+
+
+def read_rectified(color: str, disparity: str, scale: float | None) -> View:
+    """View of a rectified pair whose disparity is its own nearness.
+
+    Raises
+    ------
+    OSError, ValueError
+        As of `read_view`.
+    """
+    picture = read_picture(color)
+    image, step = _depth_image(picture, (color, disparity), BareDisparity(scale))
+    height, width = image.nearness.shape
+    return View(picture, image, Camera.from_fov(60.0, height, width), step)
+
+
+def read_names(path: str) -> Picture:
+    """Label image with its numbers as they are stored; those of 8 and 16 bits as shares of them."""
+    kind = read_picture(path).kind
+    stored = read_channels(path)
+    data = np.stack([stored[name] for name in kind.channels], axis=2)
+    return Picture(np.ascontiguousarray(data), kind)
+
+
+def check_poses(views: Sequence[View]) -> None:
+    """Say so if poses look inverted: depths of two views would agree better the other way round."""
+    first, *others = views
+    for other in others:
+        doubt = looks_inverted(first.image, other.image, first.camera, other.camera)
+        if doubt is not None:
+            say(doubt)
+            return
+
+
+def _depth_image(
+    picture: Picture, names: tuple[str, str], encoding: Encoding
+) -> tuple[DepthImage, float | None]:
+    """Picture with its nearness; pixels whose color is no number have none."""
+    color, depth = names
+    height, width, channels = picture.data.shape
+    require_memory(
+        (BYTES_PER_PIXEL + 8 * channels) * height * width,
+        f"{color} of {width} x {height} pixels",
+        "take a smaller picture",
+    )
+    raw = read_depth(depth)
+    if raw.shape != (height, width):
+        raise ValueError(
+            f"{color} has {width} x {height} pixels, {depth} has {raw.shape[1]} x {raw.shape[0]}; "
+            "they must be the same"
+        )
+    nearness = encoding.nearness(raw)
+    if not nearness.any():
+        raise ValueError(f"{depth} has no depth at all; check its kind and its file")
+    is_bad = ~np.isfinite(picture.data).all(axis=2)
+    if is_bad.any():
+        say(f"{color}: {int(is_bad.sum())} pixels are not numbers; they are left out")
+        nearness[is_bad] = 0
+        picture.data[is_bad] = 0
+        if not nearness.any():
+            raise ValueError(f"{color} has no color where {depth} has depth")
+    return DepthImage(picture.data, nearness, np.empty((0, 0, 2))), encoding.quantum(raw)

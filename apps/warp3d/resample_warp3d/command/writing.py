@@ -1,0 +1,149 @@
+"""What is known about a warped picture, as files: holes, depth and coverage."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.command.console import say
+from resample.files.pictures import Kind, Look, Picture, write_picture
+from resample.files.writing import replacing
+from resample.types import Floats
+from resample_warp3d.command.choices import Extras
+from resample_warp3d.types import Hole, Warped
+
+DEPTHS = (".exr", ".npy", ".png")
+MILLIMETERS = 1000.0  # per unit of a PNG's depth, where nothing else was said
+HOLE_COLORS = {
+    Hole.NONE: (0, 0, 0),
+    Hole.DISOCCLUDED: (255, 0, 255),
+    Hole.OUTSIDE: (128, 128, 128),
+    Hole.NO_DEPTH: (0, 64, 255),
+    Hole.CRACK: (255, 220, 0),
+}
+
+
+def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:
+    """Warped picture whose coverage is its opacity, where it has no channel for that yet.
+
+    One that was `filled` has no coverage to show.
+    """
+    image = np.asarray(warped.image, np.float32)
+    if kind.has_alpha or filled:
+        return Picture(image, kind)
+    coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
+    image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
+    return Picture(image, kind._replace(channels=(*kind.channels, "A")))
+
+
+def names_picture(warped: Warped, kind: Kind) -> Picture:
+    """Warped label image with its numbers as they were stored; 0 where nothing is."""
+    coverage = warped.coverage[..., None]
+    data = np.divide(warped.image, coverage, out=np.zeros_like(warped.image), where=coverage > 0)
+    return Picture(data, kind)
+
+
+def coverage_picture(coverage: Floats) -> Picture:
+    """Shares of pixels as a gray picture whose numbers they are, whatever its format."""
+    share = np.clip(coverage, 0.0, 1.0)[..., None]
+    return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
+
+
+def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
+    """Write holes, coverage and depth where they are asked for.
+
+    Parameters
+    ----------
+    extras
+        What is asked for.
+    warped
+        Where it comes from.
+    scale
+        Numbers of a PNG's depth per scene unit; None are `MILLIMETERS`.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    if extras.holes is not None:
+        write_holes(extras.holes, warped.holes)
+    if extras.coverage is not None:
+        write_picture(extras.coverage, coverage_picture(warped.coverage), Look(is_light=False))
+    if extras.depth_output is not None:
+        write_depth(extras.depth_output, warped.depth, MILLIMETERS if scale is None else scale)
+
+
+def check_holes(path: Path) -> None:
+    """Refuse a target that `write_holes` would refuse, before any work is done."""
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"{path}: holes are written as .png")
+
+
+def write_holes(path: Path, holes: NDArray[np.uint8]) -> None:
+    """Write the types of holes as a PNG whose numbers are those of `Hole`, with a palette.
+
+    What is covered is transparent; the other colors are `HOLE_COLORS`.
+
+    Raises
+    ------
+    ValueError
+        The suffix is another.
+    OSError
+        The file cannot be written.
+    """
+    from PIL import Image
+
+    check_holes(path)
+    height, width = holes.shape
+    picture = Image.frombytes("P", (width, height), np.ascontiguousarray(holes, np.uint8).tobytes())
+    picture.putpalette([level for hole in Hole for level in HOLE_COLORS[hole]])
+    with replacing(path) as temporary:
+        picture.save(temporary, transparency=int(Hole.NONE))
+
+
+def check_depth(path: Path) -> None:
+    """Refuse a target that `write_depth` would refuse, before any work is done."""
+    if path.suffix.lower() not in DEPTHS:
+        *most, last = DEPTHS
+        raise ValueError(f"{path}: depth is written as {', '.join(most)} or {last}")
+
+
+def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> None:
+    """Write depth in the form of the suffix.
+
+    Parameters
+    ----------
+    path
+        `.exr` (channel Z) and `.npy` in scene units, inf where nothing is; `.png` in 16 bits, 0
+        where nothing is. What is too far for 16 bits is left out, which is said.
+    depth
+        (H, W) scene units.
+    scale
+        Numbers of a PNG per scene unit.
+
+    Raises
+    ------
+    ValueError
+        The suffix is another.
+    OSError
+        The file cannot be written.
+    """
+    check_depth(path)
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        with replacing(path) as temporary:
+            np.save(temporary, np.asarray(depth, np.float32))
+    elif suffix == ".exr":
+        plane = np.asarray(depth, np.float32)[..., None]
+        write_picture(path, Picture(plane, Kind(("Z",), 32, is_encoded=False)), Look())
+    else:
+        levels = np.floor(np.where(np.isfinite(depth), depth, 0.0) * float(scale) + 0.5)
+        lost = int((levels > 65535).sum())
+        if lost:
+            say(f"{path}: {lost} pixels are beyond {65535 / scale:g} and left out; take .exr")
+        share = np.where(levels > 65535, 0.0, levels) / 65535.0
+        plane = np.asarray(share, np.float32)[..., None]
+        write_picture(
+            path, Picture(plane, Kind(("Y",), 16, is_encoded=False)), Look(16, is_light=False)
+        )

@@ -1,0 +1,1 @@
+"""Depth images: files, what their numbers mean, and which samples are one surface."""

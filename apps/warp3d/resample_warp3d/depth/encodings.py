@@ -1,0 +1,274 @@
+"""What the numbers of a depth file mean.
+
+An encoding turns numbers, as `resample_warp3d.depth.files.read_depth` gives them, into nearness:
+
+    nearness = PlanarDepth(scale=1000).nearness(read_depth("frame.png"))
+
+No encoding guesses: whole numbers come with a scale. Each says which of its numbers stand for
+nothing known, which becomes the nearness 0.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_warp3d.cameras.models import Camera, directions, pixel_centers, undistorted_places
+
+Raw = NDArray[Any]  # (H, W) whole numbers or floats, as a file holds them
+
+FARTHEST, NEAREST = 1000.0, 0.001  # m, of the median; beyond them a scale is doubted
+OUT_OF_RANGE = 1e-3  # by which normalised values may exceed 1
+
+
+class Encoding(Protocol):
+    """Role of a meaning of a file's numbers."""
+
+    def nearness(self, raw: Raw) -> Floats:
+        """Nearness (H, W) of a file's numbers; 0 where nothing is known."""
+
+    def quantum(self, raw: Raw) -> float | None:
+        """Smallest difference of nearness that the numbers tell apart; None if it varies."""
+
+
+@dataclass(frozen=True)
+class PlanarDepth:
+    """Distance along the optical axis, z; 0, negative numbers, inf and NaN are unknown.
+
+    Parameters
+    ----------
+    scale
+        Numbers per scene unit: 1000 for millimeters where scenes are in meters, 5000 for TUM and
+        ICL-NUIM. None is 1, for floats alone.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite and above 0.
+    """
+
+    scale: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_positive(scale=self.scale)
+
+    def nearness(self, raw: Raw) -> Floats:
+        return _where_known(raw, _reciprocal(_scaled(raw, self.scale)))
+
+    def quantum(self, raw: Raw) -> None:  # noqa: ARG002 - the same for all numbers
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class RayLength:
+    """Distance from the eye, along the ray; 0, negative numbers, inf and NaN are unknown.
+
+    Parameters
+    ----------
+    camera
+        Camera that took the picture, whose lens bends the rays.
+    scale
+        As of `PlanarDepth`.
+    """
+
+    camera: Camera
+    scale: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_positive(scale=self.scale)
+
+    def nearness(self, raw: Raw) -> Floats:
+        found = undistorted_places(self.camera, raw.shape)
+        place = found if found.size else pixel_centers(raw.shape)
+        x, y = np.moveaxis(directions(self.camera, place), 2, 0)
+        length = np.sqrt(1.0 + x * x + y * y)
+        return _where_known(raw, length * _reciprocal(_scaled(raw, self.scale)))
+
+    def quantum(self, raw: Raw) -> None:  # noqa: ARG002 - the same for all numbers
+        return None
+
+
+@dataclass(frozen=True)
+class InverseDepth:
+    """1 / z; 0, negative numbers, inf and NaN are unknown.
+
+    With `near` and `far`, v = number / scale is 0 at far and 1 at near, as in MPEG's depth maps:
+    1 / z = v (1 / near − 1 / far) + 1 / far. Then 0 is known, unless far is inf.
+
+    Parameters
+    ----------
+    scale
+        Numbers per unit: of 1 / z, or of v (255 for 8 bits). None is 1, for floats alone.
+    near, far
+        z at v = 1 and v = 0, scene units; far may be inf. Both or neither.
+
+    Raises
+    ------
+    ValueError
+        A number is not above 0, near is not below far, or one of them is missing.
+    """
+
+    scale: float | None = None
+    near: float | None = None
+    far: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_positive(scale=self.scale, near=self.near)
+        if (self.near is None) != (self.far is None):
+            raise ValueError("inverse depth between two distances needs near and far, not just one")
+        if self.near is not None and self.far is not None and not self.near < self.far:
+            raise ValueError(f"near {self.near:g} is not below far {self.far:g}")
+
+    def nearness(self, raw: Raw) -> Floats:
+        value = _scaled(raw, self.scale)
+        if self.near is None or self.far is None:
+            return _where_known(raw, value)
+        finite = value[np.isfinite(value)]
+        if finite.size and finite.max() > 1.0 + OUT_OF_RANGE:
+            raise ValueError(
+                f"inverse depth between near and far goes up to {finite.max():g} instead of 1; give"
+                " its scale (255 for 8 bits, 65535 for 16)"
+            )
+        span = 1.0 / self.near - 1.0 / self.far
+        with np.errstate(invalid="ignore"):
+            nearness = np.clip(value, 0.0, 1.0) * span + 1.0 / self.far
+        return _where(np.isfinite(raw) & (raw >= 0), nearness)
+
+    def quantum(self, raw: Raw) -> float | None:
+        span = 1.0 if self.near is None or self.far is None else 1.0 / self.near - 1.0 / self.far
+        return _step(raw, self.scale, span)
+
+
+@dataclass(frozen=True)
+class Disparity:
+    """Disparity of a calibrated pair, px; 0, negative numbers, inf and NaN are unknown.
+
+    1 / z = (number / scale + doffs) / (focal × baseline).
+
+    Parameters
+    ----------
+    focal
+        Focal length of the rectified pair, px.
+    baseline
+        Distance of its eyes, scene units.
+    scale
+        Numbers per px: 16 for OpenCV's matchers, 256 for KITTI. None is 1, for floats alone.
+    doffs
+        Difference of the principal points, px, right minus left (Middlebury).
+
+    Raises
+    ------
+    ValueError
+        A number is not finite, or focal, baseline or scale not above 0.
+    """
+
+    focal: float
+    baseline: float
+    scale: float | None = None
+    doffs: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_positive(scale=self.scale, focal=self.focal, baseline=self.baseline)
+        if not math.isfinite(self.doffs):
+            raise ValueError(f"doffs {self.doffs} is not finite")
+
+    def nearness(self, raw: Raw) -> Floats:
+        disparity = _scaled(raw, self.scale) + self.doffs
+        return _where_known(raw, disparity / (self.focal * self.baseline))
+
+    def quantum(self, raw: Raw) -> float | None:
+        return _step(raw, self.scale, 1.0 / (self.focal * self.baseline))
+
+
+@dataclass(frozen=True)
+class BareDisparity:
+    """Disparity of a rectified pair without calibration, px, which is its own nearness.
+
+    0, negative numbers, inf and NaN are unknown.
+
+    Parameters
+    ----------
+    scale
+        As of `Disparity`: 4 for Middlebury 2003, 2 for its half-size pairs of 2006.
+    """
+
+    scale: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_positive(scale=self.scale)
+
+    def nearness(self, raw: Raw) -> Floats:
+        return _where_known(raw, _scaled(raw, self.scale))
+
+    def quantum(self, raw: Raw) -> float | None:
+        return _step(raw, self.scale, 1.0)
+
+
+ENCODINGS: Mapping[str, type[Encoding]] = {
+    "z": PlanarDepth,
+    "ray": RayLength,
+    "inverse": InverseDepth,
+    "disparity": Disparity,
+    "generalised": BareDisparity,
+}
+
+
+def check_scale(nearness: Floats) -> str | None:
+    """Warning where depth in meters is doubtful: a median over 1 km or under 1 mm; else None."""
+    known = nearness[nearness > 0]
+    if not known.size:
+        return None
+    middle = 1.0 / float(np.median(known))
+    if NEAREST <= middle <= FARTHEST:
+        return None
+    return (
+        f"half of the picture is beyond {middle:.3g} m, if its unit is m; check the depth's scale"
+    )
+
+
+def _check_positive(**numbers: float | None) -> None:
+    for name, number in numbers.items():
+        if number is not None and not (math.isfinite(number) and number > 0):
+            raise ValueError(f"{name} {number} is not finite and above 0")
+
+
+def _scaled(raw: Raw, scale: float | None) -> Doubles:
+    """Numbers in the encoding's unit."""
+    if scale is None and raw.dtype.kind != "f":
+        raise ValueError(
+            f"depth in whole numbers ({raw.dtype}) needs its scale: how many make 1 unit, such as"
+            " 1000 for mm, 5000 for TUM, 4 for quarters of a pixel, 255 for 8 bits of 0..1"
+        )
+    return raw.astype(np.float64) / (1.0 if scale is None else scale)
+
+
+def _reciprocal(value: Doubles) -> Doubles:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 / value
+
+
+def _where_known(raw: Raw, nearness: Doubles) -> Floats:
+    return _where(np.isfinite(raw) & (raw > 0), nearness)
+
+
+def _where(is_known: NDArray[np.bool_], nearness: Doubles) -> Floats:
+    """Nearness in float32, 0 where it is unknown or beyond that type's range."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        single = nearness.astype(np.float32)
+    return np.where(is_known & np.isfinite(single) & (single > 0), single, np.float32(0))
+
+
+def _step(raw: Raw, scale: float | None, unit: float) -> float | None:
+    """Nearness between neighbouring levels of whole numbers; None for floats.
+
+    Levels may be multiples, as in 8-bit maps that were stretched to 16.
+    """
+    if raw.dtype.kind == "f" or scale is None or not (raw > 0).any():
+        return None
+    levels = raw[raw > 0].astype(np.int64)
+    apart = int(np.gcd.reduce(levels - levels[0]))
+    return max(1, apart) * unit / scale

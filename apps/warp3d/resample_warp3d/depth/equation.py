@@ -1,0 +1,54 @@
+"""McMillan's warping equation of two views, and what it says about points."""
+
+import numpy as np
+
+from resample.types import Doubles
+from resample_warp3d.cameras.models import Camera, pixel_centers
+from resample_warp3d.types import DepthImage, Equation
+
+
+def between(source: Camera, target: Camera) -> Equation:
+    """Equation of two cameras; δ is then 1 / z in the source (McMillan 1997; paper, section 3)."""
+    relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
+    turned: Doubles = target.matrix @ relative[:3, :3] @ np.linalg.inv(source.matrix)
+    shift = np.asarray(target.matrix @ relative[:3, 3], np.float64)
+    return Equation(np.asarray(turned, np.float64), shift)
+
+
+def of_rectified(fraction: float) -> Equation:
+    """Equation of a rectified pair whose δ is the disparity in px.
+
+    `fraction` 1 leads from the left view to the right one, where things are further left, −1 from
+    the right view to the left one, 0.5 to the view between.
+    """
+    return Equation(np.eye(3), np.array([-fraction, 0.0, 0.0]))
+
+
+def inverse(equation: Equation) -> Equation:
+    """Equation that leads back, from the target and its nearness to the source."""
+    back = np.linalg.inv(equation.matrix)
+    return Equation(np.asarray(back, np.float64), -back @ equation.epipole)
+
+
+def places(image: DepthImage) -> Doubles:
+    """Where each sample lies in a source without distortion, (H, W, 2) px."""
+    if image.place.size:
+        return image.place
+    height, width = image.nearness.shape
+    return pixel_centers((height, width))
+
+
+def warp_places(equation: Equation, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
+    """Where points go, px (..., 2), and their nearness there; not a number behind the eye.
+
+    Parameters
+    ----------
+    place
+        (..., 2) px of the source.
+    nearness
+        (...) δ of the points; 0 is infinitely far.
+    """
+    seen = place @ equation.matrix[:, :2].T + equation.matrix[:, 2]
+    seen = seen + np.asarray(nearness)[..., None] * equation.epipole
+    scale = np.where(seen[..., 2] > 0.0, seen[..., 2], np.nan)
+    return seen[..., :2] / scale[..., None], nearness / scale

@@ -1,0 +1,144 @@
+"""Depth as files hold it; what its numbers mean is said by `resample_warp3d.depth.encodings`."""
+
+import errno
+import re
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from resample.memory import require_memory
+from resample_warp3d.depth.encodings import Raw
+
+PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
+BYTES_PER_VALUE = 24  # of depth, and of the copies that are made while it is turned into nearness
+
+
+def read_depth(path: str | Path) -> Raw:
+    """Numbers of a depth file, without their meaning.
+
+    Parameters
+    ----------
+    path
+        PNG, TIFF, EXR and what else OpenImageIO reads; PFM; NPY; NPZ. `file:name` picks a channel,
+        or an array of an NPZ; without it a file has one, or a channel Z.
+
+    Returns
+    -------
+    (H, W), row 0 on top. Whole numbers stay whole numbers, so that an encoding can ask for their
+    scale. The scale in a PFM's header tells its byte order alone: Middlebury's are not 1 either.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    ValueError
+        It holds something else, or several channels or arrays and none was picked.
+    """
+    file, name = _split(path)
+    suffix = file.suffix.lower()
+    if name and suffix in (".pfm", ".npy"):
+        raise ValueError(f"{file} holds one array, of which no {name!r} can be picked")
+    if suffix == ".pfm":
+        raw = _read_pfm(file)
+    elif suffix in (".npy", ".npz"):
+        raw = _read_numpy(file, name)
+    else:
+        raw = _read_channel(file, name)
+    if raw.ndim == 3 and 1 in (raw.shape[0], raw.shape[2]):
+        raw = raw[0] if raw.shape[0] == 1 else raw[..., 0]
+    if raw.ndim != 2 or not raw.size or raw.dtype.kind not in "uif":
+        raise ValueError(f"{path} holds {raw.dtype} of shape {raw.shape}; depth is numbers (H, W)")
+    return np.ascontiguousarray(raw, raw.dtype.newbyteorder("="))
+
+
+def _split(path: str | Path) -> tuple[Path, str]:
+    """File and the name behind a colon; empty if there is none."""
+    file, _, name = str(path).rpartition(":")
+    if Path(path).is_file() or not file:
+        file, name = str(path), ""
+    if not Path(file).is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    return Path(file), name
+
+
+def _read_pfm(path: Path) -> Raw:
+    """Portable float map; its rows run from the bottom up."""
+    with path.open("rb") as file:
+        found = PFM_HEADER.match(file.read(256))
+        if found is None:
+            raise ValueError(f"{path} is not a PFM: it does not begin with Pf and three numbers")
+        letters, width, height = found[1], int(found[2]), int(found[3])
+        if letters != b"Pf":
+            raise ValueError(f"{path} holds 3 channels; depth has one")
+        try:
+            scale = float(found[4])
+        except ValueError:
+            raise ValueError(f"{path} is not a PFM: its scale is {found[4]!r}") from None
+        file.seek(found.end())
+        content = file.read()
+    if len(content) < 4 * width * height:
+        raise OSError(
+            f"{path} is cut off: {width} × {height} floats are {4 * width * height} bytes, it has "
+            f"{len(content)}"
+        )
+    kind = "<f4" if scale < 0 else ">f4"
+    return np.frombuffer(content, kind, width * height).reshape(height, width)[::-1]
+
+
+def _read_numpy(path: Path, name: str) -> Raw:
+    """Array of an NPY, or one of an NPZ."""
+    try:
+        with path.open("rb") as file:
+            loaded = np.load(file, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                return loaded
+            return np.asarray(loaded[_pick(path, loaded.files, name, "arrays")])
+    except (EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise OSError(f"{path} is damaged: {error}") from None
+    except (ValueError, OSError) as error:
+        if str(path) in str(error):
+            raise
+        raise OSError(f"{path} is damaged or no array of numbers: {error}") from None
+
+
+def _read_channel(path: Path, name: str) -> Raw:
+    """Channel of a picture, in its own type."""
+    import OpenImageIO
+
+    as_stored = OpenImageIO.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # numbers, which no alpha multiplies
+    source = OpenImageIO.ImageInput.open(str(path), as_stored)
+    if source is None:
+        complaint = OpenImageIO.geterror().strip().partition("\n")[0]
+        raise OSError(f"{path} is not a picture that can be read: {complaint or 'unknown format'}")
+    spec = source.spec()
+    shape, names = (spec.height, spec.width), list(spec.channelnames)
+    what = f"{path} of {spec.width} x {spec.height} pixels"
+    require_memory(BYTES_PER_VALUE * shape[0] * shape[1], what, "take a smaller one")
+    n = names.index(_pick(path, names, name, "channels"))
+    kind = str(spec.channelformat(n))
+    wanted = OpenImageIO.TypeDesc("float" if kind == "half" else kind)
+    data = source.read_image(0, 0, n, n + 1, wanted)
+    complaint = source.geterror().strip().partition("\n")[0]
+    source.close()
+    if data is None or complaint:
+        raise OSError(f"{path} is damaged: {complaint or 'it ends too early'}")
+    return np.asarray(data).reshape(shape)
+
+
+def _pick(path: Path, names: list[str], name: str, what: str) -> str:
+    """Name that is asked for, or the only one, or that of depth."""
+    if name in names:
+        return name
+    depths = [known for known in names if known == "Z" or known.endswith(".Z")]
+    for candidates in (names, [known for known in depths if known == "Z"], depths):
+        if not name and len(candidates) == 1:
+            return candidates[0]
+    known = ", ".join(names)
+    if name:
+        raise ValueError(f"{path} has no {name!r}; it has the {what} {known}")
+    raise ValueError(
+        f"{path} has the {what} {known or 'of an empty file'}; pick one as {path}:NAME"
+    )

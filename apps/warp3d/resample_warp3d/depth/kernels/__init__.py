@@ -1,0 +1,1 @@
+"""The numba code of depth images: bare arrays and numbers."""

@@ -1,1 +1,0 @@
-"""The numba code of 3D warping: bare arrays and numbers."""

@@ -1,0 +1,1 @@
+"""Our own ways to warp depth images, by name."""

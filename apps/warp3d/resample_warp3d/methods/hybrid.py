@@ -1,0 +1,129 @@
+"""The hybrid method: cells where samples shrink or grow alike, exact visibility, two layers.
+
+Samples are cells of a sheet that is torn at silhouettes (`sheets`). Where a cell is smaller than a
+pixel it is a point with the area it covers; where it is larger it gives every pixel the mean of its
+color over their overlap. So a pixel is the mean of what it shows, at any scale and along each axis.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_warp3d.depth.identity import is_identity, unmoved
+from resample_warp3d.sheet.holes import bridged
+from resample_warp3d.sheet.sheets import Sheets
+from resample_warp3d.types import Equation, Rendered, Sheet, Source
+
+BAND = 32  # rows of the target that one thread paints at a time
+LARGEST_BAND = 1 << 30  # px; kernels count them in 32 bits
+
+
+class Projected(NamedTuple):
+    """A sheet on the target's screen, as `kernels.screen` writes it."""
+
+    vertex: Floats  # (3, H + 1, W + 1)
+    torn: Floats  # (N, 4, 3)
+    bounds: NDArray[np.int32]  # (H, segments, 4)
+
+
+@dataclass(frozen=True)
+class Hybrid:
+    """Cells cut to the target's pixels, in two layers with coverage at silhouettes.
+
+    Parameters
+    ----------
+    quality
+        Parts that cells are cut into per px of the target, 0.25 to 8.
+    labels
+        Colors are names, which are not mixed: each pixel has the one that covers most of it.
+
+    Raises
+    ------
+    ValueError
+        The quality is out of range.
+    """
+
+    quality: float = 1.0
+    labels: bool = False
+    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not 0.25 <= self.quality <= 8.0:
+            raise ValueError(f"quality {self.quality:g}; 0.25 to 8 parts per px are allowed")
+
+    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+        """Warp; what the source does not show stays empty."""
+        from resample_warp3d.sheet.kernels.layers import paint_bands
+
+        if is_identity(source, equation, shape):
+            return unmoved(source)
+        sheet = self._sheets(source, is_label=self.labels)
+        matrix, epipole, scale = normalised(equation)
+        screen = project(sheet, matrix, epipole)
+        blank = empty(shape, source.color.shape[2])
+        paint_bands(
+            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
+            band_of(shape), self.quality, float(np.sign(np.linalg.det(matrix))), self.labels,
+            *blank[:4],
+        )  # fmt: skip
+        blank.nearness[:] /= np.float32(scale)
+        return blank if self.labels else bridged(blank)
+
+
+@dataclass(frozen=True)
+class Preview:
+    """The nearest cell over each pixel's center: quick, but not antialiased."""
+
+    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
+
+    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+        """Warp; what the source does not show stays empty."""
+        from resample_warp3d.sheet.kernels.preview import look_in_bands
+
+        if is_identity(source, equation, shape):
+            return unmoved(source)
+        sheet = self._sheets(source)
+        matrix, epipole, scale = normalised(equation)
+        screen = project(sheet, matrix, epipole)
+        blank = empty(shape, source.color.shape[2])
+        look_in_bands(
+            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
+            band_of(shape), float(np.sign(np.linalg.det(matrix))), *blank[:4],
+        )  # fmt: skip
+        blank.nearness[:] /= np.float32(scale)
+        return blank
+
+
+def normalised(equation: Equation) -> tuple[Doubles, Doubles, float]:
+    """Matrix and epipole of a usual size, and what nearness has to be divided by for it."""
+    scale = float(np.linalg.norm(equation.matrix[2]))
+    return equation.matrix / scale, equation.epipole / scale, scale
+
+
+def band_of(shape: tuple[int, int]) -> int:
+    """Rows of the target that one thread paints at a time."""
+    return max(1, min(BAND, LARGEST_BAND // shape[1]))
+
+
+def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> Projected:
+    """Sheet on the screen of a target."""
+    from resample_warp3d.sheet.kernels import screen
+
+    height, width = sheet.torn.shape
+    vertices = np.empty((3, height + 1, width + 1), np.float32)
+    screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
+    torn = np.empty_like(sheet.corner)
+    screen.project_corners(sheet.corner, matrix, epipole, torn)
+    bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
+    screen.bound_segments(vertices, torn, sheet.torn, bounds)
+    return Projected(vertices, torn, bounds)
+
+
+def empty(shape: tuple[int, int], channels: int) -> Rendered:
+    """Arrays to be filled."""
+    coverage, nearness, magnification = (np.empty(shape, np.float32) for _ in range(3))
+    image = np.empty((*shape, channels), np.float32)
+    return Rendered(image, coverage, nearness, magnification, np.zeros(shape, np.bool_))

@@ -1,0 +1,1 @@
+"""The numba code of splats and points: bare arrays and numbers."""

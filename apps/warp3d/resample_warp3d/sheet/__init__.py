@@ -1,0 +1,1 @@
+"""Depth images as sheets of cells, painted in two layers."""

@@ -1,0 +1,1 @@
+"""The numba code of sheets: bare arrays and numbers."""

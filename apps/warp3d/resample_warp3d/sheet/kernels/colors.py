@@ -1,0 +1,116 @@
+"""Colors inside samples' pixels: parabolas that keep the mean, for a segment of a row at a time."""
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.types import Floats, Single
+from resample_warp3d.sheet.kernels.segments import (
+    BEND_U,
+    BEND_V,
+    CHANNEL,
+    HALF,
+    HIGH,
+    LOW,
+    MEAN,
+    QUARTER,
+    SLOPE_U,
+    SLOPE_V,
+    TWIST,
+    ZERO,
+)
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
+
+MEAN_SQUARE: Single = np.float32(1 / 12)  # of what lies evenly in −1/2..1/2
+STEP: Single = np.float32(2 / 3)  # share of the inner two of five samples in a slope
+FAR_STEP: Single = np.float32(1 / 12)
+BEND: Single = np.float32(1.5)  # the same in a bend
+BEND_HERE: Single = np.float32(2.5)
+
+
+@kernel
+def _bent(
+    far_back: Single, back: Single, here: Single, ahead: Single, far_ahead: Single,
+    is_back: bool, is_ahead: bool, is_far_back: bool, is_far_ahead: bool,
+) -> tuple[Single, Single]:  # fmt: skip
+    """Slope and bend of the middle of five samples, by those that are on its surface.
+
+    Of a parabola through the values at the pixel's sides, which are (7 (a + b) − (z + c)) / 12 of
+    the four samples around a side (Colella and Woodward 1984, the piecewise parabolic method).
+    """
+    behind = far_back if is_far_back else back + back - here
+    before = far_ahead if is_far_ahead else ahead + ahead - here
+    is_between = is_back & is_ahead
+    slope = STEP * (ahead - back) - FAR_STEP * (before - behind)
+    bend = BEND * (back + ahead) - QUARTER * (behind + before) - BEND_HERE * here
+    one_sided = (ahead - here if is_ahead else ZERO) + (here - back if is_back else ZERO)
+    return slope if is_between else HALF * one_sided, bend if is_between else ZERO
+
+
+@kernel
+def write_colors(
+    color: Floats, links: Links, group: int, row: int, start: int, begin: int, end: int,
+    numbers: Floats,
+) -> None:  # fmt: skip
+    """Write the colors of a run of a segment's samples.
+
+    Without branches, so many at a time; where a neighbour is not on the surface, what is read
+    there is not used. A parabola that goes beyond a sample's neighbours on the surface is a
+    ripple, which no surface has: hence the limits.
+    """
+    g, one, two = np.uint64(group), np.uint64(1), np.uint64(2)
+    r = np.uint64(row + MARGIN)
+    for c in range(3):
+        k, at = np.uint64(c), np.uint64(c) * CHANNEL
+        for n in range(begin, end):
+            m, x = at + np.uint64(n), np.uint64(start + n + MARGIN)
+            bits = links[r, x]
+            here = color[g, k, r, x]
+            left, right = color[g, k, r, x - one], color[g, k, r, x + one]
+            above, below = color[g, k, r - one, x], color[g, k, r + one, x]
+            numbers[MEAN + m] = here
+            numbers[SLOPE_U + m], numbers[BEND_U + m] = _bent(
+                color[g, k, r, x - two], left, here, right, color[g, k, r, x + two],
+                bits & LEFT != 0, bits & RIGHT != 0,
+                links[r, x - one] & LEFT != 0, links[r, x + one] & RIGHT != 0,
+            )  # fmt: skip
+            a = right if bits & RIGHT != 0 else here
+            b = left if bits & LEFT != 0 else here
+            d = below if bits & DOWN != 0 else here
+            e = above if bits & UP != 0 else here
+            numbers[LOW + m], numbers[HIGH + m] = min(here, a, b, d, e), max(here, a, b, d, e)
+        for n in range(begin, end):
+            m, x = at + np.uint64(n), np.uint64(start + n + MARGIN)
+            bits, bits_above, bits_below = links[r, x], links[r - one, x], links[r + one, x]
+            numbers[SLOPE_V + m], numbers[BEND_V + m] = _bent(
+                color[g, k, r - two, x], color[g, k, r - one, x], color[g, k, r, x],
+                color[g, k, r + one, x], color[g, k, r + two, x],
+                bits & UP != 0, bits & DOWN != 0, bits_above & UP != 0, bits_below & DOWN != 0,
+            )  # fmt: skip
+            before = color[g, k, r - one, x + one] - color[g, k, r - one, x - one]
+            after = color[g, k, r + one, x + one] - color[g, k, r + one, x - one]
+            sideways = bits & bits_above & bits_below
+            is_whole = (sideways & LEFT != 0) & (sideways & RIGHT != 0)
+            is_whole &= (bits & UP != 0) & (bits & DOWN != 0)
+            numbers[TWIST + m] = QUARTER * (after - before) if is_whole else ZERO
+
+
+@kernel
+def write_means(
+    color: Floats, group: int, row: int, start: int, begin: int, end: int, numbers: Floats
+) -> None:
+    """Write the mean colors alone of a run of a segment's samples."""
+    for c in range(3):
+        at = MEAN + np.uint64(c) * CHANNEL
+        for n in range(begin, end):
+            numbers[at + np.uint64(n)] = color[group, c, row + MARGIN, start + n + MARGIN]
+
+
+@kernel
+def color_at(numbers: Floats, m: np.uint64, u: Single, v: Single, uu: Single, vv: Single) -> Single:
+    """A channel at a place u, v in −1/2..1/2 of a sample's pixel, or its mean around there.
+
+    `uu` and `vv` are the squares of u and v, or their means, less 1/12.
+    """
+    value = numbers[MEAN + m] + numbers[SLOPE_U + m] * u + numbers[SLOPE_V + m] * v
+    value += numbers[BEND_U + m] * uu + numbers[BEND_V + m] * vv + numbers[TWIST + m] * (u * v)
+    return min(max(value, numbers[LOW + m]), numbers[HIGH + m])

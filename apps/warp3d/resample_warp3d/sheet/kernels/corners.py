@@ -1,0 +1,263 @@
+"""The corners of samples: a depth image as a sheet of cells that is torn where surfaces end.
+
+A cell is a sample's pixel; linked neighbours share the nearness of the corners between them, so the
+sheet has no cracks. At a tear each surface goes on to where the silhouette runs, bent as its last
+samples say.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.types import Floats
+from resample_warp3d.depth.kernels.outlines import limb
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
+
+Indices = NDArray[np.int32]
+
+OVERHANG = 0.5  # px that the outermost samples reach beyond the frame
+BENT = 0.65  # share of the last step of nearness by which the step after it may differ
+
+
+@kernel
+def change(
+    nearness: Floats, links: Links, row: int, column: int, offset: float, down: bool
+) -> float:
+    """Change of nearness from a sample's center to `offset` px along an axis, on its surface."""
+    dr, dc = (1, 0) if down else (0, 1)
+    ahead, back = (DOWN, UP) if down else (RIGHT, LEFT)
+    if offset < 0:
+        dr, dc, ahead, back = -dr, -dc, back, ahead
+    distance = abs(offset)
+    here = float(nearness[row, column])
+    is_ahead, is_back = links[row, column] & ahead != 0, links[row, column] & back != 0
+    if is_ahead and is_back:
+        return float(
+            distance * 0.5 * (nearness[row + dr, column + dc] - nearness[row - dr, column - dc])
+        )
+    if is_ahead:
+        return float(distance * (nearness[row + dr, column + dc] - here))
+    if not is_back:
+        return 0.0
+    inner = float(nearness[row - dr, column - dc])
+    last = here - inner
+    bend = 0.0
+    if links[row - dr, column - dc] & back:
+        previous = inner - nearness[row - 2 * dr, column - 2 * dc]
+        if last * previous <= 0:  # a ridge tells nothing about what comes after it
+            return 0.0
+        if last < 0:
+            turn = limb(previous / last)
+            if turn < 9.0:
+                scale = last / (math.sqrt(turn) - math.sqrt(turn + 1.0))
+                return scale * (math.sqrt(max(0.0, turn - distance)) - math.sqrt(turn))
+        bend = max(0.0, 1.0 - previous / last)
+        bend = min(bend, BENT) * last
+    return distance * last + 0.5 * distance * (distance + 1.0) * bend
+
+
+@kernel
+def _is_inner(links: Links, row: int, column: int) -> bool:
+    """Whether the four samples around a corner of the lattice are linked all around."""
+    height, width = links.shape
+    if not (0 < row < height and 0 < column < width):
+        return False
+    return bool(
+        links[row - 1, column - 1] & RIGHT != 0
+        and links[row, column - 1] & RIGHT != 0
+        and links[row - 1, column - 1] & DOWN != 0
+        and links[row - 1, column] & DOWN != 0
+    )
+
+
+@kernel
+def _extended(nearness: Floats, links: Links, row: int, column: int, x: float, y: float) -> float:
+    """Nearness of a sample's surface at an offset from its center; above 0."""
+    here = float(nearness[row, column])
+    x_change = change(nearness, links, row, column, x, False)
+    y_change = change(nearness, links, row, column, y, True)
+    return max(here + x_change + y_change, 0.01 * here)
+
+
+@kernel
+def _smooth_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
+    """Corners whose four samples are linked to all their neighbours; 0 for others.
+
+    Means of what the four extrapolate by central differences; many at a time.
+    """
+    whole = LEFT | RIGHT | UP | DOWN
+    r, one, two = np.uint64(row), np.uint64(1), np.uint64(2)
+    for column in range(2, nearness.shape[1] - 1):
+        c = np.uint64(column)
+        bits = links[r - one, c - one] & links[r - one, c] & links[r, c - one] & links[r, c]
+        inner = nearness[r - one, c - one] + nearness[r - one, c]
+        inner += nearness[r, c - one] + nearness[r, c]
+        outer = nearness[r - two, c - one] + nearness[r - two, c]
+        outer += nearness[r + one, c - one] + nearness[r + one, c]
+        outer += nearness[r - one, c - two] + nearness[r, c - two]
+        outer += nearness[r - one, c + one] + nearness[r, c + one]
+        smooth = np.float32(0.375) * inner - np.float32(0.0625) * outer
+        vertex[r, c] = smooth if bits == whole else np.float32(0)
+
+
+@kernel
+def _fill_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
+    vertex[row, :] = 0
+    if 2 <= row < nearness.shape[0] - 1:
+        _smooth_vertices(nearness, links, row, vertex)
+    for column in range(vertex.shape[1]):
+        if vertex[row, column] == 0 and _is_inner(links, row, column):
+            vertex[row, column] = np.float32(
+                0.25
+                * (
+                    _extended(nearness, links, row - 1, column - 1, 0.5, 0.5)
+                    + _extended(nearness, links, row - 1, column, -0.5, 0.5)
+                    + _extended(nearness, links, row, column - 1, 0.5, -0.5)
+                    + _extended(nearness, links, row, column, -0.5, -0.5)
+                )
+            )
+
+
+@parallel_kernel
+def fill_vertices(counter: Counter, nearness: Floats, links: Links, vertex: Floats) -> None:
+    """Write the nearness at the lattice's corners (H + 1, W + 1); 0 where the sheet is torn."""
+    for row in tasks(counter, vertex.shape[0]):
+        _fill_vertices(nearness, links, row, vertex)
+
+
+@kernel
+def _is_torn(nearness: Floats, vertex: Floats, row: int, column: int) -> bool:
+    return nearness[row, column] > 0 and not (
+        vertex[row, column] > 0
+        and vertex[row, column + 1] > 0
+        and vertex[row + 1, column] > 0
+        and vertex[row + 1, column + 1] > 0
+    )
+
+
+@kernel
+def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
+    """Number the cells with corners of their own; writes −1 for the others, and −2: no cell."""
+    count = 0
+    for row in range(nearness.shape[0]):
+        for column in range(nearness.shape[1]):
+            if not nearness[row, column] > 0:
+                index[row, column] = -2
+            elif _is_torn(nearness, vertex, row, column):
+                index[row, column] = count
+                count += 1
+            else:
+                index[row, column] = -1
+    return count
+
+
+@kernel
+def _shift(nearness: Floats, edge: Floats, row: int, column: int, down: bool) -> float:
+    """How far silhouettes move a corner of the lattice along an axis, px."""
+    height, width = nearness.shape
+    place, last = (row, height) if down else (column, width)
+    if place == 0:
+        return -OVERHANG
+    if place == last:
+        return OVERHANG
+    total, count = 0.0, 0
+    for side in range(2):
+        if down:
+            r, c, r_next, c_next = row - 1, column - 1 + side, row, column - 1 + side
+        else:
+            r, c, r_next, c_next = row - 1 + side, column - 1, row - 1 + side, column
+        if r < 0 or c < 0 or r_next >= height or c_next >= width:
+            continue
+        t = edge[r, c, 1 if down else 0]
+        if t < 0:
+            continue
+        is_near = nearness[r, c] > nearness[r_next, c_next]
+        total += t - 0.5 if is_near else 0.5 - t
+        count += 1
+    return total / count if count else 0.0
+
+
+@kernel
+def _linked(links: Links, row: int, column: int, member: int) -> tuple[bool, bool, bool, bool]:
+    """Which of the samples around a corner lie on the surface of one: bits by member.
+
+    Members: 0 above left, 1 above right, 2 below left, 3 below right of the corner.
+    """
+    height, width = links.shape
+    up, low, left, right = row > 0, row < height, column > 0, column < width
+    top = up and left and right and links[row - 1, column - 1] & RIGHT != 0
+    bottom = low and left and right and links[row, column - 1] & RIGHT != 0
+    before = left and up and low and links[row - 1, column - 1] & DOWN != 0
+    after = right and up and low and links[row - 1, column] & DOWN != 0
+    a, b, c, d = member == 0, member == 1, member == 2, member == 3
+    for _ in range(3):
+        if top and (a or b):
+            a, b = True, True
+        if bottom and (c or d):
+            c, d = True, True
+        if before and (a or c):
+            a, c = True, True
+        if after and (b or d):
+            b, d = True, True
+    return a, b, c, d
+
+
+@kernel
+def _torn_corner(
+    nearness: Floats, links: Links, row: int, column: int, member: int, x: float, y: float
+) -> float:
+    """Nearness at a shifted corner of the lattice on the surface of one of its members."""
+    a, b, c, d = _linked(links, row, column, member)
+    total, count = 0.0, 0
+    if a:
+        total += _extended(nearness, links, row - 1, column - 1, 0.5 + x, 0.5 + y)
+        count += 1
+    if b:
+        total += _extended(nearness, links, row - 1, column, x - 0.5, 0.5 + y)
+        count += 1
+    if c:
+        total += _extended(nearness, links, row, column - 1, 0.5 + x, y - 0.5)
+        count += 1
+    if d:
+        total += _extended(nearness, links, row, column, x - 0.5, y - 0.5)
+        count += 1
+    return total / count
+
+
+@kernel
+def _fill_torn(
+    nearness: Floats, links: Links, edge: Floats, index: Indices, row: int, corner: Floats
+) -> None:
+    for column in range(nearness.shape[1]):
+        n = index[row, column]
+        if n < 0:
+            continue
+        for k in range(4):
+            r, c = row + k // 2, column + k % 2
+            x = _shift(nearness, edge, r, c, False)
+            y = _shift(nearness, edge, r, c, True)
+            corner[n, k, 0] = np.float32(c + x)
+            corner[n, k, 1] = np.float32(r + y)
+            corner[n, k, 2] = np.float32(_torn_corner(nearness, links, r, c, 3 - k, x, y))
+
+
+@parallel_kernel
+def fill_torn(
+    counter: Counter, nearness: Floats, links: Links, edge: Floats, index: Indices, corner: Floats
+) -> None:
+    """Write the corners of the cells that have their own.
+
+    Parameters
+    ----------
+    edge
+        (H, W, 2) silhouettes of `outlines.find_silhouettes`.
+    index
+        (H, W) as `number_torn` writes it.
+    corner
+        (N, 4, 3) filled: x and y in px of the source and the nearness there; top left, top right,
+        bottom left, bottom right.
+    """
+    for row in tasks(counter, nearness.shape[0]):
+        _fill_torn(nearness, links, edge, index, row, corner)

@@ -1,0 +1,254 @@
+"""Fragments: what the cells of a run give to one pixel each.
+
+Each cell of a run has as many slots for pixels as the largest cell of it needs. A slot of all cells
+is filled at once, many cells at a time; a fragment whose pixel is −1 is none. What has to be done
+one by one, since cells share pixels, is left to `layers`.
+"""
+
+import math
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.types import Floats, Single
+from resample_warp3d.sheet.kernels.colors import MEAN_SQUARE, color_at
+from resample_warp3d.sheet.kernels.screen import Indices, Pixel, pixel_of
+from resample_warp3d.sheet.kernels.segments import (
+    A_X,
+    A_Y,
+    B_X,
+    B_Y,
+    BLUE,
+    CHANNEL,
+    COLUMN,
+    DENSITY,
+    DEPTH,
+    EAST,
+    FROM_COLUMN,
+    FROM_ROW,
+    GREEN,
+    HALF,
+    LEAST,
+    MASS,
+    MEAN,
+    MOST,
+    NEAR,
+    NORTH,
+    ONE,
+    PART,
+    PARTS_U,
+    PARTS_V,
+    PIXEL,
+    RED,
+    ROW,
+    SHARE_X,
+    SHARE_Y,
+    SLACK,
+    SLOPE_X,
+    SLOPE_Y,
+    SOUTH,
+    T_X,
+    T_Y,
+    TO_COLUMN,
+    TO_ROW,
+    U_X,
+    U_Y,
+    V_X,
+    V_Y,
+    WEST,
+    ZERO,
+    Frame,
+    X,
+    Y,
+)
+
+SLIGHT: Single = np.float32(1e-5)  # px; keeps divisions finite
+NONE = np.int32(-1)  # pixel
+
+
+@kernel
+def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Single:
+    """Nearness of a cell's plane over a pixel's center, within the cell's own limits."""
+    x = np.float32(column) + HALF - numbers[X + m]
+    y = np.float32(row) + HALF - numbers[Y + m]
+    near = numbers[NEAR + m] + numbers[SLOPE_X + m] * x + numbers[SLOPE_Y + m] * y
+    return min(max(near, numbers[LEAST + m]), numbers[MOST + m])
+
+
+@kernel
+def fill_depths(
+    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+) -> int:
+    """Fill the slot in column i, row j of the pixels that cells may meet with their nearness.
+
+    As all that fill slots, it gives how many are not empty.
+    """
+    found = 0
+    for n in range(begin, end):
+        m = np.uint64(n)
+        column, row = np.int32(places[FROM_COLUMN + m] + i), np.int32(places[FROM_ROW + m] + j)
+        is_met = (column < places[TO_COLUMN + m]) & (row < places[TO_ROW + m])
+        pixel = np.int32((row - frame.first) * frame.width + column)
+        numbers[DEPTH + m] = nearness_at(numbers, m, column, row)
+        places[PIXEL + m] = pixel if is_met else NONE
+        found += int(is_met)
+    return found
+
+
+@kernel
+def set_boxes(
+    begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
+) -> tuple[int, int]:
+    """Give upright cells their boxes; gives the most rows and columns of pixels that one meets."""
+    rows, columns = np.int32(0), np.int32(0)
+    for n in range(begin, end):
+        m = np.uint64(n)
+        ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
+        determinant = ax * by - ay * bx
+        inverse = ONE / determinant
+        across, down = abs(ax), abs(by)
+        west, north = numbers[X + m] - HALF * across, numbers[Y + m] - HALF * down
+        numbers[WEST + m], numbers[NORTH + m] = west, north
+        numbers[EAST + m], numbers[SOUTH + m] = west + across, north + down
+        numbers[U_X + m], numbers[U_Y + m] = by * inverse, -bx * inverse
+        numbers[V_X + m], numbers[V_Y + m] = -ay * inverse, ax * inverse
+        numbers[DENSITY + m] = abs(determinant) / (across * down)
+        column = np.int32(max(pixel_of(west), 0))
+        row = np.int32(max(pixel_of(north), frame.first))
+        east, south = pixel_of(numbers[EAST + m]), pixel_of(numbers[SOUTH + m])
+        columns = max(columns, np.int32(min(east + 1, frame.width) - column))
+        rows = max(rows, np.int32(min(south + 1, frame.last) - row))
+        places[COLUMN + m], places[ROW + m] = column, row
+    return int(rows), int(columns)
+
+
+@kernel
+def fill_from_boxes(
+    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+) -> int:
+    """Fill a slot with the means of boxes' colors over their share of a pixel."""
+    found = 0
+    for n in range(begin, end):
+        m = np.uint64(n)
+        column, row = np.int32(places[COLUMN + m] + i), np.int32(places[ROW + m] + j)
+        west = max(numbers[WEST + m], np.float32(column))
+        east = min(numbers[EAST + m], np.float32(column) + ONE)
+        north = max(numbers[NORTH + m], np.float32(row))
+        south = min(numbers[SOUTH + m], np.float32(row) + ONE)
+        width, height = east - west, south - north
+        x, y = HALF * (west + east) - numbers[X + m], HALF * (north + south) - numbers[Y + m]
+        u = x * numbers[U_X + m] + y * numbers[U_Y + m]
+        v = x * numbers[V_X + m] + y * numbers[V_Y + m]
+        share_u, share_v = width * numbers[U_X + m], height * numbers[V_Y + m]
+        uu = u * u + (share_u * share_u - ONE) * MEAN_SQUARE
+        vv = v * v + (share_v * share_v - ONE) * MEAN_SQUARE
+        mass = width * height * numbers[DENSITY + m]
+        numbers[MASS + m] = mass
+        numbers[RED + m] = mass * color_at(numbers, m, u, v, uu, vv)
+        numbers[GREEN + m] = mass * color_at(numbers, CHANNEL + m, u, v, uu, vv)
+        numbers[BLUE + m] = mass * color_at(numbers, CHANNEL + CHANNEL + m, u, v, uu, vv)
+        numbers[DEPTH + m] = nearness_at(numbers, m, column, row) + numbers[SLACK + m]
+        is_met = (width > ZERO) & (height > ZERO) & (column < frame.width) & (row < frame.last)
+        pixel = np.int32((row - frame.first) * frame.width + column)
+        places[PIXEL + m] = pixel if is_met else NONE
+        found += int(is_met)
+    return found
+
+
+@kernel
+def _length(a: Single, b: Single) -> Single:
+    return np.float32(math.sqrt(a * a + b * b))
+
+
+@kernel
+def count_parts(
+    begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
+) -> tuple[int, int]:
+    """Count the parts that cells are cut into along both sides; gives the most of them."""
+    most_u, most_v = np.int32(1), np.int32(1)
+    for n in range(begin, end):
+        m = np.uint64(n)
+        side_u = _length(numbers[A_X + m], numbers[A_Y + m])
+        side_v = _length(numbers[B_X + m], numbers[B_Y + m])
+        count_u = np.int32(pixel_of(side_u * frame.quality - np.float32(0.01)) + 1)
+        count_v = np.int32(pixel_of(side_v * frame.quality - np.float32(0.01)) + 1)
+        most_u, most_v = max(most_u, count_u), max(most_v, count_v)
+        places[PARTS_U + m], places[PARTS_V + m] = count_u, count_v
+    return int(most_u), int(most_v)
+
+
+@kernel
+def set_parts(
+    begin: int, end: int, i: int, j: int, is_whole: bool, frame: Frame,
+    numbers: Floats, places: Indices,
+) -> int:  # fmt: skip
+    """Cut part (i, j) out of every cell that has it; gives how many there may be in the band.
+
+    A part is an upright box of one color, at most 1 px wide.
+    """
+    found = 0
+    for n in range(begin, end):
+        m = np.uint64(n)
+        count_u = ONE if is_whole else np.float32(places[PARTS_U + m])
+        count_v = ONE if is_whole else np.float32(places[PARTS_V + m])
+        step_u, step_v = ONE / count_u, ONE / count_v
+        u = (np.float32(i) + HALF) * step_u - HALF
+        v = (np.float32(j) + HALF) * step_v - HALF
+        ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
+        tx, ty = numbers[T_X + m], numbers[T_Y + m]
+        x = numbers[X + m] + ax * u + bx * v + tx * u * v
+        y = numbers[Y + m] + ay * u + by * v + ty * u * v
+        side_x, side_y = (ax + tx * v) * step_u, (ay + ty * v) * step_u
+        other_x, other_y = (bx + tx * u) * step_v, (by + ty * u) * step_v
+        mass = frame.orientation * (side_x * other_y - side_y * other_x)
+        across = min(_length(side_x, other_x), ONE) + SLIGHT
+        down = min(_length(side_y, other_y), ONE) + SLIGHT
+        west, north = x - HALF * across, y - HALF * down
+        column, row = pixel_of(west), pixel_of(north)
+        is_there = (np.float32(i) < count_u) & (np.float32(j) < count_v) & (mass > ZERO)
+        is_there &= (row < frame.last) & (row + 2 > frame.first)
+        found += int(is_there)
+        numbers[PART + m] = mass if is_there else ZERO
+        numbers[SHARE_X + m] = max(ZERO, (west + across - np.float32(column) - ONE) / across)
+        numbers[SHARE_Y + m] = max(ZERO, (north + down - np.float32(row) - ONE) / down)
+        places[COLUMN + m], places[ROW + m] = column, row
+        if not is_whole:
+            uu, vv = u * u - MEAN_SQUARE, v * v - MEAN_SQUARE
+            numbers[U_X + m], numbers[U_Y + m], numbers[V_X + m], numbers[V_Y + m] = u, v, uu, vv
+    return found
+
+
+@kernel
+def fill_from_parts(
+    begin: int, end: int, i: int, j: int, is_flat: bool, frame: Frame,
+    numbers: Floats, places: Indices,
+) -> int:  # fmt: skip
+    """Fill a slot of 2 × 2 with what parts give to that pixel; labels are not multiplied."""
+    found = 0
+    for n in range(begin, end):
+        m = np.uint64(n)
+        column, row = np.int32(places[COLUMN + m] + i), np.int32(places[ROW + m] + j)
+        share_x, share_y = numbers[SHARE_X + m], numbers[SHARE_Y + m]
+        mass = numbers[PART + m] * (share_y if j else ONE - share_y)
+        mass *= share_x if i else ONE - share_x
+        weight = ONE if frame.is_label else mass
+        red, green = numbers[MEAN + m], numbers[MEAN + CHANNEL + m]
+        blue = numbers[MEAN + CHANNEL + CHANNEL + m]
+        if not is_flat:
+            u, v, uu, vv = numbers[U_X + m], numbers[U_Y + m], numbers[V_X + m], numbers[V_Y + m]
+            red = color_at(numbers, m, u, v, uu, vv)
+            green = color_at(numbers, CHANNEL + m, u, v, uu, vv)
+            blue = color_at(numbers, CHANNEL + CHANNEL + m, u, v, uu, vv)
+        numbers[MASS + m] = mass
+        numbers[RED + m], numbers[GREEN + m], numbers[BLUE + m] = (
+            weight * red,
+            weight * green,
+            weight * blue,
+        )
+        numbers[DEPTH + m] = nearness_at(numbers, m, column, row) + numbers[SLACK + m]
+        is_met = (mass > ZERO) & (column >= 0) & (column < frame.width)
+        is_met &= (row >= frame.first) & (row < frame.last)
+        pixel = np.int32((row - frame.first) * frame.width + column)
+        places[PIXEL + m] = pixel if is_met else NONE
+        found += int(is_met)
+    return found

@@ -1,0 +1,210 @@
+"""One look per pixel: the nearest cell over its center, and that cell's color there."""
+
+import numpy as np
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.types import Floats, Single
+from resample_warp3d.sheet.kernels.fragments import NONE
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices
+from resample_warp3d.sheet.kernels.segments import (
+    A_X,
+    A_Y,
+    B_X,
+    B_Y,
+    BEGIN,
+    COLUMNS,
+    DEPTH,
+    END,
+    FROM_COLUMN,
+    FROM_ROW,
+    HALF,
+    NEAR,
+    NUMBERS,
+    ONE,
+    P_NEAR,
+    P_X,
+    P_Y,
+    PIXEL,
+    PLACES,
+    Q_NEAR,
+    Q_X,
+    Q_Y,
+    QUARTER,
+    R_NEAR,
+    R_X,
+    R_Y,
+    ROWS,
+    S_NEAR,
+    S_X,
+    S_Y,
+    TO_COLUMN,
+    TO_ROW,
+    ZERO,
+    Frame,
+    X,
+    Y,
+    measure,
+)
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
+
+Corner = tuple[Single, Single, Single]
+
+REACH: Single = np.float32(0.52)  # of a cell from its middle; neighbours overlap a little
+
+
+@kernel
+def _fill_looks(
+    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+) -> None:
+    """Fill a slot of the pixels that cells may meet with those whose centers they are over."""
+    for n in range(begin, end):
+        m = np.uint64(n)
+        px, qx, rx, sx = numbers[P_X + m], numbers[Q_X + m], numbers[R_X + m], numbers[S_X + m]
+        py, qy, ry, sy = numbers[P_Y + m], numbers[Q_Y + m], numbers[R_Y + m], numbers[S_Y + m]
+        column, row = np.int32(places[FROM_COLUMN + m] + i), np.int32(places[FROM_ROW + m] + j)
+        x, y = np.float32(column) + HALF, np.float32(row) + HALF
+        is_over = (x > min(px, qx, rx, sx)) & (x <= max(px, qx, rx, sx))
+        is_over &= (y > min(py, qy, ry, sy)) & (y <= max(py, qy, ry, sy))
+        is_over &= (column < places[TO_COLUMN + m]) & (row < places[TO_ROW + m])
+        dx, dy = x - numbers[X + m], y - numbers[Y + m]
+        ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
+        inverse = ONE / (ax * by - ay * bx)
+        u, v = (dx * by - dy * bx) * inverse, (dy * ax - dx * ay) * inverse
+        is_over &= max(abs(u), abs(v)) <= REACH
+        pn, qn, rn, sn = (
+            numbers[P_NEAR + m], numbers[Q_NEAR + m], numbers[R_NEAR + m], numbers[S_NEAR + m]
+        )  # fmt: skip
+        an, bn = HALF * (qn - pn + sn - rn), HALF * (rn - pn + sn - qn)
+        numbers[DEPTH + m] = numbers[NEAR + m] + u * an + v * bn
+        pixel = np.int32((row - frame.first) * frame.width + column)
+        places[PIXEL + m] = pixel if is_over else NONE
+
+
+@kernel
+def _look(
+    begin: int, end: int, first: int, numbers: Floats, places: Indices,
+    front: Floats, owner: Indices,
+) -> None:  # fmt: skip
+    """Let fragments be the nearest of their pixels; `first` is the number of the first cell."""
+    for n in range(begin, end):
+        m = np.uint64(n)
+        pixel = places[PIXEL + m]
+        if pixel >= 0 and numbers[DEPTH + m] > front[np.uint64(pixel)]:
+            front[np.uint64(pixel)] = numbers[DEPTH + m]
+            owner[np.uint64(pixel)] = first + n
+
+
+@kernel
+def _look_at_segment(
+    screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: Frame,
+    numbers: Floats, places: Indices, front: Floats, owner: Indices,
+) -> None:  # fmt: skip
+    """Find the nearest cell of a segment over each pixel's center."""
+    first = row * index.shape[1] + segment * SEGMENT
+    runs = measure(screen, torn, index, row, segment, frame, numbers, places)
+    for run in range(runs):
+        k = np.uint64(run)
+        begin, end = int(places[BEGIN + k]), int(places[END + k])
+        for j in range(places[ROWS + k]):
+            for i in range(places[COLUMNS + k]):
+                _fill_looks(begin, end, i, j, frame, numbers, places)
+                _look(begin, end, first, numbers, places, front, owner)
+
+
+@kernel
+def _corners_of(
+    screen: Floats, torn: Floats, index: Indices, row: int, column: int
+) -> tuple[Corner, Corner, Corner, Corner]:
+    """Corners of a cell: top left, top right, bottom left, bottom right."""
+    n = index[row, column]
+    if n >= 0:
+        return (
+            (torn[n, 0, 0], torn[n, 0, 1], torn[n, 0, 2]),
+            (torn[n, 1, 0], torn[n, 1, 1], torn[n, 1, 2]),
+            (torn[n, 2, 0], torn[n, 2, 1], torn[n, 2, 2]),
+            (torn[n, 3, 0], torn[n, 3, 1], torn[n, 3, 2]),
+        )
+    below, right = row + 1, column + 1
+    return (
+        (screen[0, row, column], screen[1, row, column], screen[2, row, column]),
+        (screen[0, row, right], screen[1, row, right], screen[2, row, right]),
+        (screen[0, below, column], screen[1, below, column], screen[2, below, column]),
+        (screen[0, below, right], screen[1, below, right], screen[2, below, right]),
+    )
+
+
+@kernel
+def _slopes(
+    color: Floats, links: Links, group: int, c: int, row: int, column: int
+) -> tuple[Single, Single]:
+    """Change of a channel to the next column and row, on the sample's surface."""
+    bits, here = links[row, column], color[group, c, row, column]
+    right = color[group, c, row, column + 1] if bits & RIGHT else here
+    left = color[group, c, row, column - 1] if bits & LEFT else here
+    below = color[group, c, row + 1, column] if bits & DOWN else here
+    above = color[group, c, row - 1, column] if bits & UP else here
+    return HALF * (right - left), HALF * (below - above)
+
+
+@kernel
+def _look_in_band(
+    screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats, links: Links,
+    frame: Frame,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+) -> None:  # fmt: skip
+    size = (frame.last - frame.first) * frame.width
+    front, owner = np.zeros(size, np.float32), np.zeros(size, np.int32)
+    numbers, places = np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32)
+    for row in range(bounds.shape[0]):
+        for segment in range(bounds.shape[1]):
+            if bounds[row, segment, 1] < frame.last and bounds[row, segment, 3] >= frame.first:
+                _look_at_segment(
+                    screen, torn, index, row, segment, frame, numbers, places, front, owner
+                )  # fmt: skip
+    columns = index.shape[1]
+    for y in range(frame.first, frame.last):
+        for x in range(frame.width):
+            pixel = (y - frame.first) * frame.width + x
+            near = front[pixel]
+            coverage[y, x] = ONE if near > ZERO else ZERO
+            nearness[y, x], magnification[y, x] = near, ZERO
+            for channel in range(image.shape[2]):
+                image[y, x, channel] = ZERO
+            if not near > ZERO:
+                continue
+            row, column = divmod(owner[pixel], columns)
+            p, q, r, s = _corners_of(screen, torn, index, row, column)
+            ax, ay = HALF * (q[0] - p[0] + s[0] - r[0]), HALF * (q[1] - p[1] + s[1] - r[1])
+            bx, by = HALF * (r[0] - p[0] + s[0] - q[0]), HALF * (r[1] - p[1] + s[1] - q[1])
+            area = ax * by - ay * bx
+            dx = np.float32(x) + HALF - QUARTER * (p[0] + q[0] + r[0] + s[0])
+            dy = np.float32(y) + HALF - QUARTER * (p[1] + q[1] + r[1] + s[1])
+            u, v = (dx * by - dy * bx) / area, (dy * ax - dx * ay) / area
+            magnification[y, x] = abs(area)
+            row, column = row + MARGIN, column + MARGIN
+            for channel in range(image.shape[2]):
+                group, c = channel // 3, channel % 3
+                slope_x, slope_y = _slopes(color, links, group, c, row, column)
+                image[y, x, channel] = color[group, c, row, column] + slope_x * u + slope_y * v
+
+
+@parallel_kernel
+def look_in_bands(
+    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
+    links: Links, band: int, orientation: float,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+) -> None:  # fmt: skip
+    """Give each pixel the color of the nearest cell over its center.
+
+    Parameters are those of `layers.paint_bands`, without a quality.
+    """
+    height, width = coverage.shape
+    for n in tasks(counter, (height + band - 1) // band):
+        first = n * band
+        frame = Frame(
+            first, min(height, first + band), width, np.float32(orientation), ONE, False
+        )  # fmt: skip
+        _look_in_band(
+            screen, torn, index, bounds, color, links, frame,
+            image, coverage, nearness, magnification,
+        )  # fmt: skip

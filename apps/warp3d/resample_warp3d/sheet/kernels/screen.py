@@ -1,0 +1,168 @@
+"""A depth image's sheet of cells on the target's screen."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.types import Doubles, Floats, Single
+
+Indices = NDArray[np.int32]
+Pixel = Any  # a number kept in int32
+
+SEGMENT = 64  # cells of a row that are bounded, skipped and measured together
+NEAREST = 1e-6  # of the matrix's scale: what is nearer to the eye's plane is behind it
+FARTHEST = 1e6  # px: what is farther out than this is not on any screen
+BEYOND = np.int32(2**30)  # px
+BLOCK = 256  # torn cells that a thread projects at a time
+
+
+@kernel
+def _seen(
+    matrix: Doubles, epipole: Doubles, x: float, y: float, nearness: float
+) -> tuple[Single, Single, Single]:
+    """Place on the screen and nearness there; a negative nearness is nowhere.
+
+    Without a branch, so that several places are computed at once.
+    """
+    scale = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] + nearness * epipole[2]
+    inverse = 1.0 / scale
+    screen_x = (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] + nearness * epipole[0]
+    ) * inverse
+    screen_y = (
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] + nearness * epipole[1]
+    ) * inverse
+    is_seen = (scale > NEAREST) & (nearness > 0)
+    is_seen &= (abs(screen_x) < FARTHEST) & (abs(screen_y) < FARTHEST)
+    return (
+        np.float32(screen_x if is_seen else 0.0),
+        np.float32(screen_y if is_seen else 0.0),
+        np.float32(nearness * inverse if is_seen else -1.0),
+    )
+
+
+@kernel
+def _project_row(
+    vertex: Floats, place: Doubles, matrix: Doubles, epipole: Doubles, row: int, screen: Floats
+) -> None:
+    is_bent = place.size > 0
+    for column in range(vertex.shape[1]):
+        x, y = float(column), float(row)
+        if is_bent:
+            x, y = place[row, column, 0], place[row, column, 1]
+        screen[0, row, column], screen[1, row, column], screen[2, row, column] = _seen(
+            matrix, epipole, x, y, float(vertex[row, column])
+        )
+
+
+@parallel_kernel
+def project_vertices(
+    counter: Counter,
+    vertex: Floats,
+    place: Doubles,
+    matrix: Doubles,
+    epipole: Doubles,
+    screen: Floats,
+) -> None:
+    """Project the lattice's corners by the warping equation.
+
+    Parameters
+    ----------
+    vertex
+        (H + 1, W + 1) nearness.
+    place
+        (H + 1, W + 1, 2) where they are without distortion, px; (0, 0, 2): on the lattice.
+    matrix, epipole
+        Of the equation.
+    screen
+        (3, H + 1, W + 1) filled: x and y in px of the target, and the nearness there, negative
+        where there is nothing.
+    """
+    for row in tasks(counter, vertex.shape[0]):
+        _project_row(vertex, place, matrix, epipole, row, screen)
+
+
+@kernel
+def _project_corners(
+    corner: Floats, matrix: Doubles, epipole: Doubles, block: int, screen: Floats
+) -> None:
+    for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
+        for k in range(4):
+            x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
+            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = _seen(matrix, epipole, x, y, near)
+
+
+@parallel_kernel
+def project_corners(
+    counter: Counter, corner: Floats, matrix: Doubles, epipole: Doubles, screen: Floats
+) -> None:
+    """Project the corners (N, 4, 3) of torn cells; `screen` (N, 4, 3) holds x, y and nearness."""
+    for block in tasks(counter, (corner.shape[0] + BLOCK - 1) // BLOCK):
+        _project_corners(corner, matrix, epipole, block, screen)
+
+
+@kernel
+def pixel_of(place: Single) -> Pixel:
+    """Pixel that a place of a screen lies in; `math.floor` of a float32 is a call of a function."""
+    whole = np.int32(place)
+    return np.int32(whole - np.int32(place < np.float32(whole)))
+
+
+@kernel
+def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: Indices) -> None:
+    for segment in range(bounds.shape[1]):
+        start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
+        left, top, right, bottom = BEYOND, BEYOND, -BEYOND, -BEYOND
+        # Whole numbers: sixteen at once, which the minima of floats are not.
+        for r in range(row, row + 2):
+            for column in range(start, end + 1):
+                is_there = screen[2, r, column] > 0
+                x, y = pixel_of(screen[0, r, column]), pixel_of(screen[1, r, column])
+                left, top = (
+                    min(left, x if is_there else BEYOND),
+                    min(top, y if is_there else BEYOND),
+                )
+                right = max(right, x if is_there else -BEYOND)
+                bottom = max(bottom, y if is_there else -BEYOND)
+        # Torn cells are numbered along the row.
+        first, last = BEYOND, -BEYOND
+        for column in range(start, end):
+            n = index[row, column]
+            first, last = min(first, n if n >= 0 else BEYOND), max(last, n)
+        for n in range(first, last + 1):
+            for k in range(4):
+                if torn[n, k, 2] > 0:
+                    x, y = pixel_of(torn[n, k, 0]), pixel_of(torn[n, k, 1])
+                    left, top = min(left, x), min(top, y)
+                    right, bottom = max(right, x), max(bottom, y)
+        bounds[row, segment, 0], bounds[row, segment, 1] = left, top
+        bounds[row, segment, 2], bounds[row, segment, 3] = right, bottom
+
+
+@parallel_kernel
+def bound_segments(
+    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices
+) -> None:
+    """Bound what segments of rows of cells meet on the screen.
+
+    Parameters
+    ----------
+    screen, torn
+        Of `project_vertices` and `project_corners`.
+    index
+        (H, W) which cells are torn; −1 for others, −2 where there is none.
+    bounds
+        (H, segments, 4) filled: first and last pixels, left, top, right, bottom; left > right where
+        nothing is.
+    """
+    for row in tasks(counter, index.shape[0]):
+        _bound_row(screen, torn, index, row, bounds)
+
+
+@kernel
+def segment_count(width: int) -> int:
+    """Segments of a row."""
+    return math.ceil(width / SEGMENT)

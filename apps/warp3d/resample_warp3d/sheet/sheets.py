@@ -1,0 +1,90 @@
+"""A depth image as a sheet of cells: what the hybrid method warps. Made once per source."""
+
+import numpy as np
+
+from resample.types import Doubles, Floats
+from resample_warp3d.types import MARGIN, Sheet, Source
+
+KEPT = 4  # sheets
+PRECISION = 1e-6  # relative error of a float's nearness
+
+
+class Sheets:
+    """Sheets of the last few sources, each made when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[int, bool], tuple[Source, Sheet]] = {}
+
+    def __call__(self, source: Source, *, is_label: bool = False) -> Sheet:
+        """Sheet of a source; see `sheet_of`."""
+        key = id(source), is_label
+        if key not in self._made:
+            while len(self._made) >= KEPT:
+                del self._made[next(iter(self._made))]
+            self._made[key] = source, sheet_of(source, is_label=is_label)  # keeps the id taken
+        return self._made[key][1]
+
+
+def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
+    """Sheet of a prepared source.
+
+    Parameters
+    ----------
+    source
+        A prepared depth image.
+    is_label
+        Colors are names: only the depth tells where silhouettes run, and nothing is unmixed.
+    """
+    from resample_warp3d.depth.kernels import outlines
+    from resample_warp3d.sheet.kernels import corners
+
+    nearness, links = source.nearness, source.links
+    height, width = nearness.shape
+    color = source.color
+    edge = np.empty((height, width, 2), np.float32)
+    error = np.array([max(source.noise, PRECISION), 0.3 * source.step])
+    if is_label:
+        outlines.find_silhouettes(np.zeros_like(color), nearness, links, error, edge)
+    else:
+        outlines.find_silhouettes(color, nearness, links, error, edge)
+        color = np.empty_like(color)
+        outlines.unmix(source.color, nearness, links, edge, color)
+    vertex = np.empty((height + 1, width + 1), np.float32)
+    corners.fill_vertices(nearness, links, vertex)
+    index = np.empty((height, width), np.int32)
+    corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
+    corners.fill_torn(nearness, links, edge, index, corner)
+    place = corner_places(source.place)
+    if place.size:
+        bend(corner, place)
+    return Sheet(grouped(color), vertex, place, index, corner, np.pad(links, MARGIN))
+
+
+def grouped(color: Floats) -> Floats:
+    """Channels in groups of three, (G, 3, H + 4, W + 4); zeros fill the last group and a margin."""
+    height, width, channels = color.shape
+    shape = -(-channels // 3), 3, height + 2 * MARGIN, width + 2 * MARGIN
+    groups = np.zeros(shape, np.float32)
+    inside = slice(MARGIN, MARGIN + height), slice(MARGIN, MARGIN + width)
+    for c in range(channels):
+        groups[c // 3, c % 3][inside] = color[..., c]
+    return groups
+
+
+def corner_places(place: Doubles) -> Doubles:
+    """Places of the lattice's corners, bilinear between the samples' and beyond them."""
+    if not place.size:
+        return place
+    ahead = np.pad(place, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    return 0.25 * (ahead[:-1, :-1] + ahead[1:, :-1] + ahead[:-1, 1:] + ahead[1:, 1:])
+
+
+def bend(corner: Floats, place: Doubles) -> None:
+    """Move corners (N, 4, 3) from the lattice to where a camera without distortion sees them."""
+    height, width = place.shape[0] - 1, place.shape[1] - 1
+    column = np.clip(np.floor(corner[..., 0]).astype(np.int64), 0, width - 1)
+    row = np.clip(np.floor(corner[..., 1]).astype(np.int64), 0, height - 1)
+    u, v = (corner[..., 0] - column)[..., None], (corner[..., 1] - row)[..., None]
+    above = (1 - u) * place[row, column] + u * place[row, column + 1]
+    below = (1 - u) * place[row + 1, column] + u * place[row + 1, column + 1]
+    corner[..., :2] = (1 - v) * above + v * below

@@ -1,0 +1,1 @@
+"""Measured and shown: scenes, pairs, comparisons, figures."""

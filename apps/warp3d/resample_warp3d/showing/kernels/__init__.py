@@ -1,0 +1,1 @@
+"""The numba code of generated scenes: bare arrays and numbers."""

@@ -1,0 +1,233 @@
+"""Real depth images with a second picture that shows what another view of them looks like.
+
+A folder of data holds a folder for each set, in which `calib.json` says what its files mean:
+rectified pairs with one or two disparity maps, or frames with depth and poses.
+"""
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.colors import to_srgb
+from resample.files.images import read_image
+from resample.types import Doubles, Floats
+from resample_warp3d.cameras.files import read_shots
+from resample_warp3d.cameras.models import Camera
+from resample_warp3d.depth.encodings import BareDisparity, PlanarDepth
+from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
+from resample_warp3d.depth.files import read_depth
+from resample_warp3d.showing.scoring import NEAR_EDGE, Mask, Screen, Target, widened
+from resample_warp3d.types import DepthImage, Equation, Source
+
+SAME_PX = 1.0  # px that two disparity maps may differ for one point
+SAME_DEPTH = 0.05  # by which depths of two frames may differ for one point; poses are not exact
+FAR_OFF = 1e6  # px: what goes there is in no frame
+CUT = 0.03  # of the nearness: neighbours that differ by more lie on an edge
+
+# Frames whose poses and depths agree, by the names of their files; others are taken in turn.
+FRAMES: Mapping[str, Sequence[tuple[int, int]]] = {
+    "iclnuim_livingroom": ((4, 1), (5, 1), (4, 5), (5, 4)),
+    "open3d_rgbd": ((0, 2), (0, 4)),
+}
+
+
+class Pair(NamedTuple):
+    """A depth image, and a picture of a view that it is to be warped to.
+
+    Colors are sRGB-encoded values, as the files have them: they are warped and compared as such.
+    """
+
+    name: str
+    image: DepthImage
+    equation: Equation  # from the depth image to the picture
+    truth: Screen  # (H, W, 3)
+    mask: Mask  # (H, W) pixels of the picture that the depth image sees, too
+
+    def target(self) -> Target:
+        """What scores need, with the edges of the depth image as the picture shows them."""
+        shape = (self.truth.shape[0], self.truth.shape[1])
+        return Target(self.truth, self.mask, edges_in_view(self.image, self.equation, shape))
+
+
+class Frame(NamedTuple):
+    """A picture with the nearness of its pixels; none for a view without depth."""
+
+    color: Floats  # (H, W, 3) sRGB-encoded
+    nearness: Floats  # (H, W), or (0, 0)
+
+
+def load_pairs(folder: str | Path) -> list[Pair]:
+    """All pairs of a folder of data, ordered by name.
+
+    Parameters
+    ----------
+    folder
+        Folder whose folders have a `calib.json`; or one of them.
+
+    Raises
+    ------
+    OSError
+        A file is missing or damaged.
+    ValueError
+        There is no `calib.json`, or one says neither of pairs nor of frames.
+    """
+    found = sorted([*Path(folder).glob("calib.json"), *Path(folder).glob("*/calib.json")])
+    if not found:
+        raise ValueError(f"{folder} has no folder with a calib.json")
+    return [pair for path in found for pair in _pairs_of(path)]
+
+
+def seen_nearness(
+    image: DepthImage | Source, equation: Equation, shape: tuple[int, int]
+) -> Doubles:
+    """Nearness that a depth image leads to expect in another view.
+
+    Parameters
+    ----------
+    image
+        Depth image; every sample is spread over the 2 × 2 pixels around where it goes, or only
+        those whose centers it meets.
+    equation
+        Leads to the view.
+    shape
+        Its height and width, px.
+
+    Returns
+    -------
+    (H, W) of the nearest sample; 0 where none arrives: hidden or outside, or more than about 2
+    pixels between neighbours.
+    """
+    place, nearness = _warped(image, equation)
+    found = np.zeros(shape)
+    before, after = (rounded(place - 0.5).astype(np.int64) for rounded in (np.floor, np.ceil))
+    for column in (before[:, 0], after[:, 0]):
+        for row in (before[:, 1], after[:, 1]):
+            inside = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+            np.maximum.at(found, (row[inside], column[inside]), nearness[inside])
+    return found
+
+
+def edges_in_view(image: DepthImage | Source, equation: Equation, shape: tuple[int, int]) -> Mask:
+    """Pixels of another view within 2 px of the near side of an edge that the depth image has."""
+    nearness = np.where(_is_rim(image.nearness), image.nearness, np.float32(0))
+    rims = DepthImage(image.color, np.asarray(nearness, np.float32), image.place)
+    return widened(seen_nearness(rims, equation, shape) > 0, NEAR_EDGE)
+
+
+def _is_rim(nearness: Floats) -> Mask:
+    """Samples that are clearly nearer than one of their four neighbours."""
+    around = np.pad(nearness, 1, mode="edge")
+    farther = np.minimum(
+        np.minimum(around[:-2, 1:-1], around[2:, 1:-1]),
+        np.minimum(around[1:-1, :-2], around[1:-1, 2:]),
+    )
+    return np.asarray(farther < (1.0 - CUT) * nearness)
+
+
+def _warped(image: DepthImage | Source, equation: Equation) -> tuple[Doubles, Doubles]:
+    """Where samples that have depth go, px (N, 2), and their nearness there (N,)."""
+    where = places(DepthImage(image.color, image.nearness, image.place)).reshape(-1, 2)
+    nearness = image.nearness.reshape(-1).astype(np.float64)
+    known = nearness > 0
+    place, there = warp_places(equation, where[known], nearness[known])
+    valid = (np.abs(place) < FAR_OFF).all(axis=1)
+    return place[valid], there[valid]
+
+
+def _pairs_of(path: Path) -> Iterator[Pair]:
+    """Pairs that a `calib.json` describes."""
+    facts = json.loads(path.read_text(encoding="utf-8"))
+    if "disp_left" in facts:
+        return _stereo_pairs(path.parent, facts)
+    if "pose" in facts:
+        return _frame_pairs(path.parent, facts)
+    raise ValueError(f"{path} names neither disparity maps (disp_left) nor poses (pose)")
+
+
+def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
+    """Left to right, and right to left where the right view has a map, too."""
+    left, right = (_stereo_frame(folder, facts, side) for side in ("left", "right"))
+    for name, source, target, fraction in (
+        ("left to right", left, right, 1.0),
+        ("right to left", right, left, -1.0),
+    ):
+        if source.nearness.size:
+            title = f"{folder.name}: {name}"
+            yield _pair(title, source, target, of_rectified(fraction), _same_disparity)
+
+
+def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> Frame:
+    """One view of a rectified pair; its nearness is the disparity in px."""
+    color = _encoded(folder / facts[side])
+    stored = facts.get(f"disp_{side}")
+    if stored is None:
+        return Frame(color, np.empty((0, 0), np.float32))
+    raw = read_depth(folder / str(stored).split()[0])
+    return Frame(color, BareDisparity(facts["disparity_scale"]).nearness(raw))
+
+
+def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
+    """Frames of a moving camera."""
+    colors, depths = (
+        sorted(file for file in (folder / str(facts[kind]).partition("/")[0]).iterdir())
+        for kind in ("color", "depth")
+    )
+    poses = [shot.pose for shot in read_shots(folder / str(facts["pose"]).split()[0].rstrip(":"))]
+    numbers = [int(file.stem) for file in colors]
+    cameras = [
+        Camera.from_intrinsics(
+            *(facts[key] for key in ("fx", "fy", "cx", "cy")),
+            world_to_camera=pose,
+            convention="opencv",
+        )
+        for pose in poses
+    ]
+    encoding = PlanarDepth(facts["depth_scale"])
+    for first, second in FRAMES.get(folder.name) or itertools.pairwise(numbers):
+        a, b = numbers.index(first), numbers.index(second)
+        source, target = (
+            Frame(_encoded(colors[n]), encoding.nearness(read_depth(depths[n]))) for n in (a, b)
+        )
+        equation = between(cameras[a], cameras[b])
+        yield _pair(f"{folder.name}: {first} to {second}", source, target, equation, _same_depth)
+
+
+def _pair(name: str, source: Frame, target: Frame, equation: Equation, same: Any) -> Pair:
+    """Pair whose mask holds the pixels that the source sees."""
+    image = DepthImage(source.color, source.nearness, np.empty((0, 0, 2)))
+    height, width = target.color.shape[:2]
+    if target.nearness.size:
+        mask = _cross_checked(image, target, equation, same)
+    else:
+        mask = seen_nearness(image, equation, (height, width)) > 0
+    return Pair(name, image, equation, target.color, mask)
+
+
+def _cross_checked(image: DepthImage, target: Frame, equation: Equation, same: Any) -> Mask:
+    """Pixels of the target whose points the source sees at the same nearness."""
+    back = inverse(equation)
+    start = places(DepthImage(target.color, target.nearness, np.empty((0, 0, 2))))
+    place, expected = warp_places(back, start, target.nearness.astype(np.float64))
+    height, width = image.nearness.shape
+    known = (target.nearness > 0) & np.isfinite(place).all(axis=2)
+    inside = known & ((place >= 0) & (place < (width, height))).all(axis=2)
+    column, row = np.where(inside[..., None], place, 0.0).astype(np.int64).transpose(2, 0, 1)
+    found = image.nearness[row, column]
+    return np.asarray(inside & (found > 0) & same(found, expected))
+
+
+def _same_disparity(a: Doubles, b: Doubles) -> Mask:
+    return np.asarray(np.abs(a - b) <= SAME_PX)
+
+
+def _same_depth(a: Doubles, b: Doubles) -> Mask:
+    return np.asarray(np.abs(a - b) <= SAME_DEPTH * np.maximum(a, b))
+
+
+def _encoded(path: Path) -> Floats:
+    """Picture (H, W, 3) as it is stored, 0..1."""
+    return np.ascontiguousarray(to_srgb(read_image(path))[..., :3], np.float32)

@@ -1,0 +1,200 @@
+"""How well a warped depth image agrees with what the view really shows.
+
+All pictures here are (H, W, 3) as a screen shows them: sRGB-encoded, 0..1. Only pixels of a mask
+count, those that the source sees; holes among them count as black.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.measuring.quality import psnr, ssim
+from resample.types import Doubles, Floats
+
+Mask = NDArray[np.bool_]  # (H, W)
+Screen = NDArray[np.floating]  # (H, W, 3) sRGB-encoded, 0..1
+
+STEP = 0.03  # of the depth: more within a pixel, or to its neighbour, is an edge
+NEAR_EDGE = 2  # px
+TELEA_RADIUS = 3.0  # px
+HIGHEST = 100.0  # dB that a component without error counts in IV-PSNR
+
+# Y, Cb, Cr of encoded R, G, B (ITU-R BT.709), and what they count in IV-PSNR.
+TO_YCBCR = np.array(
+    [[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]], np.float32
+)
+COMPONENT_WEIGHT = np.array([4.0, 1.0, 1.0]) / 6.0
+BLOCK = 2  # px that a match may be away
+UNNOTICEABLE = 0.01  # offset of a whole component that is not seen
+
+
+class Target(NamedTuple):
+    """What a view shows, and where that can be asked for."""
+
+    truth: Screen  # (H, W, 3)
+    mask: Mask  # (H, W) pixels that count: the source sees them whole
+    edge: Mask  # (H, W) those near a step in depth
+
+
+def score(screen: Screen, covered: Mask, target: Target) -> dict[str, float | None]:
+    """All measures of one picture.
+
+    Parameters
+    ----------
+    screen
+        (H, W, 3) the warped picture; what it holds in holes does not matter.
+    covered
+        (H, W) pixels that are no holes.
+    target
+        What it is compared with.
+
+    Returns
+    -------
+    `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`; `edge psnr` is None where
+    no pixel that counts is near an edge.
+
+    Raises
+    ------
+    ValueError
+        Sizes differ, or no pixel counts.
+    """
+    image = np.where(covered[..., None], screen, np.float32(0))
+    at_edge = target.mask & target.edge
+    return {
+        "psnr": psnr(image, target.truth, mask=target.mask),
+        "edge psnr": psnr(image, target.truth, mask=at_edge) if at_edge.any() else None,
+        "ssim": masked_ssim(image, target.truth, target.mask),
+        "iv-psnr": iv_psnr(image, target.truth, target.mask),
+        "hole %": hole_percent(covered, target.mask),
+    }
+
+
+def delivered(image: Floats, coverage: Floats) -> tuple[Floats, Mask]:
+    """Colors without the coverage they are multiplied by, and which pixels are no holes.
+
+    Parameters
+    ----------
+    image
+        (H, W, C) multiplied by the coverage.
+    coverage
+        (H, W) 0..1.
+
+    Returns
+    -------
+    Colors (H, W, C), 0 in holes, and (H, W) whether there is any coverage.
+    """
+    covered = coverage > 0
+    share = np.where(covered, coverage, np.float32(1))[..., None]
+    return np.where(covered[..., None], image / share, np.float32(0)), covered
+
+
+def hole_percent(covered: Mask, mask: Mask) -> float:
+    """Share of the mask's pixels that are holes, per cent."""
+    return 100.0 * float((mask & ~covered).sum() / mask.sum())
+
+
+def masked_ssim(a: Screen, b: Screen, mask: Mask) -> float:
+    """SSIM of the pixels of a mask; beyond it the pictures count as equal."""
+    alone = np.where(mask[..., None], a, b)
+    return 1.0 - (1.0 - ssim(alone, b)) / float(mask.mean())
+
+
+def iv_psnr(a: Screen, b: Screen, mask: Mask | None = None) -> float:
+    """PSNR that forgives shifts of 2 px and an even offset of color, dB; inf for equal pictures.
+
+    Dziembowski, Mieloch, Stankowski and Grzelka, IV-PSNR: The Objective Quality Metric for
+    Immersive Video Applications, 2022. Every pixel of one picture is compared with that of 5 × 5 of
+    the other that is most like it, after taking out the difference of the means, up to 1 % for each
+    component; Y, Cb and Cr count 4 : 1 : 1 in the search and in the result, which is the lower one
+    of both directions. Here of YCbCr at full resolution instead of 4 : 2 : 0.
+
+    Parameters
+    ----------
+    a, b
+        (H, W, 3).
+    mask
+        (H, W) pixels that count; matches may be any. None takes all.
+    """
+    if mask is None:
+        mask = np.ones(a.shape[:2], np.bool_)
+    if np.array_equal(a[mask], b[mask]):
+        return math.inf
+    first, second = (_components(picture) for picture in (a, b))
+    difference = np.mean(second[mask] - first[mask], axis=0)
+    offset: Floats = np.clip(difference, -UNNOTICEABLE, UNNOTICEABLE)
+    return min(_one_way(first + offset, second, mask), _one_way(second - offset, first, mask))
+
+
+def _components(picture: Screen) -> Floats:
+    """Luma and both chromas, (H, W, 3)."""
+    return np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32)
+
+
+def _one_way(image: Floats, other: Floats, mask: Mask) -> float:
+    """Quality of a picture whose pixels are compared with the most similar nearby ones, dB."""
+    weight = COMPONENT_WEIGHT.astype(np.float32)
+    least = np.full(image.shape[:2], np.inf, np.float32)
+    best = np.zeros_like(image)
+    for moved in _shifted(other, BLOCK):
+        square = np.square(image - moved)
+        total = square @ weight
+        is_better = total < least
+        least = np.where(is_better, total, least)
+        best[is_better] = square[is_better]
+    error = np.maximum(best[mask].mean(axis=0, dtype=np.float64), 10.0 ** (-HIGHEST / 10.0))
+    return float(-10.0 * np.log10(error) @ COMPONENT_WEIGHT)
+
+
+def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
+    """Picture moved by up to `reach` px; beyond its borders the nearest pixels."""
+    height, width = picture.shape[:2]
+    around = np.pad(picture, ((reach, reach), (reach, reach), (0, 0)), mode="edge")
+    for row in range(2 * reach + 1):
+        for column in range(2 * reach + 1):
+            yield around[row : row + height, column : column + width]
+
+
+def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
+    """RMS of how errors change from frame to frame, in levels of 255.
+
+    Parameters
+    ----------
+    errors
+        (H, W, 3) differences to the truth, of frames in turn.
+    masks
+        (H, W) pixels that count; both frames have to have them.
+    """
+    squares, count = 0.0, 0
+    for n in range(len(errors) - 1):
+        change = (errors[n + 1] - errors[n])[masks[n] & masks[n + 1]]
+        squares += float(np.square(change, dtype=np.float64).sum())
+        count += change.size
+    if not count:
+        raise ValueError("no pixel counts in two frames in turn, so nothing can flicker")
+    return 255.0 * math.sqrt(squares / count)
+
+
+def filled_alike(screen: Screen, covered: Mask) -> Floats:
+    """Picture whose holes OpenCV fills (Telea, radius 3 px), whatever method left them."""
+    import cv2
+
+    levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    filled = cv2.inpaint(levels, (~covered).astype(np.uint8), TELEA_RADIUS, cv2.INPAINT_TELEA)
+    whole = np.where(covered[..., None], screen, filled.astype(np.float32) / 255.0)
+    return np.asarray(whole, np.float32)
+
+
+def near_steps(nearest: Doubles, farthest: Doubles) -> Mask:
+    """Pixels within 2 px of one whose depths differ by more than 3 %."""
+    return widened(farthest > nearest * (1.0 + STEP), NEAR_EDGE)
+
+
+def widened(mask: Mask, reach: int) -> Mask:
+    """Mask and what is up to `reach` px away from it, in rows, columns and diagonals."""
+    import cv2
+
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)

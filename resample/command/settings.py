@@ -1,0 +1,263 @@
+"""Options that mean the same in every application, as the command lines and files give them.
+
+One model serves flags, TOML files and checks. Importing this module imports no numerics: `--help`
+stays quick.
+"""
+
+import math
+import re
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from resample.resampler import Resampler
+
+Color = tuple[float, float, float]
+
+COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
+SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
+
+
+def _number(given: object) -> object:
+    """Number that a word of the command line stands for; pydantic's literals do not convert it."""
+    return int(given) if isinstance(given, str) and given.isdecimal() else given
+
+
+class Resampling(BaseModel):
+    """How samples become a picture."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    primitive: Annotated[
+        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
+        Field(
+            description="Points where samples shrink and splats where they grow, or one of them "
+            "(splats alone are not antialiased); paper: as published, threshold 1 px; inflate, "
+            "ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
+        ),
+    ] = "hybrid"
+    footprint: Annotated[
+        Literal["exact", "corrected", "small-angle", "affine", "disc"] | None,
+        Field(
+            description="Model of splats in perspective. Exact, but corrected for paper, and "
+            "affine for inflate and ewa."
+        ),
+    ] = None
+    threshold: Annotated[
+        float | None,
+        Field(ge=0, description="Points are what lies at most this many sub-pixels apart."),
+    ] = None
+    subpixels: Annotated[
+        int | None,
+        Field(ge=1, le=32, description="Sub-pixels per side of a pixel. Chosen per region."),
+    ] = None
+    filter: Annotated[
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Box.")
+    ] = None
+    kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
+    order: Annotated[
+        str | None,
+        Field(
+            description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
+            " Fields and their projections take image-sheets:thickness=0.5, maxima 1."
+        ),
+    ] = None
+    projection: Annotated[
+        Literal["composite", "maximum", "average", "additive", "first-hit"],
+        Field(
+            description="What a pixel shows: light through what lies in front, the largest, mean "
+            "or sum of the values, or the surface of the iso value."
+        ),
+    ] = "composite"
+    iso: Annotated[
+        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+    ] = None
+    opacity: Annotated[
+        Literal["exact", "linear"],
+        Field(description="Exact transmittance of the field, or classic splatting's product."),
+    ] = "exact"
+    color_by: Annotated[
+        Literal["sample", "primitive"], Field(description="Primitive: draw splats in red.")
+    ] = "sample"
+
+    def resampler(self, *, of_field: bool = False) -> "Resampler":
+        """Renderer with these choices; one of fields cuts splats unless an order was chosen.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A plugin is unknown or refuses its parameters.
+        """
+        from resample import registry
+        from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+
+        is_of_field = of_field or self.projection != "composite"
+        thickness = 1 if self.projection == "maximum" else 0.5  # that takes all voxels
+        own = f"image-sheets:thickness={thickness}" if is_of_field else "every-sample"
+        return Resampler(
+            primitive=Primitive(self.primitive),
+            footprint=None if self.footprint is None else Footprint(self.footprint),
+            pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
+            reconstruction=registry.build("reconstructions", self.kernel),
+            order=registry.build("orders", self.order or own),
+            threshold=self.threshold,
+            subpixels=self.subpixels,
+            opacity=Opacity(self.opacity),
+            projection=Projection(self.projection),
+            iso=self.iso,
+            splat_color=SPLAT_COLOR if self.color_by == "primitive" else None,
+        )
+
+
+class Picture(BaseModel):
+    """What kind of picture is written."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    size: Annotated[
+        str, Field(description="Pixels: 400 for a square, 640x480 for width and height.")
+    ] = "400"
+    background: Annotated[
+        str | None,
+        Field(description="black, white, #rrggbb or none for transparent. PNG: black, EXR: none."),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16], BeforeValidator(_number), Field(description="Per channel of a PNG.")
+    ] = 8
+    threads: Annotated[
+        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
+    ] = None
+
+    def height_and_width(self) -> tuple[int, int]:
+        """Size in px.
+
+        Raises
+        ------
+        ValueError
+            It is not one or two whole numbers above 0, or more than a picture can hold.
+        """
+        from resample.resampler import LARGEST_PICTURE
+
+        match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
+        if match is None:
+            raise ValueError(f"size {self.size!r}; give 400 or 640x480")
+        width, height = int(match[1]), int(match[2] or match[1])
+        if not 0 < width * height <= LARGEST_PICTURE:
+            raise ValueError(
+                f"a picture of {width} x {height} pixels; both sides must be at least 1 and there "
+                f"can be at most {LARGEST_PICTURE} pixels"
+            )
+        return height, width
+
+
+class Written(BaseModel):
+    """How a picture of any kind is written."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    background: Annotated[
+        str | None,
+        Field(description="Behind the picture: black, white, #rrggbb. None, it is transparent."),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16, 32] | None,
+        BeforeValidator(_number),
+        Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
+    ] = None
+
+
+def linear_color(name: str) -> Color | None:
+    """Linear RGB of a color's name or of #rrggbb; None for none.
+
+    Raises
+    ------
+    ValueError
+        The name is no color's.
+    """
+    if name.lower() == "none":
+        return None
+    if name in COLORS:
+        return COLORS[name]
+    import matplotlib.colors
+    import numpy as np
+
+    from resample.colors import from_srgb
+
+    if not matplotlib.colors.is_color_like(name):
+        raise ValueError(f"background {name!r}; give none, #rrggbb or a color's name")
+    red, green, blue = from_srgb(np.array(matplotlib.colors.to_rgb(name))).tolist()
+    return red, green, blue
+
+
+def height_and_width(size: str) -> tuple[int, int]:
+    """Size in px of 400 or 640x480.
+
+    Raises
+    ------
+    ValueError
+        See `Picture.height_and_width`.
+    """
+    return Picture(size=size).height_and_width()
+
+
+def azimuth_elevation_zoom(text: str) -> tuple[float, float, float]:
+    """Degrees, degrees and a factor of a text like 30/20/1.5; without a third, that is 1.
+
+    Raises
+    ------
+    ValueError
+        There is something else.
+    """
+    try:
+        azimuth, elevation, *more = (float(part) for part in text.split("/"))
+        (zoom,) = more or [1.0]
+    except ValueError:
+        raise ValueError(
+            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5"
+        ) from None
+    return azimuth, elevation, zoom
+
+
+def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
+    """Finite numbers of a text, separated by commas or blanks.
+
+    Raises
+    ------
+    ValueError
+        There is something else, or another count.
+    """
+    try:
+        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
+    except ValueError:
+        numbers = []
+    if (
+        not numbers
+        or not all(map(math.isfinite, numbers))
+        or len(numbers) != (count or len(numbers))
+    ):
+        wanted = "numbers" if count is None else f"{count} numbers"
+        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
+    return numbers
+
+
+def method_names(text: str, least: int = 1) -> list[str]:
+    """Methods of a list separated by commas.
+
+    A part with = but without a name: before it is a further parameter of the method before it, as
+    in `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than `least`.
+    """
+    names: list[str] = []
+    for part in filter(None, (word.strip() for word in text.split(","))):
+        if names and "=" in part and ":" not in part.partition("=")[0]:
+            names[-1] += f",{part}"
+        else:
+            names.append(part)
+    if len(names) < least:
+        raise ValueError("give methods to compare, such as bilinear,hybrid")
+    return list(dict.fromkeys(names))

@@ -1,0 +1,1 @@
+"""Ellipsoids seen by a camera, painted as elliptical splats."""

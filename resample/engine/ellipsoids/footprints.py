@@ -1,0 +1,490 @@
+"""Ellipsoids seen by a camera: where they fall on the screen, and as which quadratic form.
+
+Work is done in the ellipsoid's own space, in which it is the unit sphere: there the paper's
+appendix A holds word for word, the image plane merely being oblique. The half axes of a sphere's
+ellipse become conjugate half diameters, which is all that a quadratic form needs.
+
+The models of the footprint:
+
+EXACT
+    The squared distance of the pixel's ray from the center, in radii: |c × w|² / |w|². For w at a
+    screen offset (dx, dy) from the projected center, c × w = dx (c × w₀) + dy (c × w₁), so the
+    numerator is a quadratic form of the offset and nothing cancels.
+CORRECTED, SMALL_ANGLE
+    The paper's ellipse (section 4.2, appendix A): its axis in the plane of P and Q ends at the
+    cone's rim, its center is the midpoint of these ends; SMALL_ANGLE keeps the projected center.
+AFFINE
+    The projection's linear part at the center (EWA, Zwicker et al. 2001).
+DISC
+    The sphere becomes a disc perpendicular to the ray through its center, which other rays meet
+    (Mueller and Yagel 1996): with the exact index d and 1 / |c| = sin α, d / √(1 - d² sin² α).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.grid import grid, is_surely_point, point_width
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.vectors import (
+    Matrix,
+    Vector,
+    column,
+    combine,
+    cross,
+    dot,
+    matrix_of,
+    multiply,
+    scaled,
+)
+from resample.types import (
+    AFFINE,
+    DISC,
+    EXACT,
+    SMALL_ANGLE,
+    Doubles,
+    Ellipsoid,
+    Record,
+    Records,
+    Samples,
+    Screen,
+    Style,
+    View,
+)
+
+CHUNK = 4096  # samples per task
+
+Side = tuple[float, float, float, float]
+
+
+class Eye(NamedTuple):
+    """A `View` as numbers."""
+
+    rotation: Matrix
+    shift: Vector
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    near: float
+    perspective: bool
+
+
+class Shape(NamedTuple):
+    """An `Ellipsoid` as numbers."""
+
+    to_unit: Matrix
+    from_unit: Matrix
+    covariance: Matrix
+    across: Vector  # a px to the right, in the ellipsoid's space
+    down: Vector  # a px down, in the ellipsoid's space
+    volume: float
+    scale: float
+    radius: float
+
+
+class Area(NamedTuple):
+    """A `Screen` as numbers."""
+
+    width: int
+    height: int
+    margin: float
+    sides: tuple[Side, Side, Side, Side]
+
+
+@kernel
+def eye_of(view: View) -> Eye:
+    """Take a camera apart."""
+    shift, focal, principal = view.translation, view.focal, view.principal
+    return Eye(
+        matrix_of(view.rotation),
+        (shift[0], shift[1], shift[2]),
+        focal[0],
+        focal[1],
+        principal[0],
+        principal[1],
+        view.near,
+        view.perspective,
+    )
+
+
+@kernel
+def shape_of(ellipsoid: Ellipsoid) -> Shape:
+    """Take an ellipsoid apart."""
+    step = ellipsoid.pixel_to_unit
+    return Shape(
+        matrix_of(ellipsoid.to_unit),
+        matrix_of(ellipsoid.from_unit),
+        matrix_of(ellipsoid.covariance),
+        (step[0, 0], step[1, 0], step[2, 0]),
+        (step[0, 1], step[1, 1], step[2, 1]),
+        ellipsoid.volume,
+        ellipsoid.scale,
+        ellipsoid.radius,
+    )
+
+
+@kernel
+def _side_of(sides: Doubles, side: int) -> Side:
+    return (sides[side, 0], sides[side, 1], sides[side, 2], sides[side, 3])
+
+
+@kernel
+def area_of(screen: Screen) -> Area:
+    """Take a screen apart."""
+    s = screen.sides
+    sides = (_side_of(s, 0), _side_of(s, 1), _side_of(s, 2), _side_of(s, 3))
+    return Area(screen.width, screen.height, screen.margin, sides)
+
+
+@kernel
+def project_sample(
+    record: Record, center: Vector, eye: Eye, shape: Shape, area: Area, style: Style
+) -> None:
+    """Fill in one record from a sample's center in camera axes; colors are not touched."""
+    reach = math.sqrt(shape.covariance[2][2])
+    if center[2] + reach <= eye.near:
+        _hide(record)
+    elif center[2] - reach <= eye.near or (eye.perspective and center[2] <= reach):
+        if _is_beside(center, area.sides):
+            _hide(record)
+        else:
+            _across_near(record, center, eye, shape, area)
+    else:
+        _place(record, center, eye, shape)
+        _linear_form(record, center, eye, shape)
+        if record["spacing"] <= style.threshold:
+            if is_surely_point(record["spacing"], style):
+                record["left"], record["right"] = record["x"], record["x"]
+                record["top"], record["bottom"] = record["y"], record["y"]
+            else:
+                _splat(record, center, eye, shape, style.model)
+            _grow_bounds(record, style)
+            if _is_outside(record, area):  # only now: its filter may reach where it does not
+                _hide(record)
+        elif style.inflated > 0.0 or style.blurred > 0.0:
+            _splat(record, center, eye, shape, style.model)
+            _widen(record, style)
+            if _is_outside(record, area):
+                _hide(record)
+        elif _is_beside(center, area.sides):
+            _hide(record)
+        else:
+            _splat(record, center, eye, shape, style.model)
+
+
+@kernel
+def _widen(record: Record, style: Style) -> None:
+    """Make an affine footprint wider and fainter where it is narrow, by the one rule or the other.
+
+    Swan et al. 1997 enlarge the whole kernel until its neighbours are a pixel apart; Zwicker et al.
+    2001 add the pixel filter's covariance to the footprint's own.
+    """
+    a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
+    before = a * c - b * b
+    grown = min(1.0, record["spacing"] / style.inflated) if style.inflated > 0.0 else 1.0
+    a, b, c = grown * grown * a, grown * grown * b, grown * grown * c
+    if style.blurred > 0.0:
+        determinant = a * c - b * b
+        xx, yy, xy = (
+            c / determinant + style.blurred,
+            a / determinant + style.blurred,
+            b / determinant,
+        )
+        wider = xx * yy - xy * xy
+        a, b, c = yy / wider, xy / wider, xx / wider
+    record["a"], record["b"], record["c"] = a, b, c
+    record["amplitude"] *= math.sqrt((a * c - b * b) / before)
+    _bounds_of_form(record)
+
+
+@kernel
+def _clip(record: Record, center: Vector, planes: Doubles, to_unit: Matrix, style: Style) -> None:
+    """Hide what lies beyond a clipping plane (M, 5), and mark the splats that one cuts.
+
+    Points are as small as sub-pixels: their centers decide.
+    """
+    nearest = np.inf
+    for n in range(planes.shape[0]):
+        inside = (
+            planes[n, 0] * center[0]
+            + planes[n, 1] * center[1]
+            + planes[n, 2] * center[2]
+            + planes[n, 3]
+        )
+        reach = 0.0 if is_surely_point(record["spacing"], style) else planes[n, 4]
+        if inside <= -reach:
+            _hide(record)
+            return
+        nearest = min(nearest, inside - reach)
+    if nearest < 0.0:
+        record["cone"] = -1.0
+        record["a"], record["b"], record["c"] = multiply(to_unit, center)
+
+
+@kernel
+def _hide(record: Record) -> None:
+    record["left"], record["right"] = 1.0, 0.0
+    record["top"], record["bottom"] = 1.0, 0.0
+    record["depth"] = np.inf
+
+
+@kernel
+def _is_beside(center: Vector, sides: tuple[Side, Side, Side, Side]) -> bool:
+    """Whether the ellipsoid around `center` lies outside one side of the frame."""
+    for side in sides:
+        if side[0] * center[0] + side[1] * center[1] + side[2] * center[2] + side[3] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _is_outside(record: Record, area: Area) -> bool:
+    """Whether the bounds miss the frame and its margin."""
+    return bool(
+        record["right"] < -area.margin
+        or record["left"] > area.width + area.margin
+        or record["bottom"] < -area.margin
+        or record["top"] > area.height + area.margin
+    )
+
+
+@kernel
+def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: Area) -> None:
+    """A sphere that the near plane cuts; where it reaches behind the eye, any pixel may see it."""
+    record["x"], record["y"] = 0.5 * area.width, 0.5 * area.height
+    record["left"], record["right"] = -area.margin, area.width + area.margin
+    record["top"], record["bottom"] = -area.margin, area.height + area.margin
+    if not eye.perspective:
+        _place(record, center, eye, shape)
+        _linear_form(record, center, eye, shape)
+        _bounds_of_form(record)
+    elif center[2] > math.sqrt(shape.covariance[2][2]):
+        _place(record, center, eye, shape)
+        _bounds_in_perspective(record, center, eye, shape)
+    record["cone"] = -1.0
+    record["a"], record["b"], record["c"] = multiply(shape.to_unit, center)
+    record["depth"] = center[2]
+    record["spacing"] = np.inf
+    record["mass"], record["obliquity"], record["amplitude"] = 0.0, 1.0, 0.0
+
+
+@kernel
+def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
+    """Place on screen, depth and mass: what points and all models share."""
+    x, y, z = center
+    mass = shape.volume * eye.fx * eye.fy
+    record["cone"] = 0.0
+    record["obliquity"] = 1.0
+    if eye.perspective:
+        per_z = 1.0 / z
+        x, y = x * per_z, y * per_z
+        obliquity = math.sqrt(1.0 + x * x + y * y)
+        record["obliquity"] = obliquity
+        mass *= obliquity * per_z * per_z
+    record["x"] = eye.fx * x + eye.cx
+    record["y"] = eye.fy * y + eye.cy
+    record["form_x"], record["form_y"] = record["x"], record["y"]
+    record["depth"] = z
+    record["mass"] = mass
+    record["amplitude"] = 0.0
+
+
+@kernel
+def _splat(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
+    """Quadratic form, bounds, cone and amplitude by the model; the linear form is there already."""
+    if model == AFFINE or not eye.perspective:
+        _bounds_of_form(record)
+    if model != AFFINE:
+        _better_form(record, center, eye, shape, model)
+    if model != EXACT:
+        record["amplitude"] = _amplitude(center, eye, shape)
+
+
+@kernel
+def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
+    """Scale of the line integrals at the center, which exact footprints have per pixel instead."""
+    ray = column(shape.to_unit, 2)
+    if eye.perspective:
+        ray = scaled(1.0 / math.sqrt(dot(center, center)), multiply(shape.to_unit, center))
+    return shape.scale / math.sqrt(dot(ray, ray))
+
+
+@kernel
+def _linear_form(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
+    """Quadratic form of the projection's linear part at the center, and the spacing it gives."""
+    x, y, z = 0.0, 0.0, 1.0
+    if eye.perspective:
+        z = 1.0 / center[2]
+        x, y = center[0] * z, center[1] * z
+    v = shape.covariance
+    fx, fy = eye.fx * z, eye.fy * z
+    xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
+    yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
+    xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
+    determinant = xx * yy - xy * xy
+    scale = 1.0 / determinant
+    record["a"], record["b"], record["c"] = yy * scale, -xy * scale, xx * scale
+    mean = 0.5 * (xx + yy)
+    major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
+    record["spacing"] = major / shape.radius
+
+
+@kernel
+def _bounds_of_form(record: Record) -> None:
+    """Bounding box of the ellipse on which the quadratic form is 1."""
+    a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
+    determinant = a * c - b * b
+    width, height = math.sqrt(c / determinant), math.sqrt(a / determinant)
+    record["left"], record["right"] = record["form_x"] - width, record["form_x"] + width
+    record["top"], record["bottom"] = record["form_y"] - height, record["form_y"] + height
+
+
+@kernel
+def _better_form(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
+    """Replace the linear form by the exact or the paper's one, and the bounds with it."""
+    if not eye.perspective:
+        if model in (EXACT, DISC):
+            _exact_form(record, column(shape.to_unit, 2), shape)
+        return
+    unit = multiply(shape.to_unit, center)
+    if model != EXACT:
+        record["cone"] = math.asin(min(1.0, 1.0 / math.sqrt(dot(unit, unit))))
+    if model in (EXACT, DISC):
+        _exact_form(record, unit, shape)
+        _bounds_in_perspective(record, center, eye, shape)
+    else:
+        _rim_form(record, unit, eye, shape, model == SMALL_ANGLE)
+        _bounds_of_form(record)
+
+
+@kernel
+def _exact_form(record: Record, unit: Vector, shape: Shape) -> None:
+    """Squared length of c × w over the offset in px; `unit` is c, or the ray where parallel."""
+    across = cross(unit, shape.across)
+    down = cross(unit, shape.down)
+    record["a"] = dot(across, across)
+    record["b"] = dot(across, down)
+    record["c"] = dot(down, down)
+
+
+@kernel
+def _bounds_in_perspective(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
+    """Bounding box of an ellipsoid in front of the eye: where planes through the eye touch it."""
+    v, z = shape.covariance, center[2]
+    in_front = z * z - v[2][2]
+    per_front = 1.0 / in_front
+    middle = center[0] * z - v[0][2]
+    reach = _reach(middle, in_front, center[0] * center[0] - v[0][0])
+    record["left"] = eye.fx * ((middle - reach) * per_front) + eye.cx
+    record["right"] = eye.fx * ((middle + reach) * per_front) + eye.cx
+    middle = center[1] * z - v[1][2]
+    reach = _reach(middle, in_front, center[1] * center[1] - v[1][1])
+    record["top"] = eye.fy * ((middle - reach) * per_front) + eye.cy
+    record["bottom"] = eye.fy * ((middle + reach) * per_front) + eye.cy
+
+
+@kernel
+def _reach(middle: float, in_front: float, rest: float) -> float:
+    """Half the distance of the roots of in_front x² - 2 middle x + rest, times in_front."""
+    return math.sqrt(max(0.0, middle * middle - in_front * rest))
+
+
+@kernel
+def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle: bool) -> None:
+    """Ellipse of the tangent cone by appendix A, in the space where the ellipsoid is a sphere."""
+    squared = dot(unit, unit)
+    rim = math.sqrt(1.0 - 1.0 / squared)  # radius of the circle in which the cone touches
+    middle = scaled(1.0 - 1.0 / squared, unit)  # C
+    depth_of = shape.from_unit[2]  # P: its product with a point is the point's depth
+    parallel = cross(unit, depth_of)  # EF: across the plane of P and Q, parallel to the screen
+    if dot(parallel, parallel) < 1e-18 * squared * dot(depth_of, depth_of):
+        parallel = cross(unit, column(shape.to_unit, 0))  # on the axis any diameter will do
+    parallel = scaled(rim / math.sqrt(dot(parallel, parallel)), parallel)
+    axis = cross(parallel, unit)  # AB: in the plane of P and Q, perpendicular to Q
+    axis = scaled(rim / math.sqrt(dot(axis, axis)), axis)
+
+    back = shape.from_unit
+    start = multiply(back, combine(middle, -1.0, axis))
+    end = multiply(back, combine(middle, 1.0, axis))
+    chord = multiply(back, parallel)
+    ax, ay, bx, by = start[0] / start[2], start[1] / start[2], end[0] / end[2], end[1] / end[2]
+    if small_angle:  # C', C'B', C'F'
+        touched = multiply(back, middle)
+        x, y, depth = touched[0] / touched[2], touched[1] / touched[2], touched[2]
+        if ax * ax + ay * ay > bx * bx + by * by:
+            bx, by = ax, ay
+        first_x, first_y, shrink = bx - x, by - y, 1.0 / depth
+    else:  # the midpoint of A'B', and the chord parallel to EF whose projection goes through it
+        x, y = 0.5 * (ax + bx), 0.5 * (ay + by)
+        first_x, first_y = 0.5 * (bx - ax), 0.5 * (by - ay)
+        skew = (start[2] - end[2]) / (start[2] + end[2])  # where on AB that chord lies
+        depth = 2.0 * start[2] * end[2] / (start[2] + end[2])
+        shrink = math.sqrt(1.0 - skew * skew) / depth
+    fx, fy = eye.fx, eye.fy
+    record["form_x"], record["form_y"] = fx * x + eye.cx, fy * y + eye.cy
+    first_x, first_y = fx * first_x, fy * first_y
+    second_x, second_y = fx * shrink * chord[0], fy * shrink * chord[1]
+    determinant = first_x * second_y - first_y * second_x
+    scale = 1.0 / (determinant * determinant)
+    record["a"] = scale * (first_y * first_y + second_y * second_y)
+    record["b"] = -scale * (first_x * first_y + second_x * second_y)
+    record["c"] = scale * (first_x * first_x + second_x * second_x)
+
+
+@kernel
+def _grow_bounds(record: Record, style: Style) -> None:
+    """Let the bounds hold the point filter too."""
+    pad = style.point_extent
+    if style.variance > 0.0:
+        coarsest = grid(record["spacing"], style)  # a tile's is this fine at least
+        pad *= point_width(record["spacing"] * coarsest, style.variance) / coarsest
+    record["left"] = min(record["left"], record["x"] - pad)
+    record["right"] = max(record["right"], record["x"] + pad)
+    record["top"] = min(record["top"], record["y"] - pad)
+    record["bottom"] = max(record["bottom"], record["y"] + pad)
+
+
+@kernel
+def _project_chunk(
+    footprints: Records,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    chunk: int,
+) -> None:
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, color, extinction = samples.position, samples.color, samples.extinction
+    planes = screen.planes
+    for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, footprints.size)):
+        world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        record = footprints[n]
+        if extinction[n] > style.faintest:
+            project_sample(record, center, eye, shape, area, style)
+            if planes.shape[0] > 0 and record["left"] <= record["right"]:
+                _clip(record, center, planes, shape.to_unit, style)
+        else:
+            _hide(record)
+        record["red"] = color[n, 0]
+        record["green"] = color[n, 1]
+        record["blue"] = color[n, 2]
+        record["extinction"] = extinction[n]
+
+
+@parallel_kernel
+def project(
+    counter: Counter,
+    footprints: Records,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+) -> None:
+    """Fill in the footprints (N,) of all samples."""
+    for chunk in tasks(counter, (footprints.size + CHUNK - 1) // CHUNK):
+        _project_chunk(footprints, samples, view, ellipsoid, screen, style, chunk)

@@ -1,0 +1,149 @@
+"""Samples that a tile has taken and not yet painted, and those whose turn it is.
+
+They wait as numbers with their keys. What painting needs of them is found when their order is
+known, batch by batch, as columns of numbers (see `resample.engine.ellipsoids.outlines`).
+"""
+
+import numpy as np
+
+from resample.engine.ellipsoids.outlines import (
+    BATCH,
+    BLUE,
+    EXTINCTION,
+    GREEN,
+    RED,
+    ROOM,
+    A,
+    B,
+    C,
+    X,
+    Y,
+)
+from resample.engine.ellipsoids.rows import Members
+from resample.engine.jit import kernel, load_soon
+from resample.engine.sorting import FEW, HALF, Pairs, bits_of, member_of, settle
+from resample.types import Floats, Samples, Single
+
+LINE = 16  # numbers that are loaded at once
+LOOKS = 9  # numbers that say what comes first of samples that are equally near
+
+
+@kernel
+def take(
+    pool: Pairs, waiting: int, pair: Pairs, count: int, farthest: np.uint64
+) -> tuple[int, np.uint64]:
+    """Put those pairs in the pool that are not 0; gives how many are in it, and the largest.
+
+    There is room in the pool for one more than all of them.
+    """
+    for n in range(count):
+        found = pair[np.uint64(n)]
+        pool[np.uint64(waiting)] = found
+        waiting += 1 if found > np.uint64(0) else 0
+        farthest = max(farthest, found)
+    return waiting, farthest
+
+
+@kernel
+def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, count: int) -> None:
+    """Begin to load samples of which all numbers will be needed soon; positions and colors flat."""
+    for n in range(3 * begin, 3 * (begin + count), LINE):
+        load_soon(position, n)
+        load_soon(color, n)
+    for n in range(begin, begin + count, LINE):
+        load_soon(extinction, n)
+
+
+@kernel
+def enlarged(pool: Pairs) -> Pairs:
+    """Pool for twice as many pairs."""
+    larger = np.empty(2 * pool.size, np.uint64)
+    for n in range(pool.size):
+        larger[n] = pool[n]
+    return larger
+
+
+@kernel
+def part(pool: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
+    """Move samples that are nearer than `limit` from the pool to `ready`; gives how many stay."""
+    behind = ~np.uint64(0) if limit == np.inf else np.uint64(bits_of(limit)) << HALF
+    stay = taken = 0
+    for n in range(waiting):
+        found = pool[np.uint64(n)]
+        ready[np.uint64(taken)] = found
+        pool[np.uint64(stay)] = found
+        taken += 1 if found < behind else 0
+        stay += 0 if found < behind else 1
+    return stay
+
+
+@kernel
+def gather(ready: Pairs, samples: Samples, position: Floats, room: Floats) -> None:
+    """Positions (3 n,), extinctions and light of samples, one batch of them."""
+    extinction, color = samples.extinction, samples.color.reshape(-1)
+    of_samples = samples.position.reshape(-1)
+    for n in range(ready.size):
+        k, sample = np.uint64(n), np.uint64(member_of(ready[n]))
+        first, to = np.uint64(3) * sample, np.uint64(3) * k
+        position[to] = of_samples[first]
+        position[to + np.uint64(1)] = of_samples[first + np.uint64(1)]
+        position[to + np.uint64(2)] = of_samples[first + np.uint64(2)]
+        room[k + EXTINCTION] = extinction[sample]
+        room[k + RED] = color[first]
+        room[k + GREEN] = color[first + np.uint64(1)]
+        room[k + BLUE] = color[first + np.uint64(2)]
+
+
+@kernel
+def _is_before(room: Floats, first: int, second: int) -> bool:
+    """Whether one of two samples that are equally near comes first; what is named first decides."""
+    s, other = np.uint64(first), np.uint64(second)
+    for number in (Y, X, A, B, C, EXTINCTION, RED, GREEN, BLUE):
+        if room[s + number] != room[other + number]:
+            return bool(room[s + number] < room[other + number])
+    return False
+
+
+@kernel
+def _settle_few(room: Floats, offset: Members, first: int, last: int) -> None:
+    """Insert samples that are equally near where they belong."""
+    for n in range(first + 1, last):
+        moved, place = offset[n], n
+        while place > first and _is_before(room, moved, offset[place - 1]):
+            offset[place] = offset[place - 1]
+            place -= 1
+        offset[place] = moved
+
+
+@kernel
+def _settle_many(room: Floats, offset: Members) -> None:
+    looks, order = np.empty((offset.size, LOOKS), np.float32), np.empty(offset.size, np.int32)
+    for n in range(offset.size):
+        s = np.uint64(offset[n])
+        looks[n, 0], looks[n, 1] = room[s + Y], room[s + X]
+        looks[n, 2], looks[n, 3], looks[n, 4] = room[s + A], room[s + B], room[s + C]
+        looks[n, 5], looks[n, 6] = room[s + EXTINCTION], room[s + RED]
+        looks[n, 7], looks[n, 8] = room[s + GREEN], room[s + BLUE]
+        order[n] = n
+    settle(order, looks)
+    for n in range(order.size):
+        order[n] = offset[order[n]]
+    for n in range(order.size):
+        offset[n] = order[n]
+
+
+@kernel
+def put_in_order(ready: Pairs, room: Floats, offset: Members) -> None:
+    """Where in `room` samples are that were sorted by key, in painting order."""
+    for n in range(ready.size):
+        offset[n] = n // BATCH * ROOM + n % BATCH
+    start = 0
+    while start < ready.size:
+        end = start + 1
+        while end < ready.size and ready[end] >> HALF == ready[start] >> HALF:
+            end += 1
+        if end - start > FEW:
+            _settle_many(room, offset[start:end])
+        elif end - start > 1:
+            _settle_few(room, offset, start, end)
+        start = end

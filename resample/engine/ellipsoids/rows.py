@@ -1,0 +1,399 @@
+"""The sub-pixels of a tile as rows of numbers, on which splats are painted sixteen at a time.
+
+Two rows that belong together hold nine numbers of each of their sub-pixels: all the first ones,
+then all the second ones, and so on; those of one column stand side by side. As these lie at fixed
+distances, a compiler sees that they do not meet, and works on eight columns of both rows at once.
+Numbers are addressed by unsigned ones, whose sign need not be looked at.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.canvas import Home
+from resample.engine.ellipsoids.outlines import (
+    ACROSS,
+    BOTTOM,
+    CUT,
+    DOWN,
+    EXTINCTION,
+    HOME,
+    LEFT,
+    RIGHT,
+    TOP,
+    A,
+    B,
+    C,
+)
+from resample.engine.ellipsoids.outlines import BLUE as LIT_BLUE
+from resample.engine.ellipsoids.outlines import DEPTH as FAR
+from resample.engine.ellipsoids.outlines import GREEN as LIT_GREEN
+from resample.engine.ellipsoids.outlines import RED as LIT_RED
+from resample.engine.ellipsoids.splats import cut_integral, seen_span
+from resample.engine.jit import kernel, lane_kernel
+from resample.engine.lookup import absorbed
+from resample.engine.over import VISIBLE, Light
+from resample.types import Doubles, Ellipsoid, Film, Floats, Place, Profile, Single, View
+
+COLUMNS = 8  # that are painted at once
+LANES = 2 * COLUMNS
+MOST_COLUMNS = 200  # sub-pixels in a row of a tile with the margins of its filter
+_STRIDE = 2 * (MOST_COLUMNS + COLUMNS)  # what is painted may run over the end
+RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST, RAY, CHORD = (
+    np.uint64(number * _STRIDE) for number in range(9)
+)
+PAIR = 9 * _STRIDE  # numbers of two rows
+
+# expm1(x) / x - 1 over -1..0 by powers of x: least squares, within 1e-7.
+_X = -np.linspace(1e-3, 1.0, 2000)
+_SERIES = np.linalg.lstsq(_X[:, None] ** np.arange(1, 6), np.expm1(_X) / _X - 1.0, rcond=None)[0]
+E1, E2, E3, E4, E5 = (np.float32(power) for power in _SERIES)
+DEEPEST = np.float32(-16.0)  # optical depth, negated, at which nothing passes
+PER_DEEPEST = np.float32(1.0 / 16.0)
+
+Groups = NDArray[np.uint32]  # ((h + 1) // 2,) per two rows, a bit for every eight columns
+Members = NDArray[np.int32]
+
+
+class Limits(NamedTuple):
+    """What all splats of a tile share."""
+
+    opaque: Single  # transmittance below which nothing is painted
+    per_layer: Single  # coverage of a line integral of 1
+    widest: Single  # value of the quadratic form beyond which nothing is touched
+
+
+@kernel
+def index_of(row: int, column: int) -> np.uint64:
+    """Where the first number of a sub-pixel is."""
+    return np.uint64((row >> 1) * PAIR + 2 * column + (row & 1))
+
+
+@kernel
+def new_rows(height: int, width: int) -> Floats:
+    """Empty sub-pixels; those that are painted over the end are opaque."""
+    zero, one, far = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
+    pairs = (height + 1) // 2
+    rows = np.empty(pairs * PAIR, np.float32)
+    for row in range(2 * pairs):
+        for column in range(width + COLUMNS):
+            k = index_of(row, column)
+            rows[k + RED] = zero
+            rows[k + GREEN] = zero
+            rows[k + BLUE] = zero
+            rows[k + ALPHA] = zero if (row < height) & (column < width) else one
+            rows[k + DEPTH] = zero
+            rows[k + WEIGHT] = zero
+            rows[k + FIRST] = far
+            rows[k + RAY] = zero
+            rows[k + CHORD] = zero
+    return rows
+
+
+@kernel
+def cast_rays_of_rows(
+    rows: Floats, height: int, width: int, place: Place, view: View, ellipsoid: Ellipsoid
+) -> Single:
+    """Per sub-pixel, what the exact footprints of all samples share; gives the least 1 / |w|²."""
+    n, unit, least = place.subpixels, ellipsoid.to_unit, np.float32(np.inf)
+    for row in range(height):
+        y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
+        for column in range(width):
+            x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
+            if not view.perspective:
+                x, y = 0.0, 0.0
+            squared = 0.0
+            for axis in range(3):
+                across = unit[axis, 0] * x + unit[axis, 1] * y + unit[axis, 2]
+                squared += across * across
+            k = index_of(row, column)
+            rows[k + RAY] = 1.0 / squared
+            rows[k + CHORD] = ellipsoid.scale * math.sqrt((1.0 + x * x + y * y) / squared)
+            least = min(least, rows[k + RAY])
+    return least
+
+
+@kernel
+def groups_between(left: int, right: int) -> np.uint32:
+    """Bits of the eights of columns that meet those from `left` to before `right`."""
+    first, last = np.uint64(left // COLUMNS), np.uint64((right - 1) // COLUMNS)
+    return np.uint32((np.uint64(2) << last) - (np.uint64(1) << first))
+
+
+@kernel
+def narrowed(
+    a: float, b: float, rest: float, bounds: tuple[int, int], across: float, step: float
+) -> tuple[int, int]:
+    """First column of a row that a splat may touch, and one past the last.
+
+    Where its form a dx² + 2 b dx + rest is below 0; `bounds` are those of all its rows, and
+    `across` is where column 0 lies.
+    """
+    inside = b * b - a * rest
+    if inside <= 0.0:
+        return bounds[1], bounds[0]
+    half, per_column, shift = math.sqrt(inside), 1.0 / (a * step), across / step
+    first = math.floor((-b - half) * per_column - shift)
+    last = math.ceil((-b + half) * per_column - shift) + 1
+    return max(bounds[0], int(first)), min(bounds[1], int(last))
+
+
+@lane_kernel
+def _line_integral(form: Single, ray: Single, chord: Single, profile: Profile) -> Single:
+    """Integral of a splat's kernel along the ray of a sub-pixel."""
+    p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
+    t = max(np.float32(0.0), np.float32(1.0) - form * ray)
+    t2 = t * t
+    t4 = t2 * t2
+    shape = (p4 + t * p5) + t2 * (p6 + t * p7) + t4 * p8
+    shape = (p0 + t * p1) + t2 * (p2 + t * p3) + t4 * shape
+    return chord * shape * math.sqrt(t)
+
+
+@lane_kernel
+def _fall(x: Single, is_thin: bool) -> Single:
+    """Change of what passes, expm1 of x or of 16 x."""
+    one, two = np.float32(1.0), np.float32(2.0)
+    x2 = x * x
+    fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
+    if not is_thin:  # expm1(2x) = expm1(x) (expm1(x) + 2)
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+    return fall
+
+
+@lane_kernel
+def _lay_behind(
+    rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: Limits
+) -> None:
+    """Composite light behind what a sub-pixel holds."""
+    red, green, blue, depth = light
+    zero, one = np.float32(0.0), np.float32(1.0)
+    alpha = rows[k + ALPHA]
+    behind = alpha - one
+    is_open = behind < -limits.opaque
+    share = fall * behind if is_open else zero
+    after = alpha + share
+    rows[k + RED] += share * red
+    rows[k + GREEN] += share * green
+    rows[k + BLUE] += share * blue
+    rows[k + ALPHA] = after
+    rows[k + DEPTH] += share * depth
+    rows[k + WEIGHT] += integral * limits.per_layer if is_open else zero
+    first = rows[k + FIRST]
+    rows[k + FIRST] = depth if (first == np.inf) & (after > np.float32(VISIBLE)) else first
+
+
+@lane_kernel
+def paint_splats_on_rows(
+    rows: Floats,
+    open_groups: Groups,
+    room: Floats,
+    offset: Members,
+    step: Single,
+    profile: Profile,
+    peak: float,
+    limits: Limits,
+) -> tuple[int, int]:
+    """Composite splats of exact footprint up to the first one that a plane cuts.
+
+    Gives how many these are, and how many of those that were painted are at home in the tile.
+
+    Parameters
+    ----------
+    rows, open_groups
+        Written to, and what is known of it.
+    room, offset
+        Columns of numbers as `form_batch` fills them, and where in the first one splats are.
+    step
+        Px between sub-pixels.
+    profile, peak
+        Line integrals of the kernel, and the largest of them.
+    limits
+        What all splats of a tile share.
+    """
+    zero, one, two, at_home = np.float32(0.0), np.float32(1.0), np.float32(2.0), 0
+    for n in range(offset.size):
+        s = np.uint64(offset[n])
+        if room[s + CUT] > zero:
+            return n, at_home
+        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
+        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        if left >= right or not is_open(open_groups, top, bottom, left, right):
+            continue
+        at_home += int(room[s + HOME])
+        a, b, c = room[s + A], room[s + B], room[s + C]
+        light = (room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE], room[s + FAR])
+        across, down = room[s + ACROSS], room[s + DOWN]
+        is_thin = room[s + EXTINCTION] * peak <= 1.0
+        depth_per = -room[s + EXTINCTION] * (one if is_thin else PER_DEEPEST)
+        under, first_column, last_column = groups_between(left, right), left, right
+        for pair in range(top >> 1, (bottom + 1) >> 1):
+            if open_groups[pair] & under == np.uint32(0):
+                continue
+            dy = down + np.float32(2 * pair) * step
+            below = down + np.float32(2 * pair + 1) * step
+            cross, cross_below = two * b * dy, two * b * below
+            rest, rest_below = c * dy * dy, c * below * below
+            if right - left > COLUMNS:
+                bounds = (left, right)
+                first_column, last_column = narrowed(
+                    a, b * float(dy), float(c) * dy * dy - limits.widest, bounds, across, step
+                )
+                first, last = narrowed(
+                    a,
+                    b * float(below),
+                    float(c) * below * below - limits.widest,
+                    bounds,
+                    across,
+                    step,
+                )
+                first_column, last_column = min(first_column, first), max(last_column, last)
+            base = np.uint64(pair * PAIR)
+            # Two loops of constant counts with one body: a function for both is not made lanes.
+            if right - left <= COLUMNS // 2:
+                first_k = base + np.uint64(2 * left)
+                dx_start = across + np.float32(left) * step
+                for lane in range(LANES // 2):
+                    k = first_k + np.uint64(lane)
+                    dx = dx_start + np.float32(lane >> 1) * step
+                    is_below = lane & 1 != 0
+                    form = (a * dx + (cross_below if is_below else cross)) * dx
+                    form += rest_below if is_below else rest
+                    integral = _line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
+                    fall = _fall(max(-one, integral * depth_per), is_thin)
+                    _lay_behind(rows, k, fall, integral, light, limits)
+                continue
+            for start in range(first_column, last_column, COLUMNS):
+                first_k = base + np.uint64(2 * start)
+                dx_start = across + np.float32(start) * step
+                for lane in range(LANES):
+                    k = first_k + np.uint64(lane)
+                    dx = dx_start + np.float32(lane >> 1) * step
+                    is_below = lane & 1 != 0
+                    form = (a * dx + (cross_below if is_below else cross)) * dx
+                    form += rest_below if is_below else rest
+                    integral = _line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
+                    fall = _fall(max(-one, integral * depth_per), is_thin)
+                    _lay_behind(rows, k, fall, integral, light, limits)
+    return offset.size, at_home
+
+
+@kernel
+def paint_cut_splat_on_rows(
+    rows: Floats,
+    open_groups: Groups,
+    room: Floats,
+    offset: int,
+    place: Place,
+    view: View,
+    ellipsoid: Ellipsoid,
+    planes: Doubles,
+    partial: Floats,
+    limits: Limits,
+) -> int:
+    """Composite what is seen of a sphere that a plane cuts; its form is its center.
+
+    Gives 1 if it is at home in the tile and not hidden.
+    """
+    n, one, s = place.subpixels, np.float32(1.0), np.uint64(offset)
+    top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
+    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    if left >= right or not is_open(open_groups, top, bottom, left, right):
+        return 0
+    center, depth = (room[s + A], room[s + B], room[s + C]), room[s + FAR]
+    extinction = room[s + EXTINCTION]
+    for row in range(top, bottom):
+        y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
+        for column in range(left, right):
+            k = index_of(row, column)
+            before = one - rows[k + ALPHA]
+            if before <= limits.opaque:
+                continue
+            x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
+            seen = seen_span(x, y, view, planes)
+            integral = np.float32(cut_integral(center, x, y, seen, view, ellipsoid, partial))
+            if integral <= np.float32(0.0):
+                continue
+            share = before * absorbed(extinction * integral)
+            rows[k + RED] += share * room[s + LIT_RED]
+            rows[k + GREEN] += share * room[s + LIT_GREEN]
+            rows[k + BLUE] += share * room[s + LIT_BLUE]
+            rows[k + ALPHA] += share
+            rows[k + DEPTH] += share * depth
+            rows[k + WEIGHT] += integral * limits.per_layer
+            if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
+                rows[k + FIRST] = depth
+    return int(room[s + HOME])
+
+
+@kernel
+def open_rows(height: int, width: int) -> Groups:
+    """All groups of columns open."""
+    return np.full((height + 1) // 2, groups_between(0, width), np.uint32)
+
+
+@kernel
+def close_rows(open_groups: Groups, rows: Floats, width: int, opaque: Single) -> bool:
+    """Clear the bits of groups that are opaque by now; gives whether others are left."""
+    one, left_open = np.float32(1.0), np.uint32(0)
+    for pair in range(open_groups.size):
+        bits = open_groups[pair]
+        if bits == np.uint32(0):
+            continue
+        for group in range((width + COLUMNS - 1) // COLUMNS):
+            bit = np.uint32(1) << np.uint32(group)
+            if bits & bit:
+                first, is_found = np.uint64(pair * PAIR + group * LANES) + ALPHA, False
+                for lane in range(LANES):
+                    is_found |= one - rows[first + np.uint64(lane)] > opaque
+                if not is_found:
+                    bits ^= bit
+        open_groups[pair] = bits
+        left_open |= bits
+    return bool(left_open != np.uint32(0))
+
+
+@kernel
+def is_open(open_groups: Groups, top: int, bottom: int, left: int, right: int) -> bool:
+    """Whether a rectangle of sub-pixels may hold some that are not opaque."""
+    found = np.uint32(0)
+    for pair in range(top >> 1, (bottom + 1) >> 1):
+        found |= open_groups[pair]
+    return bool(found & groups_between(left, right) != np.uint32(0))
+
+
+@kernel
+def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, film: Film) -> None:
+    """Filter the sub-pixels of a tile to its pixels of a film (H, W)."""
+    height, width = film.depth.shape
+    one, zero = np.float32(1.0), np.float32(0.0)
+    beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
+    for row in range(home.top, min(home.top + home.size, height)):
+        for column in range(home.left, min(home.left + home.size, width)):
+            red = green = blue = alpha = far = cover = zero
+            first = np.float32(np.inf)
+            for down in range(weight.size):
+                for right in range(weight.size):
+                    k = index_of((row - home.top) * n + down, (column - home.left) * n + right)
+                    share = weight[down] * weight[right]
+                    red += share * rows[k + RED]
+                    green += share * rows[k + GREEN]
+                    blue += share * rows[k + BLUE]
+                    alpha += share * rows[k + ALPHA]
+                    far += share * rows[k + DEPTH]
+                    cover += share * max(rows[k + ALPHA], min(one, rows[k + WEIGHT]))
+                    if beside <= down < beside + n and beside <= right < beside + n:
+                        first = min(first, rows[k + FIRST])
+            film.rgba[row, column, 0] = max(zero, red)
+            film.rgba[row, column, 1] = max(zero, green)
+            film.rgba[row, column, 2] = max(zero, blue)
+            film.rgba[row, column, 3] = min(one, max(zero, alpha))
+            if alpha > zero:
+                film.depth[row, column] = far / alpha
+            film.first_depth[row, column] = first
+            film.coverage[row, column] = min(one, max(zero, cover))

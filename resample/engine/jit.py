@@ -1,0 +1,252 @@
+"""The one place with compiler flags, the kernels' cache on disk, and threads.
+
+numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
+kernel in another file, a caller would keep running the old machine code. Here the name of a cache
+file also holds a digest of the engine and of the folders `kernels` of the caller's own package,
+and whether bounds are checked.
+"""
+
+import hashlib
+import inspect
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from functools import cache, wraps
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+Counter = NDArray[np.int64]  # (1,) how many tasks threads have taken
+
+
+def _digest(*folders: Path) -> str:
+    """Fingerprint of the engine's sources and of those in other folders."""
+    engine = Path(__file__).parent
+    sources = [*engine.rglob("*.py"), engine.parent / "types.py"]
+    for folder in folders:
+        sources += folder.rglob("*.py")
+    read = b"".join(source.read_bytes() for source in sorted(sources))
+    return hashlib.sha256(read).hexdigest()
+
+
+SOURCES = _digest()
+
+
+@cache
+def _version(package: Path) -> str:
+    """Fingerprint of all that a package's kernels may be compiled from.
+
+    That is the engine and, outside it, all folders `kernels` of the package.
+    """
+    own = sorted(package.rglob("kernels"))
+    return _digest(*own) if own else SOURCES
+
+
+def _package_of(source: Path) -> Path:
+    """Topmost package that a file lies in, or its folder."""
+    above = [folder for folder in source.parents if (folder / "__init__.py").exists()]
+    return above[-1] if above else source.parent
+
+
+class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
+    """A cache whose files are those of one version of all kernel sources.
+
+    The version stands in the files' names, not only in the keys: an index that mentions a type
+    which has since gone could not even be read.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        digest = _version(_package_of(Path(inspect.getfile(function))))
+        version = f"{digest[:12]}{'-checked' if numba.config.BOUNDSCHECK else ''}"
+        self._cache_file = IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=f"{self._impl.filename_base}-{version}",
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
+
+
+# error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    """Make a function that Python calls by machine code, which is kept on disk, and kernels inline.
+
+    What kernels call is compiled with them, without the code that unpacks Python's arguments: that
+    would take a fifth of the time.
+    """
+    if numba.config.DISABLE_JIT:
+        return function
+    compiled = numba.njit(function, **_OPTIONS, **options)
+    with suppress(RuntimeError):  # no folder can be written to: compile in every process
+        compiled._cache = _SourceAwareCache(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        return compiled(*args, **kwargs)  # type: ignore[no-any-return]
+
+    call.compiled = compiled  # type: ignore[attr-defined]
+    inner = {**_OPTIONS, **options, "no_cpython_wrapper": True}
+    overload(call, jit_options=inner, strict=False)(lambda *_: function)
+    return call
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of arrays and numbers; one thread runs it."""
+    return _compile(function)
+
+
+def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function whose innermost loop works on several numbers at once.
+
+    A product and a sum may be one operation, which rounds once, and zeros have no sign. Loops
+    become lanes where what is written lies at fixed distances from all else in one array, and no
+    index needs a look at its sign.
+    """
+    return _compile(function, fastmath={"contract", "nsz"})
+
+
+def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
+    """Compile a function that all threads run at once, each with other `tasks`.
+
+    Its first argument counts the tasks that are taken; callers leave it out.
+    """
+    compiled = _compile(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> None:
+        counter, others = np.zeros(1, np.int64), workers() - 1
+        started = [_pool().submit(compiled, counter, *args, **kwargs) for _ in range(others)]
+        try:
+            compiled(counter, *args, **kwargs)
+        finally:
+            for other in started:  # those that could not begin yet would find nothing to do
+                if not other.cancel():
+                    other.result()
+
+    if hasattr(compiled, "compiled"):
+        call.compiled = compiled.compiled  # type: ignore[attr-defined]
+    return call
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for tasks; a forked process, which has none of them, gets its own."""
+    return ThreadPoolExecutor(max(1, numba.config.NUMBA_NUM_THREADS - 1), "resample")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+@kernel
+def tasks(counter: Counter, count: int) -> Iterator[int]:
+    """Numbers below `count`, each for the first thread to ask for one."""
+    task = _next_of(counter)
+    while task < count:
+        yield task
+        task = _next_of(counter)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _add_one(_: Any, counter: Any) -> Any:
+    """Add 1 to the first number of an array (1,) of int64 at one go; gives what it was."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        one = context.get_constant(numba.int64, 1)
+        return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+    return numba.int64(counter), generate
+
+
+def _next_of(counter: Counter) -> int:
+    """How many tasks had been taken, of which this is one more."""
+    counter[0] += 1
+    return int(counter[0]) - 1
+
+
+@overload(_next_of)
+def _compiled_next_of(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(counter):  # type: ignore[no-untyped-def]
+        return _add_one(counter)
+
+    return compiled
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _load_soon(_: Any, array: Any, index: Any) -> Any:
+    """Ask for the cache line of a number of a flat array."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        place = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        of_types = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(builder.module, of_types, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, number(0), number(3), number(1)])  # to read, keep, data
+        return context.get_dummy_value()
+
+    return numba.void(array, index), generate
+
+
+def load_soon(array: NDArray[Any], index: int) -> None:
+    """Begin to load what is around a number of a flat array; changes nothing but time."""
+
+
+@overload(load_soon)
+def _load_soon_compiled(array, index):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(array, index):  # type: ignore[no-untyped-def]
+        _load_soon(array, index)
+
+    return compiled
+
+
+_limit: ContextVar[int | None] = ContextVar("limit", default=None)
+
+
+def workers() -> int:
+    """How many threads a parallel kernel runs on now; plain Python has no atomic counter."""
+    most = 1 if numba.config.DISABLE_JIT else numba.config.NUMBA_NUM_THREADS
+    limit = _limit.get()
+    return int(most if limit is None else max(1, min(limit, most)))
+
+
+@contextmanager
+def threads(count: int | None) -> Iterator[None]:
+    """Run parallel kernels on at most `count` threads; None takes all. Pixels do not depend on it.
+
+    Holds for the thread, or task, that asks for it.
+    """
+    token = _limit.set(count)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
+def is_stored(called: Callable[..., Any]) -> bool:
+    """Whether machine code of this version of a kernel is on disk, so that it starts at once."""
+    if not hasattr(called, "compiled"):  # plain Python
+        return True
+    index = index_of(called)
+    return index is not None and index.exists()
+
+
+def index_of(called: Callable[..., Any]) -> Path | None:
+    """File that says which machine code of a kernel is on disk; None if none can be kept."""
+    cache_file = getattr(called.compiled._cache, "_cache_file", None)  # type: ignore[attr-defined]
+    return None if cache_file is None else Path(cache_file._index_path)

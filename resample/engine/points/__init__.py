@@ -1,0 +1,1 @@
+"""Points seen by a camera, summed sheet by sheet under a filter."""

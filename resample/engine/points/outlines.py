@@ -1,0 +1,211 @@
+"""Where points fall on the screen, many at once, and what runs of neighbours have in common.
+
+As `resample.engine.ellipsoids.outlines`, for samples that are points on any grid a tile may get.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.ellipsoids.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.outlines import (
+    BOTTOM,
+    CHUNKS,
+    KEY,
+    LEFT,
+    RIGHT,
+    ROOM,
+    SPACING,
+    TOP,
+    sum_up,
+)
+from resample.engine.grid import POINT_SPACING
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.runs import finest_of, may_be_finer
+from resample.engine.vectors import combine, dot, multiply
+from resample.types import (
+    Doubles,
+    Ellipsoid,
+    Floats,
+    Records,
+    Samples,
+    Screen,
+    Single,
+    Style,
+    Tiles,
+    View,
+)
+
+TOO_WIDE = 1e30  # px, spacing that stands for samples which the near plane cuts
+
+Squares = tuple[tuple[Single, Single, Single], tuple[Single, Single, Single]]
+Mixed = tuple[Single, Single, Single, Single]
+Indices = NDArray[np.int64]
+
+
+@kernel
+def spacing_on_grid(eye: Eye, shape: Shape, n: float) -> tuple[Squares, Mixed]:
+    """Squared spacing in sub-pixels at depth 1, as powers of where a sample is seen.
+
+    Its parts xx and yy are quadratic in x and in y, with the middle coefficient negated; xy has the
+    coefficients of 1, -x, -y and xy.
+    """
+    v = shape.covariance
+    fx, fy = n * eye.fx / shape.radius, n * eye.fy / shape.radius
+    xx, yy, xy = fx * fx, fy * fy, fx * fy
+    return (
+        (_three(xx * v[0][0], 2.0 * xx * v[0][2], xx * v[2][2])),
+        (_three(yy * v[1][1], 2.0 * yy * v[1][2], yy * v[2][2])),
+    ), (
+        np.float32(xy * v[0][1]),
+        np.float32(xy * v[1][2]),
+        np.float32(xy * v[0][2]),
+        np.float32(xy * v[2][2]),
+    )
+
+
+@kernel
+def _three(first: float, second: float, third: float) -> tuple[Single, Single, Single]:
+    return np.float32(first), np.float32(second), np.float32(third)
+
+
+@kernel
+def outline_points(
+    room: Floats,
+    position: Floats,
+    extinction: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    area: Area,
+    style: Style,
+    by_distance: bool,
+) -> None:
+    """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen."""
+    far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
+    least = reach if far else -np.inf
+    one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
+    extent, variance = np.float32(style.point_extent), np.float32(style.variance)
+    for_splats, for_points = np.float32(style.most_for_splats), np.float32(style.most_for_points)
+    fixed, thinnest = np.float32(style.subpixels), np.float32(1.0 / 12.0)
+    closest = np.float32(min(style.threshold, POINT_SPACING))
+    squares, (m0, m1, m2, m3) = spacing_on_grid(eye, shape, 1.0)
+    (x0, x1, x2), (y0, y1, y2) = squares
+    low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
+    for n in range(count):
+        k = np.uint64(n)
+        sample = np.uint64(begin) + k
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        per_z = 1.0 / cz if far else 1.0
+        x, y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        is_cut = (cz - reach <= eye.near) | (cz <= least)
+        is_seen = (cz + reach > eye.near) & (extinction[sample] > np.float32(style.faintest))
+        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        # From here on, what need not be told to the last bit.
+        near = np.float32(per_z)
+        right = np.float32(cx) * near if far else zero
+        down = np.float32(cy) * near if far else zero
+        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
+        xy = m0 - right * m1 - down * (m2 - right * m3)
+        mean, apart = half * (xx + yy), half * (xx - yy)
+        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
+        spacing = max(np.sqrt(squared), np.float32(1e-6))
+        finest = min(for_points, np.floor(closest / spacing))
+        finest = max(one, min(for_splats, np.ceil(one / spacing)), finest)
+        finest = fixed if fixed > zero else finest
+        width = np.sqrt(variance * squared + thinnest / (finest * finest))
+        pad = extent * (width if variance > zero else one)
+        is_inside = (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
+        is_seen &= is_inside | is_cut
+        room[k + LEFT] = np.float32(x - pad) if is_seen else np.float32(np.inf)
+        room[k + RIGHT] = np.float32(x + pad) if is_seen else np.float32(-np.inf)
+        room[k + TOP] = np.float32(y - pad)
+        room[k + BOTTOM] = np.float32(y + pad)
+        room[k + KEY] = np.float32(key)
+        room[k + SPACING] = np.float32(TOO_WIDE) if is_cut else spacing
+
+
+@kernel
+def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool:
+    """Whether a point's center lies beyond one of the clipping planes (M, 5)."""
+    first = 3 * sample
+    world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
+    center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+    for m in range(planes.shape[0]):
+        if dot((planes[m, 0], planes[m, 1], planes[m, 2]), center) + planes[m, 3] <= 0.0:
+            return True
+    return False
+
+
+@kernel
+def _outline_run(
+    room: Floats,
+    samples: Samples,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    area: Area,
+    screen: Screen,
+    style: Style,
+    by_distance: bool,
+) -> None:
+    """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    outline_points(room, position, extinction, begin, count, eye, shape, area, style, by_distance)
+    if screen.planes.shape[0] > 0:
+        for n in range(count):
+            if is_clipped(position, begin + n, eye, screen.planes):
+                room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
+
+
+@parallel_kernel
+def outline_point_runs(
+    counter: Counter,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    by_distance: bool,
+) -> None:
+    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    room = np.empty(ROOM, np.float32)
+    for chunk in tasks(counter, CHUNKS):
+        for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+            begin, count = start[run], start[run + 1] - start[run]
+            _outline_run(room, samples, begin, count, eye, shape, area, screen, style, by_distance)
+            sum_up(runs[run], room, 0, count)
+
+
+@parallel_kernel
+def find_point_spacings(
+    counter: Counter,
+    tiles: Tiles,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+) -> None:
+    """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    room = np.empty(ROOM, np.float32)
+    for tile in tasks(counter, tiles.spacing.size):
+        finest = np.inf
+        for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
+            if may_be_finer(runs[run], finest, style):
+                begin, count = start[run], start[run + 1] - start[run]
+                _outline_run(room, samples, begin, count, eye, shape, area, screen, style, False)
+                finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
+        tiles.spacing[tile] = finest

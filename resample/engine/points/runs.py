@@ -1,0 +1,426 @@
+"""Paint points that are projected by the tiles which show them, run by run and nearest runs first.
+
+As `resample.engine.ellipsoids.deferred`, for scenes of points only. These are summed sheet by
+sheet, so they need no order among themselves: a tile takes a run of neighbours, adds its points
+to the sheets that they lie in, and composites those sheets which no other run can reach any more.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.canvas import laid_out, pixel_weights
+from resample.engine.eights import spread
+from resample.engine.ellipsoids.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.outlines import BATCH, Bounds
+from resample.engine.ellipsoids.rows import (
+    DEEPEST,
+    E1,
+    E2,
+    E3,
+    E4,
+    E5,
+    PER_DEEPEST,
+    close_rows,
+    new_rows,
+    open_rows,
+    resolve_rows,
+)
+from resample.engine.grid import grid, point_width
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.points.cells import (
+    LINE,
+    ROUND,
+    ROUND_WEIGHT,
+    SLOTS,
+    Dirty,
+    Ring,
+    Scales,
+    close_sheet,
+    empty_sheet,
+    no_dirt,
+    touch,
+)
+from resample.engine.points.outlines import is_clipped, spacing_on_grid
+from resample.engine.runs import home_of, in_order, is_run_open
+from resample.engine.vectors import combine, multiply
+from resample.types import (
+    Doubles,
+    Ellipsoid,
+    Film,
+    Floats,
+    Place,
+    Profile,
+    Record,
+    Records,
+    Samples,
+    Screen,
+    Single,
+    Spread,
+    Style,
+    Tables,
+    Tiles,
+    View,
+)
+
+MOST_TAPS = 8  # sub-pixels that a point is spread over, along a row and along a column
+BETWEEN_LOOKS = 8  # sheets composited before it is looked at again what is opaque by now
+
+# Columns of a batch: first row and column, sheet, what lies between the point and the center of its
+# first sub-pixel, and numbers of eight.
+X, Y, ROW, COLUMN, SHEET, PER_REACH, AMOUNT, BEHIND, COVER, TOTAL_X, TOTAL_Y, HOME, ACROSS = (
+    np.uint64(number * BATCH) for number in range(13)
+)
+DOWN = ACROSS + np.uint64(MOST_TAPS * BATCH)
+ROOM = (13 + 2 * MOST_TAPS) * BATCH
+STEP = np.uint64(BATCH)
+NOWHERE = 1e9  # column of a sample that is not painted
+
+Indices = NDArray[np.int64]
+Flags = NDArray[np.uint8]
+Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
+
+
+@kernel
+def place_points(
+    room: Doubles,
+    position: Floats,
+    extinction: Floats,
+    begin: int,
+    count: int,
+    eye: Eye,
+    shape: Shape,
+    place: Place,
+    form: Spread,
+    bounds: Bounds,
+    view_area: Area,
+    faintest: float,
+    by_distance: bool,
+) -> None:
+    """Where `count` samples from `begin` on fall on a canvas, and their amounts."""
+    far, n_side, view_x, view_y = eye.perspective, float(place.subpixels), eye.fx, eye.fy
+    layer, half, one, two = (
+        np.float32(form.layer),
+        np.float32(0.5),
+        np.float32(1.0),
+        np.float32(2.0),
+    )
+    extent, variance = np.float32(form.extent), np.float32(form.variance)
+    wide, thinnest = np.float32(n_side), np.float32(1.0 / 12.0)
+    scale = np.float32(shape.volume * view_x * view_y * n_side * n_side / (form.layer * form.area))
+    per_opacity = np.float32(form.area / form.opacity)
+    squares, mixed = spacing_on_grid(eye, shape, n_side)
+    (x0, x1, x2), (y0, y1, y2) = squares
+    m0, m1, m2, m3 = mixed
+    first_x, last_x, first_y, last_y = bounds
+    low, per_side = -view_area.margin, 1.0 / n_side
+    high_x, high_y = view_area.width + view_area.margin, view_area.height + view_area.margin
+    for n in range(count):
+        k = np.uint64(n)
+        sample = np.uint64(begin) + k
+        x = float(position[np.uint64(3) * sample])
+        y = float(position[np.uint64(3) * sample + np.uint64(1)])
+        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        per_z = 1.0 / cz if far else 1.0
+        x, y = view_x * (cx * per_z) + eye.cx, view_y * (cy * per_z) + eye.cy
+        key = np.float32(math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz)
+        # From here on, what need not be told to the last bit.
+        near = np.float32(per_z)
+        right = np.float32(cx) * near if far else np.float32(0.0)
+        down = np.float32(cy) * near if far else np.float32(0.0)
+        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
+        xy = m0 - right * m1 - down * (m2 - right * m3)
+        mean, apart = half * (xx + yy), half * (xx - yy)
+        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
+        reach = extent * (np.sqrt(variance * squared + thinnest) if variance > 0.0 else wide)
+        oblique = np.sqrt(one + right * right + down * down)
+        sheet = np.floor(key / layer)
+        area = scale * near * near
+        # 1 - exp(-x) = -expm1(-x); expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
+        t = max(DEEPEST, -extinction[sample] * layer * oblique) * PER_DEEPEST
+        t2 = t * t
+        fall = t * ((one + t * E1) + t2 * ((E2 + t * E3) + t2 * (E4 + t * E5)))
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+        amount = -fall * area * per_opacity
+        is_painted = extinction[sample] > np.float32(faintest)
+        pad = reach * per_side
+        is_home = (x >= first_x) & (x < last_x) & (y >= first_y) & (y < last_y) & is_painted
+        is_home &= (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
+        room[k + HOME] = 1.0 if is_home else 0.0
+        x, y = (x - place.x) * n_side, (y - place.y) * n_side
+        column, row = np.floor(x - reach + 0.5), np.floor(y - reach + 0.5)
+        room[k + X] = column + 0.5 - x
+        room[k + Y] = row + 0.5 - y
+        room[k + COLUMN] = column if is_painted else NOWHERE
+        room[k + ROW] = row
+        room[k + PER_REACH] = one / reach
+        room[k + SHEET] = sheet
+        room[k + AMOUNT] = amount
+        room[k + BEHIND] = amount * (np.float32(cz) / layer - sheet)
+        room[k + COVER] = area
+
+
+@kernel
+def drop_clipped(
+    room: Doubles, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
+) -> None:
+    """Take samples out of a batch whose centers lie beyond a clipping plane (M, 5)."""
+    for n in range(count):
+        if is_clipped(position, begin + n, eye, planes):
+            k = np.uint64(n)
+            room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
+
+
+@kernel
+def _weigh(
+    room: Doubles,
+    offset: np.uint64,
+    to: np.uint64,
+    total: np.uint64,
+    count: int,
+    taps: int,
+    profile: Profile,
+) -> None:
+    """Weights of the sub-pixels around the points of a batch along one axis, and their sums."""
+    p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
+    one, zero = np.float32(1.0), np.float32(0.0)
+    for tap in range(taps):
+        column, is_first = to + np.uint64(tap) * STEP, tap == 0
+        for n in range(count):
+            k = np.uint64(n)
+            distance = np.float32((room[k + offset] + tap) * room[k + PER_REACH])
+            v = distance * distance
+            v2 = v * v
+            v4 = v2 * v2
+            weight = (p0 + v * p1) + v2 * (p2 + v * p3)
+            weight += v4 * ((p4 + v * p5) + v2 * (p6 + v * p7)) + v4 * (v4 * p8)
+            rounded = (float(weight if v < one else zero) + ROUND_WEIGHT) - ROUND_WEIGHT
+            room[k + column] = rounded
+            room[k + total] = rounded if is_first else room[k + total] + rounded
+
+
+@kernel
+def _share_out(room: Doubles, count: int) -> None:
+    """Divide amounts by the sums of weights."""
+    for n in range(count):
+        k = np.uint64(n)
+        share = 1.0 / (room[k + TOTAL_X] * room[k + TOTAL_Y])
+        room[k + AMOUNT] *= share
+        room[k + BEHIND] *= share
+        room[k + COVER] *= share
+
+
+@kernel
+def _fill_lines(amount: Doubles, room: Doubles, color: Floats, begin: int, count: int) -> None:
+    """Eight numbers for each sample."""
+    for n in range(count):
+        k, line, sample = np.uint64(n), np.uint64(LINE * n), np.uint64(begin + n)
+        opacity = room[k + AMOUNT]
+        amount[line] = opacity
+        amount[line + np.uint64(1)] = opacity * color[sample, 0]
+        amount[line + np.uint64(2)] = opacity * color[sample, 1]
+        amount[line + np.uint64(3)] = opacity * color[sample, 2]
+        amount[line + np.uint64(4)] = room[k + BEHIND]
+        amount[line + np.uint64(5)] = room[k + COVER]
+
+
+@kernel
+def _spread_points(
+    cells: Doubles,
+    dirty: Dirty,
+    ring: Ring,
+    room: Doubles,
+    amount: Doubles,
+    count: int,
+    taps: int,
+    front: int,
+    slot: int,
+) -> int:
+    """Add a batch to the open sheets, of which `front` is first and has `slot`; gives the last."""
+    pitch, behind = LINE * ring.columns, front
+    low_row = low_column = 1 << 30
+    high_row = high_column = 0
+    for n in range(count):
+        k = np.uint64(n)
+        row, column = int(room[k + ROW]) + ring.around, int(room[k + COLUMN]) + ring.around
+        if row < 0 or row + taps > ring.rows or column < 0 or column + taps > ring.columns:
+            continue
+        sheet = int(room[k + SHEET])
+        if sheet < front or sheet >= front + SLOTS:  # beside the view: it has no part in the key
+            continue
+        behind = max(behind, sheet)
+        low_row, high_row = min(low_row, row), max(high_row, row)
+        low_column, high_column = min(low_column, column), max(high_column, column)
+        place = slot + sheet - front
+        place -= SLOTS if place >= SLOTS else 0
+        first = LINE * ((place * ring.rows + row) * ring.columns + column)
+        spread(
+            cells,
+            first,
+            pitch,
+            amount,
+            LINE * n,
+            ROUND,
+            room,
+            n + int(ACROSS),
+            n + int(DOWN),
+            BATCH,
+            taps,
+        )
+    if high_row + 1 > low_row:
+        for sheet in range(front, behind + 1):
+            place = (slot + sheet - front) % SLOTS
+            touch(dirty, place, low_row, high_row + taps, low_column, high_column + taps)
+    return behind
+
+
+@kernel
+def _taps(form: Spread, n: int) -> int:
+    """Sub-pixels along a row and along a column that a point may be spread over."""
+    width = float(n)
+    if form.variance > 0.0:
+        width = point_width(form.most_spacing * n, form.variance)
+    return math.ceil(2.0 * form.extent * width)
+
+
+@kernel
+def _scales(form: Spread, sheet: int) -> Scales:
+    return Scales(
+        np.float32(form.opacity),
+        np.float32(form.area),
+        np.float32(sheet * form.layer),
+        np.float32(form.layer),
+    )
+
+
+@kernel
+def _sheet_of(run: Record, layer: Single) -> int:
+    """First sheet that a run reaches."""
+    sheet: int = math.floor(run["key"] / layer)
+    return sheet
+
+
+@parallel_kernel
+def paint_point_runs(
+    counter: Counter,
+    turn: Indices,
+    tiles: Tiles,
+    runs: Records,
+    start: Indices,
+    samples: Samples,
+    by_distance: bool,
+    view: View,
+    ellipsoid: Ellipsoid,
+    screen: Screen,
+    style: Style,
+    tables: Tables,
+    profile: Profile,
+    form: Spread,
+    size: int,
+    film: Film,
+    taken: Flags,
+    tally: Tally,
+) -> None:
+    """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
+
+    Parameters
+    ----------
+    turn
+        Numbers of tiles, all of which have members.
+    tiles
+        Whose members are runs.
+    runs, start
+        Runs (R,), and where the samples of each begin, (R + 1,); at most BATCH in one.
+    samples
+        N samples, of which each run has some that follow each other. A run reaches over at most
+        SLOTS - 1 sheets.
+    by_distance
+        Whether samples are ordered by distance from the eye, or by depth.
+    view, ellipsoid, screen, style, tables
+        As for all painters.
+    profile, form
+        Filter of points as a polynomial in the squared distance, and how they are spread.
+    size
+        Cells in a row of the largest tile, with those around it.
+    film
+        (H, W) written to.
+    taken
+        (R,) set to 1 for runs whose samples were looked at.
+    tally
+        (T, 4) numbers of points painted by the tiles that hold their centers, and grids.
+    """
+    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    layer, opaque = np.float32(form.layer), np.float32(style.opaque)
+    cells = np.zeros(SLOTS * size * size * 8, np.float64)
+    room, amount = np.empty(ROOM, np.float64), np.zeros(LINE * BATCH, np.float64)
+    for k in tasks(counter, turn.size):
+        tile = turn[k]
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        n = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = n
+        home, place, height, width = laid_out(
+            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
+        )
+        bounds = home_of(home)
+        rows, open_groups = new_rows(height, width), open_rows(height, width)
+        taps = _taps(form, n)
+        ring = Ring(height + 2 * taps, width + 2 * taps, taps)
+        dirty = no_dirt(ring)
+        in_order(runs, members)
+        front = _sheet_of(runs[members[0]], layer)
+        slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
+        for m in range(members.size):
+            run = members[m]
+            sheet = _sheet_of(runs[run], layer)
+            while front < sheet and front <= behind:
+                scales = _scales(form, front)
+                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+                slot, front = (slot + 1) % SLOTS, front + 1
+            front = sheet
+            if front >= next_look:
+                next_look = front + BETWEEN_LOOKS
+                is_any_open = close_rows(open_groups, rows, width, opaque)
+                if not is_any_open:
+                    break
+            if is_run_open(runs[run], place, height, width, open_groups):
+                taken[run] = 1
+                begin, count = start[run], start[run + 1] - start[run]
+                place_points(
+                    room,
+                    position,
+                    extinction,
+                    begin,
+                    count,
+                    eye,
+                    shape,
+                    place,
+                    form,
+                    bounds,
+                    area,
+                    style.faintest,
+                    by_distance,
+                )
+                if screen.planes.shape[0] > 0:
+                    drop_clipped(room, position, begin, count, eye, screen.planes)
+                _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
+                _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
+                _share_out(room, count)
+                _fill_lines(amount, room, samples.color, begin, count)
+                last = _spread_points(cells, dirty, ring, room, amount, count, taps, front, slot)
+                behind = max(behind, last)
+                for number in range(count):
+                    tally[tile, 0] += int(room[np.uint64(number) + HOME])
+        while front <= behind:
+            if is_any_open:
+                scales = _scales(form, front)
+                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+            else:
+                empty_sheet(cells, dirty, slot, ring)
+            slot, front = (slot + 1) % SLOTS, front + 1
+        resolve_rows(rows, n, pixel_weights(tables, n), home, film)

@@ -1,0 +1,104 @@
+"""Runs of neighbouring samples: which tiles may show them, in what order, and which are open."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.canvas import Home
+from resample.engine.ellipsoids.outlines import BOTTOM, LEFT, RIGHT, SPACING, TOP, Bounds
+from resample.engine.ellipsoids.rows import Groups, Members, is_open
+from resample.engine.ellipsoids.splats import first_inside, last_inside
+from resample.engine.grid import grid
+from resample.engine.jit import kernel
+from resample.engine.sorting import bits_of, member_of, paired, sort_pairs
+from resample.engine.tiles import tiles_met
+from resample.types import Floats, Place, Record, Records, Screen, Style, Tiles
+
+Indices = NDArray[np.int64]
+
+
+@kernel
+def count_runs(runs: Records, screen: Screen, size: int, columns: int, count: Indices) -> None:
+    """Add to `count` (T,) how many runs each tile of `size` px may show."""
+    rows = count.size // columns
+    for n in range(runs.size):
+        run = runs[n]
+        if run["seen"] > 0:
+            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
+            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
+            for row in range(top, bottom + 1):
+                for column in range(left, right + 1):
+                    count[row * columns + column] += 1
+
+
+@kernel
+def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> None:
+    """Write each tile's runs, and add to `load` (T,) how many samples these have."""
+    size, columns, member = tiles.size, tiles.columns, tiles.member
+    rows, position = load.size // columns, tiles.start[:-1].copy()
+    for n in range(runs.size):
+        run = runs[n]
+        if run["seen"] > 0:
+            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
+            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
+            for row in range(top, bottom + 1):
+                for column in range(left, right + 1):
+                    tile = row * columns + column
+                    member[position[tile]] = n
+                    position[tile] += 1
+                    load[tile] += run["seen"]
+
+
+@kernel
+def may_be_finer(run: Record, finest: float, style: Style) -> bool:
+    """Whether a run may ask for finer sub-pixels than samples of this spacing do."""
+    return bool(not finest < np.inf or grid(run["least_spacing"], style) > grid(finest, style))
+
+
+@kernel
+def finest_of(room: Floats, count: int, tile: int, tiles: Tiles, margin: float) -> float:
+    """Least spacing of those samples of a batch, bounded as in `outlines`, that meet a tile."""
+    size, columns, finest = tiles.size, tiles.columns, np.inf
+    tile_rows = tiles.spacing.size // columns
+    for n in range(count):
+        k = np.uint64(n)
+        if room[k + LEFT] <= room[k + RIGHT]:
+            left, right = tiles_met(room[k + LEFT], room[k + RIGHT], margin, size, columns)
+            top, bottom = tiles_met(room[k + TOP], room[k + BOTTOM], margin, size, tile_rows)
+            if left <= tile % columns <= right and top <= tile // columns <= bottom:
+                finest = min(finest, float(room[k + SPACING]))
+    return finest
+
+
+@kernel
+def is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
+    """Whether a run may be seen on a canvas of `height` rows and `width` columns."""
+    n = place.subpixels
+    left = first_inside(run["left"], place.x, n)
+    right = last_inside(run["right"], place.x, n, width)
+    top = first_inside(run["top"], place.y, n)
+    bottom = last_inside(run["bottom"], place.y, n, height)
+    return left < right and top < bottom and is_open(open_groups, top, bottom, left, right)
+
+
+@kernel
+def home_of(home: Home) -> Bounds:
+    """Where centers of samples belong to a tile; tiles at the frame's edge have all beyond it."""
+    far = np.float32(np.inf)
+    right, bottom = home.left + home.size, home.top + home.size
+    return (
+        np.float32(home.left) if home.left > 0 else -far,
+        np.float32(right) if right < home.width else far,
+        np.float32(home.top) if home.top > 0 else -far,
+        np.float32(bottom) if bottom < home.height else far,
+    )
+
+
+@kernel
+def in_order(runs: Records, members: Members) -> None:
+    """Put runs in order of their nearest samples."""
+    pair, other = np.empty(members.size, np.uint64), np.empty(members.size, np.uint64)
+    for n in range(members.size):
+        pair[n] = paired(bits_of(runs[members[n]]["key"]), members[n])
+    sort_pairs(pair, other)
+    for n in range(members.size):
+        members[n] = member_of(pair[n])

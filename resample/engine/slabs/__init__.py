@@ -1,0 +1,1 @@
+"""Sheets of samples, slabs that cut them, and fields that are classified in them."""

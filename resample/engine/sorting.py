@@ -1,0 +1,188 @@
+"""Put a tile's samples in painting order, whatever order they came in."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import kernel
+from resample.types import Floats, Records, Single
+
+Indices = NDArray[np.int32]
+Keys = NDArray[np.uint32]
+Pairs = NDArray[np.uint64]  # a key's bits above a number of 32 bits
+
+FEW = 48  # up to here insertion beats counting digits
+MOST_BITS = 11  # of a digit: at most three passes over 32
+HALF = np.uint64(32)  # bits
+LOWER = np.uint64(0xFFFFFFFF)
+
+
+@kernel
+def _ascending(bits: np.uint32) -> np.uint32:
+    """Map a float32's bits to an integer that sorts as the float does."""
+    return np.uint32(~bits) if bits >> np.uint32(31) else np.uint32(bits | np.uint32(0x80000000))
+
+
+@kernel
+def _is_before(looks: Floats, first: int, second: int) -> bool:
+    """Whether a row of `looks` (N, K) comes before another: what stands first decides first."""
+    for column in range(looks.shape[1]):
+        if looks[first, column] != looks[second, column]:
+            return bool(looks[first, column] < looks[second, column])
+    return False
+
+
+@kernel
+def _sift(looks: Floats, run: Indices, root: int, size: int) -> None:
+    """Restore the heap below `root`: no child after its parent."""
+    while 2 * root + 1 < size:
+        child = 2 * root + 1
+        if child + 1 < size and _is_before(looks, run[child], run[child + 1]):
+            child += 1
+        if not _is_before(looks, run[root], run[child]):
+            return
+        run[root], run[child] = run[child], run[root]
+        root = child
+
+
+@kernel
+def settle(run: Indices, looks: Floats) -> None:
+    """Put rows of `looks` (N, K), of which `run` holds numbers, in ascending order: heap sort."""
+    ordered = True
+    for n in range(1, run.size):
+        if _is_before(looks, run[n], run[n - 1]):
+            ordered = False
+            break
+    if ordered:
+        return
+    for root in range(run.size // 2 - 1, -1, -1):
+        _sift(looks, run, root, run.size)
+    for size in range(run.size - 1, 0, -1):
+        run[0], run[size] = run[size], run[0]
+        _sift(looks, run, 0, size)
+
+
+@kernel
+def _insert(pair: Pairs) -> None:
+    for n in range(1, pair.size):
+        moved, place = pair[n], n
+        while place > 0 and pair[place - 1] >> HALF > moved >> HALF:
+            pair[place] = pair[place - 1]
+            place -= 1
+        pair[place] = moved
+
+
+@kernel
+def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
+    """Put pairs in the order of one digit, of which `position` has one place more than values."""
+    mask = np.uint64(position.size - 2)
+    for digit in range(position.size):
+        position[digit] = 0
+    for n in range(pair.size):
+        position[(((pair[n] - low) >> shift) & mask) + np.uint64(1)] += 1
+    for digit in range(1, position.size):
+        position[digit] += position[digit - 1]
+    for n in range(pair.size):
+        digit = ((pair[n] - low) >> shift) & mask
+        to[np.uint64(position[digit])] = pair[n]
+        position[digit] += 1
+
+
+@kernel
+def sort_pairs(pair: Pairs, other: Pairs) -> None:
+    """Sort by the upper 32 bits, stably; `other` is room, just as large, to work in.
+
+    By digits of a width that fits the span of these bits, least significant first.
+    """
+    if pair.size <= FEW:
+        _insert(pair)
+        return
+    low = high = pair[0]
+    for n in range(1, pair.size):
+        low, high = min(low, pair[n]), max(high, pair[n])
+    low >>= HALF
+    span, bits = (high >> HALF) - low, 1
+    while span >> np.uint64(bits):
+        bits += 1
+    passes = (bits + MOST_BITS - 1) // MOST_BITS
+    width = (bits + passes - 1) // passes
+    position = np.empty((1 << width) + 1, np.int32)
+    for digit in range(passes):
+        shift = HALF + np.uint64(digit * width)
+        if digit % 2 == 0:
+            _move(pair, other, low << HALF, shift, position)
+        else:
+            _move(other, pair, low << HALF, shift, position)
+    if passes % 2 == 1:
+        for n in range(pair.size):
+            pair[n] = other[n]
+
+
+@kernel
+def paired(bits: np.uint32, member: int) -> np.uint64:
+    """A key and whose it is, as one number."""
+    return np.uint64(bits) << HALF | np.uint64(np.uint32(member))
+
+
+@kernel
+def bits_of(key: Single) -> np.uint32:
+    """Integer that sorts as a float32 does."""
+    return _ascending(np.float32(key).view(np.uint32))
+
+
+@kernel
+def member_of(pair: np.uint64) -> np.int64:
+    """Whose the key is."""
+    return np.int64(pair & LOWER)
+
+
+@kernel
+def sort_by_key(key: Keys, member: Indices) -> None:
+    """Sort `member` by `key`, and `key` with it."""
+    pair, other = np.empty(key.size, np.uint64), np.empty(key.size, np.uint64)
+    for n in range(key.size):
+        pair[n] = paired(key[n], member[n])
+    sort_pairs(pair, other)
+    for n in range(key.size):
+        key[n], member[n] = pair[n] >> HALF, member_of(pair[n])
+
+
+@kernel
+def end_of_ties(key: Keys, start: int) -> int:
+    """One past the last of those that have the key of `start`."""
+    end = start + 1
+    while end < key.size and key[end] == key[start]:
+        end += 1
+    return end
+
+
+@kernel
+def _settle_records(footprints: Records, member: Indices) -> None:
+    """Put samples that lie at the same depth in order by what they differ in."""
+    looks, order = np.empty((member.size, 9), np.float32), np.empty(member.size, np.int32)
+    for n in range(member.size):
+        record = footprints[member[n]]
+        looks[n, 0], looks[n, 1] = record["y"], record["x"]
+        looks[n, 2], looks[n, 3], looks[n, 4] = record["a"], record["b"], record["c"]
+        looks[n, 5], looks[n, 6] = record["extinction"], record["red"]
+        looks[n, 7], looks[n, 8] = record["green"], record["blue"]
+        order[n] = n
+    settle(order, looks)
+    for n in range(order.size):
+        order[n] = member[order[n]]
+    for n in range(order.size):
+        member[n] = order[n]
+
+
+@kernel
+def put_in_order(member: Indices, key_bits: Keys, footprints: Records) -> None:
+    """Sort `member` by key (float32 bits), and samples of equal key by what they are."""
+    key = np.zeros(member.size, np.uint32)
+    for n in range(member.size):
+        key[n] = _ascending(key_bits[member[n]])
+    sort_by_key(key, member)
+    start = 0
+    while start < member.size:
+        end = end_of_ties(key, start)
+        if end - start > 1:
+            _settle_records(footprints, member[start:end])
+        start = end

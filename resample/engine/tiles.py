@@ -1,0 +1,108 @@
+"""Which samples touch which tile of the screen."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.types import Floats, Records, Screen, Tiles
+
+CHUNKS = 64  # fixed, so that the members' order never depends on the number of threads
+
+Counts = NDArray[np.int64]
+
+
+@kernel
+def tiles_met(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
+    """First and last tile along one axis whose pixels, with margin, meet [low, high] px."""
+    first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
+    last = math.floor(max(-1.0, min(float(count), (high + margin) / size)))
+    return max(0, int(first)), min(count - 1, int(last))
+
+
+@kernel
+def _count_chunk(
+    footprints: Records, screen: Screen, size: int, tile_columns: int, count: Counts, chunk: int
+) -> None:
+    tile_rows = count.shape[1] // tile_columns
+    for n in range(*_span(footprints.size, chunk)):
+        record = footprints[n]
+        if record["left"] > record["right"]:
+            continue
+        left, right = tiles_met(record["left"], record["right"], screen.margin, size, tile_columns)
+        top, bottom = tiles_met(record["top"], record["bottom"], screen.margin, size, tile_rows)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                count[chunk, row * tile_columns + column] += 1
+
+
+@kernel
+def _span(samples: int, chunk: int) -> tuple[int, int]:
+    return samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
+
+
+@kernel
+def _deal_chunk(
+    footprints: Records,
+    screen: Screen,
+    tiles: Tiles,
+    position: Counts,
+    smallest: Floats,
+    chunk: int,
+) -> None:
+    size, columns, member, margin = tiles.size, tiles.columns, tiles.member, screen.margin
+    tile_rows = position.shape[1] // columns
+    for n in range(*_span(footprints.size, chunk)):
+        record = footprints[n]
+        if record["left"] > record["right"]:
+            continue
+        left, right = tiles_met(record["left"], record["right"], margin, size, columns)
+        top, bottom = tiles_met(record["top"], record["bottom"], margin, size, tile_rows)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                tile = row * columns + column
+                member[position[chunk, tile]] = n
+                position[chunk, tile] += 1
+                smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])
+
+
+@parallel_kernel
+def count_members(
+    counter: Counter,
+    footprints: Records,
+    screen: Screen,
+    size: int,
+    tile_columns: int,
+    count: Counts,
+) -> None:
+    """Number of samples of each chunk in each tile, added to `count` (CHUNKS, T)."""
+    for chunk in tasks(counter, CHUNKS):
+        _count_chunk(footprints, screen, size, tile_columns, count, chunk)
+
+
+@parallel_kernel
+def deal_members(
+    counter: Counter,
+    footprints: Records,
+    screen: Screen,
+    tiles: Tiles,
+    position: Counts,
+    smallest: Floats,
+) -> None:
+    """Write each tile's samples, and the smallest spacing among each chunk's own (CHUNKS, T).
+
+    `position` (CHUNKS, T) says where each chunk's samples begin.
+    """
+    for chunk in tasks(counter, CHUNKS):
+        _deal_chunk(footprints, screen, tiles, position, smallest, chunk)
+
+
+@kernel
+def smallest_spacing(footprints: Records) -> float:
+    """Smallest spacing on screen of all samples that may be seen, px."""
+    smallest = np.inf
+    for n in range(footprints.size):
+        if footprints[n]["left"] <= footprints[n]["right"]:
+            smallest = min(smallest, float(footprints[n]["spacing"]))
+    return smallest

@@ -1,0 +1,60 @@
+"""Vectors and matrices as tuples of numbers.
+
+They live in registers, allocate nothing and have no reference counts to be touched at every call.
+"""
+
+from resample.engine.jit import kernel
+from resample.types import Doubles
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]  # rows
+
+
+@kernel
+def dot(u: Vector, v: Vector) -> float:
+    """Scalar product."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def cross(u: Vector, v: Vector) -> Vector:
+    """Vector product."""
+    return (
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    )
+
+
+@kernel
+def combine(u: Vector, scale: float, v: Vector) -> Vector:
+    """Sum u + scale v."""
+    return (u[0] + scale * v[0], u[1] + scale * v[1], u[2] + scale * v[2])
+
+
+@kernel
+def scaled(scale: float, v: Vector) -> Vector:
+    """Product with a number."""
+    return (scale * v[0], scale * v[1], scale * v[2])
+
+
+@kernel
+def multiply(matrix: Matrix, v: Vector) -> Vector:
+    """Matrix times column vector."""
+    return (dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v))
+
+
+@kernel
+def column(matrix: Matrix, c: int) -> Vector:
+    """Column of a matrix."""
+    return (matrix[0][c], matrix[1][c], matrix[2][c])
+
+
+@kernel
+def matrix_of(array: Doubles) -> Matrix:
+    """Matrix from an array (3, 3)."""
+    return (
+        (array[0, 0], array[0, 1], array[0, 2]),
+        (array[1, 0], array[1, 1], array[1, 2]),
+        (array[2, 0], array[2, 1], array[2, 2]),
+    )

@@ -1,0 +1,344 @@
+"""Pictures in and out, by OpenImageIO; nothing else of the core touches files.
+
+In memory a picture is float32, linear light, premultiplied, (H, W, C), row 0 on top. EXR keeps it
+as it is; PNG holds straight alpha and sRGB-encoded color, so both are converted here, in linear
+light. A file appears whole or not at all.
+"""
+
+import errno
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import Background, from_srgb, over, straight, to_srgb
+from resample.files.writing import replacing
+from resample.types import Floats, Frame
+
+SUFFIXES = (".png", ".exr")
+LOSSLESS = ("none", "rle", "zips", "zip", "piz")
+CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
+
+Attribute = str | int | float | Sequence[float]
+
+
+def write_frame(
+    path: str | Path,
+    frame: Frame,
+    *,
+    bits: int = 8,
+    half: bool = False,
+    background: Background | None = None,
+    attributes: Mapping[str, Attribute] | None = None,
+) -> None:
+    """Write a picture in the format of its suffix.
+
+    Parameters
+    ----------
+    path
+        Target, `.png` or `.exr`.
+    frame
+        What is written; PNG holds its `rgba` alone.
+    bits, background
+        As `write_png` takes them; EXR keeps transparency and needs neither.
+    half, attributes
+        As `write_exr` takes them; PNG has room for neither.
+
+    Raises
+    ------
+    ValueError
+        The suffix is neither.
+    OSError
+        The file cannot be written.
+    """
+    check_suffix(path)
+    if Path(path).suffix.lower() == ".png":
+        write_png(path, frame.rgba, bits=bits, background=background)
+    else:
+        write_exr(path, frame, half=half, attributes=attributes)
+
+
+def check_suffix(path: str | Path) -> None:
+    """Refuse a picture's name that `write_frame` would refuse, before any work is done."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: pictures are written as {' or '.join(SUFFIXES)}")
+
+
+def write_png(
+    path: str | Path, rgba: Floats, *, bits: int = 8, background: Background | None = None
+) -> None:
+    """Write a picture for the screen.
+
+    Parameters
+    ----------
+    path
+        Target.
+    rgba
+        (H, W, 4) premultiplied, linear light; clipped to 0..1.
+    bits
+        8 or 16 per channel.
+    background
+        What is behind the picture, 3 values of linear light; the file is then opaque, (H, W, 3).
+        Without it the file has straight alpha, and light where alpha is 0 is lost.
+
+    Raises
+    ------
+    ValueError
+        `bits` is neither 8 nor 16, the shape does not fit or a value is not a number.
+    OSError
+        The file cannot be written.
+    """
+    if bits not in (8, 16):
+        raise ValueError(f"PNG has 8 or 16 bits per channel, not {bits}")
+    if rgba.ndim != 3 or rgba.shape[2] != 4:
+        raise ValueError(f"a picture is of the shape (H, W, 4), not {rgba.shape}")
+    if np.isnan(rgba).any():
+        raise ValueError(f"{path}: {int(np.isnan(rgba).any(axis=2).sum())} pixels are not numbers")
+    pixels = straight(rgba) if background is None else over(rgba, background)
+    pixels = np.clip(pixels, 0.0, 1.0)
+    pixels[..., :3] = to_srgb(pixels[..., :3])
+    kind = np.uint8 if bits == 8 else np.uint16
+    levels = np.floor(pixels * np.iinfo(kind).max + 0.5).astype(kind)
+    _write(path, levels, {"oiio:UnassociatedAlpha": 1, "oiio:ColorSpace": "sRGB"})
+
+
+def write_exr(
+    path: str | Path,
+    frame: Frame,
+    *,
+    compression: str = "zip",
+    half: bool = False,
+    attributes: Mapping[str, Attribute] | None = None,
+) -> None:
+    """Write all that is known about a picture, without loss but for `half`.
+
+    Parameters
+    ----------
+    path
+        Target.
+    frame
+        Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
+        first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
+        Depths are in scene units, inf where nothing is.
+    compression
+        One of `LOSSLESS`.
+    half
+        Store R, G, B and A in 16 bits instead of 32.
+    attributes
+        Put into the header: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
+
+    Raises
+    ------
+    ValueError
+        The compression is unknown.
+    OSError
+        The file cannot be written.
+    """
+    if compression not in LOSSLESS:
+        raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
+    layers = [frame.rgba, frame.depth, frame.coverage, frame.first_depth]
+    data = np.dstack([*layers, *([] if frame.value is None else [frame.value])])
+    header = {**(attributes or {}), "compression": compression}
+    _write(path, data.astype(np.float32, copy=False), header, half=half)
+
+
+def read_image(path: str | Path) -> Floats:
+    """Read a picture in linear light, premultiplied.
+
+    Parameters
+    ----------
+    path
+        Any format that OpenImageIO reads. Values of integer formats and those that say so are
+        taken for sRGB, others for linear light.
+
+    Returns
+    -------
+    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    return _linear(_read(path))
+
+
+def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int], Iterator[Floats]]:
+    """Read a picture strip by strip, in linear light, premultiplied.
+
+    Parameters
+    ----------
+    path
+        As `read_image` takes it.
+    height
+        Rows of a strip, about; tiles are not cut.
+
+    Returns
+    -------
+    Height, width and number of channels, and an iterator over strips (rows, width, channels) from
+    the top; together they are what `read_image` gives.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged; damage may show only while iterating.
+    """
+    source, header = _open(path)
+    spec = source.spec()
+    nothing = np.zeros((1, spec.width, spec.nchannels), np.float32)
+    channels = _linear(header._replace(data=nothing)).shape[2]
+    return (spec.height, spec.width, channels), _strips(path, source, header, height)
+
+
+def _strips(path: str | Path, source: Any, header: "_Stored", height: int) -> Iterator[Floats]:
+    import OpenImageIO
+
+    spec = source.spec()
+    step = -(-height // spec.tile_height) * spec.tile_height if spec.tile_width else height
+    for first in range(spec.y, spec.y + spec.height, step):
+        last = min(first + step, spec.y + spec.height)
+        if spec.tile_width:
+            across = spec.x, spec.x + spec.width
+            data = source.read_tiles(*across, first, last, 0, 1, OpenImageIO.FLOAT)
+        else:
+            data = source.read_scanlines(first, last, 0, 0, spec.nchannels, OpenImageIO.FLOAT)
+        complaint = source.geterror()
+        if data is None or complaint:
+            raise OSError(f"{path} is damaged: {_first_line(complaint)}")
+        strip = np.asarray(data, np.float32).reshape(last - first, spec.width, spec.nchannels)
+        yield _linear(header._replace(data=strip))
+    source.close()
+
+
+def _linear(stored: "_Stored") -> Floats:
+    """Picture in linear, premultiplied light, with the channels that `read_image` gives."""
+    names, data = stored.names, stored.data
+    alpha = names.index("A") if "A" in names else None
+    color = [n for n in range(len(names)) if n != alpha]
+    if stored.is_encoded and 0 < stored.levels < data.size:  # a table is quicker than powers
+        light = from_srgb((np.arange(stored.levels + 1) / stored.levels).astype(np.float32))
+        for row in data:
+            level = (row[:, color] * stored.levels + 0.5).astype(np.uint16)
+            row[:, color] = light[level]
+    elif stored.is_encoded:
+        data[..., color] = from_srgb(data[..., color])
+    if stored.is_straight and alpha is not None:
+        data[..., color] *= data[..., alpha, None]
+    picture = [names.index(name) for name in CHANNELS[:4] if name in names]
+    return data[..., picture] if "R" in names else data
+
+
+def read_channels(path: str | Path) -> dict[str, Floats]:
+    """All channels of a file by name, (H, W) each, as they are stored."""
+    stored = _read(path)
+    return {name: stored.data[..., n] for n, name in enumerate(stored.names)}
+
+
+class _Stored(NamedTuple):
+    """A file's content before it is turned into linear, premultiplied light."""
+
+    data: Floats  # (H, W, C)
+    names: list[str]  # C channels
+    is_encoded: bool  # by the sRGB curve
+    is_straight: bool  # color is not multiplied by alpha
+    levels: int  # largest value of 8 and 16 bits, which data is a fraction of; 0: other types
+
+
+def _open(path: str | Path) -> tuple[Any, _Stored]:
+    """File, open, and what its header says; without data."""
+    import OpenImageIO
+
+    if not Path(path).is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    # A configuration also makes PFM come right side up: without one its lines are not flipped.
+    as_stored = OpenImageIO.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    source = OpenImageIO.ImageInput.open(str(path), as_stored)
+    if source is None:
+        raise OSError(
+            f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"
+        )
+    spec = source.spec()
+    space = spec.get_string_attribute("oiio:ColorSpace").lower()
+    is_integer = str(spec.format) not in ("half", "float", "double")
+    header = _Stored(
+        np.zeros((0, 0, 0), np.float32),
+        list(spec.channelnames),
+        "srgb" in space or (is_integer and "lin" not in space),
+        bool(spec.get_int_attribute("oiio:UnassociatedAlpha")),
+        {"uint8": 255, "uint16": 65535}.get(str(spec.format), 0),
+    )
+    return source, header
+
+
+def _read(path: str | Path) -> _Stored:
+    import OpenImageIO
+
+    source, header = _open(path)
+    data = source.read_image(OpenImageIO.FLOAT)
+    complaint, spec = source.geterror(), source.spec()
+    source.close()
+    if data is None or complaint:
+        raise OSError(f"{path} is damaged: {_first_line(complaint)}")
+    shape = spec.height, spec.width, spec.nchannels
+    return header._replace(data=np.asarray(data, np.float32).reshape(shape))
+
+
+def _write(
+    path: str | Path, data: NDArray[Any], header: Mapping[str, Attribute], *, half: bool = False
+) -> None:
+    """Write an array (H, W, C) whose type is the file's; with `half` all but R, G, B, A stay."""
+    import OpenImageIO
+
+    height, width, count = data.shape
+    kind = {"uint8": OpenImageIO.UINT8, "uint16": OpenImageIO.UINT16, "float32": OpenImageIO.FLOAT}[
+        data.dtype.name
+    ]
+    spec = OpenImageIO.ImageSpec(width, height, count, kind)
+    spec.channelnames = CHANNELS[:count]
+    if half:
+        spec.channelformats = (OpenImageIO.HALF,) * 4 + (kind,) * (count - 4)
+    for name, value in header.items():
+        _set(spec, name, value)
+    with replacing(path) as temporary:
+        complaint = _put(temporary, spec, data)
+        if complaint:
+            raise OSError(f"{path} cannot be written: {complaint}")
+
+
+def _put(path: Path, spec: Any, data: NDArray[Any]) -> str:
+    """Write a file and read it back; returns why it is not whole, nothing if it is.
+
+    On a full disk the writers may report success: PNG's tells only by its error text, and what is
+    flushed when the file is closed, by neither.
+    """
+    import OpenImageIO
+
+    target = OpenImageIO.ImageOutput.create(str(path))
+    if target is None:
+        return _first_line(OpenImageIO.geterror())
+    went_well = [target.open(str(path), spec), target.write_image(data), target.close()]
+    complaint = target.geterror()
+    if complaint or not all(went_well):
+        return _first_line(complaint)
+    try:
+        _read(path)
+    except OSError:
+        return "the file came out incomplete; is the disk full?"
+    return ""
+
+
+def _set(spec: Any, name: str, value: Attribute) -> None:
+    """Put one entry into a header, under the type that fits its value."""
+    if isinstance(value, str | int | float):
+        spec.attribute(name, value)
+    else:
+        numbers = tuple(float(number) for number in np.ravel(value))
+        kind = "matrix" if len(numbers) == 16 else f"float[{len(numbers)}]"
+        spec.attribute(name, kind, numbers)
+
+
+def _first_line(text: str) -> str:
+    return text.strip().partition("\n")[0].strip() or "no reason is given"

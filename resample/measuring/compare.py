@@ -1,0 +1,218 @@
+"""Several renderings side by side: tables of numbers and labelled sheets of pictures."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import Background, over, to_srgb
+from resample.files.images import read_image
+from resample.files.writing import replacing
+from resample.measuring.quality import measure
+from resample.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+DPI = 100
+MARGIN = 12  # px around each picture
+LINE = 16  # px per line of text
+SMALLEST = 192  # px; narrower pictures are enlarged
+
+Row = Mapping[str, object]
+
+
+def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
+    """Picture as a screen shows it.
+
+    Parameters
+    ----------
+    image
+        (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
+    background
+        What is behind it, 3 values of linear light.
+
+    Returns
+    -------
+    (H, W, 3) sRGB-encoded, 0..1.
+    """
+    channels = image.shape[2]
+    if channels in (1, 2):
+        image = image[..., [0, 0, 0] if channels == 1 else [0, 0, 0, 1]]
+    color = over(image, background) if image.shape[2] == 4 else image[..., :3]
+    return to_srgb(np.clip(color, 0.0, 1.0))
+
+
+def measure_files(
+    paths: Sequence[str | Path], reference: str | Path
+) -> tuple[list[dict[str, object]], dict[str, Floats]]:
+    """Compare files with a reference file.
+
+    Returns
+    -------
+    A row of `resample.measuring.quality.measure` for each file, of the pictures as shown, and the
+    pictures as read, reference first; both by the names of the files.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    ValueError
+        A picture is not of the reference's size.
+    """
+    target = read_image(reference)
+    pictures, rows = {str(reference): target}, []
+    for path in paths:
+        picture = pictures[str(path)] = read_image(path)
+        if picture.shape[:2] != target.shape[:2]:
+            raise ValueError(f"{path} is {_size(picture)} px, {reference} is {_size(target)} px")
+        rows.append({"picture": str(path), **measure(shown(picture), shown(target))})
+    return rows, pictures
+
+
+def table(rows: Sequence[Row]) -> "Table":
+    """Table for a terminal, a column per key of the first row."""
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table()
+    for key in rows[0] if rows else ():
+        grid.add_column(Text(key), justify="left" if isinstance(rows[0][key], str) else "right")
+    for row in rows:
+        grid.add_row(*(Text(_text(value)) for value in row.values()))
+    return grid
+
+
+def plain(rows: Sequence[Row]) -> str:
+    """Table for a file: lines of aligned columns, a column per key of the first row."""
+    if not rows:
+        return ""
+    lines = [list(rows[0]), *([_text(value) for value in row.values()] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        + "\n"
+        for line in lines
+    )
+
+
+def check_sheet(path: str | Path) -> None:
+    """Refuse a name that `contact_sheet` would refuse, before any work is done."""
+    if Path(path).suffix.lower() != ".png":
+        raise ValueError(f"{path}: contact sheets are written as .png")
+
+
+def contact_sheet(
+    images: Mapping[str, Floats],
+    path: str | Path,
+    *,
+    columns: int | None = None,
+    captions: Mapping[str, str] | None = None,
+    zoom: int | None = None,
+) -> None:
+    """Write pictures with their names as one PNG, each pixel of a picture as a square of pixels.
+
+    Parameters
+    ----------
+    images
+        (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
+    path
+        Target, `.png`.
+    columns
+        Pictures in a row; None chooses.
+    captions
+        A line of text below a picture, by title.
+    zoom
+        Edge of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
+
+    Raises
+    ------
+    ValueError
+        There is no picture, or a number is not positive.
+    OSError
+        The file cannot be written.
+    """
+    if not images:
+        raise ValueError("a contact sheet needs at least one picture")
+    check_sheet(path)
+    layout = _layout([image.shape[:2] for image in images.values()], columns, zoom)
+    figure = _blank(layout)
+    for cell, (title, image) in enumerate(images.items()):
+        left, top = layout.corner(cell)
+        pixels = np.repeat(np.repeat(_levels(image), layout.zoom, 0), layout.zoom, 1)
+        figure.figimage(pixels, left, layout.height - top - pixels.shape[0])
+        _write_text(figure, layout, (left, top - LINE), title)
+        _write_text(
+            figure, layout, (left, top + layout.cell_height), (captions or {}).get(title, "")
+        )
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI)
+
+
+class _Layout(NamedTuple):
+    """Where the pictures of a sheet stand, px."""
+
+    columns: int
+    rows: int
+    cell_width: int  # of the largest picture, enlarged
+    cell_height: int
+    zoom: int
+
+    @property
+    def width(self) -> int:
+        return MARGIN + self.columns * (self.cell_width + MARGIN)
+
+    @property
+    def height(self) -> int:
+        return MARGIN + self.rows * (self.cell_height + 2 * LINE + MARGIN)
+
+    def corner(self, cell: int) -> tuple[int, int]:
+        """Left and top of a picture."""
+        row, column = divmod(cell, self.columns)
+        left = MARGIN + column * (self.cell_width + MARGIN)
+        return left, MARGIN + LINE + row * (self.cell_height + 2 * LINE + MARGIN)
+
+
+def _layout(shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | None) -> _Layout:
+    for name, number in (("columns", columns), ("zoom", zoom)):
+        if number is not None and number < 1:
+            raise ValueError(f"{name} is a positive number, not {number}")
+    height, width = (max(sizes) for sizes in zip(*shapes, strict=True))
+    zoom = zoom or max(1, math.ceil(SMALLEST / width))
+    count = len(shapes)
+    columns = min(columns or (count if count <= 4 else math.ceil(math.sqrt(count))), count)
+    return _Layout(columns, math.ceil(count / columns), width * zoom, height * zoom, zoom)
+
+
+def _blank(layout: _Layout) -> "Figure":
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure((layout.width / DPI, layout.height / DPI), dpi=DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _write_text(figure: "Figure", layout: _Layout, corner: tuple[float, float], text: str) -> None:
+    """Put a line of text with its top left corner at a point, shortened to the cell's width."""
+    room = max(4, int(layout.cell_width / 6.5))  # characters of 10 px type
+    short = text if len(text) <= room else "…" + text[1 - room :]
+    x, y = corner[0] / layout.width, 1 - (corner[1] + 2) / layout.height
+    figure.text(x, y, short, fontsize=7.5, va="top", parse_math=False)
+
+
+def _levels(image: Floats) -> NDArray[np.uint8]:
+    levels: NDArray[np.uint8] = np.floor(shown(image) * 255.0 + 0.5).astype(np.uint8)
+    return levels
+
+
+def _size(picture: NDArray[Any]) -> str:
+    return f"{picture.shape[1]} × {picture.shape[0]}"
+
+
+def _text(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
