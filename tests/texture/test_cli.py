@@ -13,11 +13,9 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.command.console import say
 from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_texture.command import cli
-from resample_texture.command.session import announce_compilation
 from tests.processes import python
 
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
@@ -40,7 +38,8 @@ def folder(tmp_path, monkeypatch, photo):
     """The working folder of every command, with photo.png in it; nothing is announced."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample_texture.command.session.announce_compilation", lambda **_: None)
+    monkeypatch.setattr("resample.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -553,8 +552,8 @@ def test_every_choice_changes_the_meshs_picture(words):
         ("bare.obj", [], "texture"),
         ("square.obj", ["--camera", "left"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
-        ("square.obj", ["--camera", "0/0/0"], "a zoom above 0"),
-        ("square.obj", ["--fov", "180"], "field of view from 0 to below 180"),
+        ("square.obj", ["--camera", "0/0/0"], "must be above 0"),
+        ("square.obj", ["--fov", "180"], "0 to below 180 are allowed"),
         ("square.obj", ["--texture", "none.png"], "none.png"),
         ("square.obj", ["--up", "w"], "'-x', '-y' or '-z'"),
         ("lost.obj", [], "gone.png"),
@@ -685,16 +684,6 @@ def test_a_file_is_refused_as_a_folder(command, capsys):
 def test_a_mistyped_command_or_option_is_put_right(capsys):
     assert 'Did you mean "warp"' in refused(capsys, "wrap", "photo.png")
     assert "IMAGE requires an argument" in refused(capsys, "warp")
-
-
-def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
-    say("hello")
-    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
-    announce_compilation()
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.splitlines()[0] == "resample: hello"
-    assert "compiling kernels, once per installation" in error.splitlines()[1]
 
 
 @pytest.mark.parametrize("words", [["--help"], ["warp", "--help"], ["--version"]])

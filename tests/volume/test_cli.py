@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.command.console import say
 from resample.command.options import run
 from resample.files.images import read_channels, read_image
-from resample.resampler import Resampler
 from resample_volume.command import cli
-from resample_volume.command.session import announce_compilation
 from resample_volume.files.source import open_volume
 from tests.processes import python
 
@@ -43,7 +40,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -645,16 +642,6 @@ def test_the_demo_refuses_a_file_as_its_folder(capsys):
 def test_a_mistyped_command_or_option_is_put_right(capsys):
     assert 'Did you mean "render"' in refused(capsys, "rendr", BOX)
     assert "VOLUME requires an argument" in refused(capsys, "render")
-
-
-def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
-    say("hello")
-    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
-    announce_compilation(Resampler())
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.splitlines()[0] == "resample: hello"
-    assert "compiling kernels, once per installation" in error.splitlines()[1]
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[8:16, 12:20] = 1000
     cv2.imwrite("depth.png", depth)
-    monkeypatch.setattr("resample_warp3d.command.session.announce_compilation", lambda: None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -395,7 +395,7 @@ def test_damaged_files_are_one_line(which, capsys):
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.command.session.prepare", None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.prepare", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 

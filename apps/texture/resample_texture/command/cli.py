@@ -67,9 +67,17 @@ def warp(
     stats
         Also write sizes and times (.json).
     """
-    from resample.files.pictures import Look, check_output, look_of, read_picture, write_picture
+    from resample.command.session import Session
+    from resample.files.pictures import (
+        Look,
+        check_output,
+        coverage_picture,
+        look_of,
+        read_picture,
+        write_picture,
+    )
     from resample.files.writing import check_targets, write_json
-    from resample_texture.command.session import Session, coverage_picture
+    from resample_texture.command.rendering import report, warped
 
     place.check()
     warping.check()
@@ -82,13 +90,13 @@ def warp(
     with session.stage("read"):
         picture = read_picture(image)
         target = place.target((picture.data.shape[0], picture.data.shape[1]))
-    result, share = session.warped(picture, target, warping, part)
+    result, share = warped(session, picture, target, warping, part)
     with session.stage("write"):
         write_picture(output, result, look)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), Look(is_light=False))
     if stats is not None:
-        write_json(stats, session.report(picture, result, warping))
+        write_json(stats, report(session, picture, result, warping))
 
 
 @app.command
@@ -117,9 +125,10 @@ def rectify(
     size
         Of the page in px, 640x480. What the page's sides have in the photo.
     """
+    from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
     from resample.files.writing import check_targets
-    from resample_texture.command.session import Session
+    from resample_texture.command.rendering import warped
     from resample_texture.geometry.corners import (
         from_corners,
         order_corners,
@@ -135,7 +144,7 @@ def rectify(
     check_output(output, look, transparent=warping.edge == "transparent")
     check_targets(output)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    page, _ = Session().warped(read_picture(photo), target, warping)
+    page, _ = warped(Session(), read_picture(photo), target, warping)
     write_picture(output, page, look)
 
 
@@ -177,11 +186,12 @@ def mesh(
         Per channel of a PNG.
     """
     from resample import registry
-    from resample.command.console import progress_bar
+    from resample.command.session import Session, announce_compilation
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.session import announce_compilation, check_memory, framed
+    from resample_texture.command.rendering import check_memory, framed
+    from resample_texture.mesh.kernels.painting import paint
     from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
 
     check_suffix(output)
@@ -197,8 +207,8 @@ def mesh(
     check_memory((height, width), 16)
     shape = load_mesh(model, texture)
     camera = view.placed(shape, (height, width))
-    announce_compilation(mesh=True)
-    with progress_bar("painting"):
+    announce_compilation(paint)
+    with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, height=height, width=width, style=style)
     write_frame(output, framed(frame), bits=bits, background=behind)
 
@@ -245,12 +255,13 @@ def compare(
         Of the views in px, 640x480. Half of the (tiled) picture's; for a matrix the picture's.
     """
     from resample import registry
+    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import plain
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.compare import Judge, sheet, source_values
     from resample_texture.showing.scenes import check_scene, scene_of
+    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
     names = method_names(methods)
@@ -263,7 +274,7 @@ def compare(
     picture = flattened(read_picture(image), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
         raise ValueError(f"{image} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
-    announce_compilation()
+    announce_compilation(paint_blocks)
     values = source_values(picture.data, linear=linear)
     judge = Judge(truth, Edge(edge), linear)
     seen = scene_of(values, scene, shape)
@@ -321,11 +332,13 @@ def animate(
     """
     from resample import registry
     from resample.command.console import progress_bar
+    from resample.command.session import announce_compilation
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
-    from resample_texture.command.session import announce_compilation, check_memory
+    from resample_texture.command.rendering import check_memory
+    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
     flight = animation.Flight(path, frames, height_and_width(size))
@@ -334,7 +347,7 @@ def animate(
     check_film(output, fps)
     check_memory(flight.size, flight.frames)
     picture = animation.with_alpha(read_picture(image).data)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     with progress_bar("flying") as progress:
         shots = animation.shots(picture, flight, paint)
         write_film(output, shots, fps, resume=resume, progress=progress)
@@ -351,10 +364,11 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     image
         Picture to show beside the checkerboard. A generated wall of bricks.
     """
+    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.figures import FIGURE, SHEET, compare_floors, write_figures
     from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.texels.kernels.painting import paint_blocks
 
     subjects = {"checker": checker()}
     if image is None:
@@ -362,7 +376,7 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     else:
         subjects["picture"] = flattened(read_picture(image), (0.0, 0.0, 0.0)).data
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     comparisons = compare_floors(subjects, list(FIGURE))
     sys.stdout.write(write_figures(output, comparisons, FIGURE, SHEET))
 
@@ -378,14 +392,15 @@ def demo(*, output: Output = DEMO) -> None:
     """
     from resample import registry
     from resample.command.console import progress_bar
+    from resample.command.session import announce_compilation
     from resample.files.animations import write_film
     from resample_texture.command import animation
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
     from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.texels.kernels.painting import paint_blocks
 
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     wall = bricks()
     subjects = {"checker": checker(), "bricks": wall}
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))

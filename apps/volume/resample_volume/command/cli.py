@@ -66,10 +66,11 @@ def render(
     stats
         Also write counts and times (.json).
     """
+    from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_color_bar, check_memory, with_bar
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
+    from resample_volume.files.writing import check_color_bar, with_bar
 
     check_suffix(output)
     size = picture.height_and_width()
@@ -79,23 +80,23 @@ def render(
     resampler = look.renderer(resampling)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
-    check_memory(*size)
+    require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
         scene = source.open(volume)
-    subject = session.subject(scene, look.appearance(scene, resampler), resampler)
+    subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
     if cull:
         subject = subject.in_blocks()
     camera = subject.camera(viewpoint, *size)
-    seen = session.lit(subject, camera)
-    frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)
+    seen = lit(session, subject, camera)
+    frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)
     with session.stage("write"):
         drawn = frame
         if color_bar:
             drawn = with_bar(frame, scene, subject.appearance, resampler, background)
         write_frame(output, drawn, bits=picture.bits, background=background)
     if stats is not None:
-        write_json(stats, session.report(frame))
+        write_json(stats, report(session, frame))
 
 
 @app.command
@@ -146,10 +147,10 @@ def compare(
     size
         In px: 96 for a square, 640x480 for width and height.
     """
+    from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_memory
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
     from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
     from resample_volume.voxels.framing import centered
 
@@ -164,13 +165,13 @@ def compare(
         raise ValueError("differences are shown in a picture; give its name by --output")
     viewpoint = look.viewpoint()
     check_targets(output)
-    check_memory(*pixels)
+    require_picture(pixels, BYTES_PER_PIXEL)
     scene = source.open(volume)
     appearance = look.appearance(scene, first)
     if peer is not None:
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = Session().subject(scene, appearance, thickest(choice))
+    subject = subject_of(Session(), scene, appearance, thickest(choice))
     contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
     for name, resampler in choice.items():
@@ -230,10 +231,10 @@ def animate(
         Keep the frames that a run which ended early has made.
     """
     from resample.command.console import progress_bar
+    from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
     from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_memory
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
 
     check_film(output, fps)
     flight = flight_of(path, frames, fps, look.viewpoint())
@@ -241,9 +242,9 @@ def animate(
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)
-    check_memory(*shape)
+    require_picture(shape, BYTES_PER_PIXEL)
     scene = source.open(volume)
-    subject = Session().subject(scene, look.appearance(scene, resampler), resampler)
+    subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
     with progress_bar("filming") as progress:
@@ -359,20 +360,21 @@ def demo(*, output: Output = DEMO_FOLDER) -> None:
         Folder; created if missing.
     """
     from resample.command.console import say
+    from resample.command.session import Session
     from resample.files.images import write_frame
     from resample.measuring.compare import contact_sheet
-    from resample_volume.command.session import Session
+    from resample_volume.command.rendering import painted, subject_of
     from resample_volume.files.source import generate as generated
 
     output.mkdir(parents=True, exist_ok=True)
     for name, (camera_angles, side) in DEMO.items():
         session, size, pictures = Session(), (side, side), {}
         volume, look = generated(name), Look(camera=camera_angles)
-        subject = session.subject(volume, look.appearance(volume), Resampling().resampler())
+        subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
         camera = subject.camera(look.viewpoint(), *size)
         for primitive in ("hybrid", "points", "splats"):
             resampler = Resampling(primitive=primitive).resampler()
-            frame = session.paint(resampler, subject.seen_by(camera), camera, size)
+            frame = painted(session, resampler, subject.seen_by(camera), camera, size)
             path = output / f"{name}-{primitive}.png"
             write_frame(path, frame, background=(0.0, 0.0, 0.0))
             say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")

@@ -11,11 +11,12 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import AnyCamera
 from resample.colors import from_srgb
+from resample.command.session import Session
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
 from resample.resampler import Footprint, Primitive, Projection, Resampler
 from resample.types import Floats
-from resample_volume.command.session import Session
+from resample_volume.command.rendering import painted
 from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
@@ -162,5 +163,5 @@ class Contest:
     def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
         """Picture, and the share of splats in it."""
         seen = self.subject.seen_by(self.camera)
-        frame = Session().paint(resampler, seen, self.camera, self.size, clip=self.subject.clip)
+        frame = painted(Session(), resampler, seen, self.camera, self.size, clip=self.subject.clip)
         return frame.rgba, frame.statistics.splat_fraction

@@ -316,27 +316,6 @@ class Extras(BaseModel):
         """All files that are asked for."""
         return [self.holes, self.coverage, self.depth_output, self.export, self.stats]
 
-    def check(self) -> None:
-        """Refuse suffixes that nothing is written as.
-
-        Raises
-        ------
-        ValueError
-            There is one.
-        """
-        from resample.files.pictures import Look, check_output
-        from resample_warp3d.command.export import check_export
-        from resample_warp3d.command.writing import check_depth, check_holes
-
-        if self.holes is not None:
-            check_holes(self.holes)
-        if self.coverage is not None:
-            check_output(self.coverage, Look(is_light=False), transparent=False)
-        if self.depth_output is not None:
-            check_depth(self.depth_output)
-        if self.export is not None:
-            check_export(self.export)
-
 
 class Travel(BaseModel):
     """How the camera of an animation moves."""

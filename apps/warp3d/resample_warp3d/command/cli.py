@@ -67,15 +67,28 @@ def render(
     view
         A further view of the same scene, COLOR,DEPTH,POSE; may be given several times.
     """
+    from resample.command.session import Session
     from resample.files.pictures import Look, check_output, look_of, write_picture
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
-    from resample_warp3d.command.session import Session, check_memory, mention_holes
-    from resample_warp3d.command.writing import names_picture, warped_picture, write_extras
+    from resample_warp3d.command.rendering import (
+        check_memory,
+        mention_holes,
+        prepared,
+        report,
+        warped,
+    )
+    from resample_warp3d.command.writing import (
+        check_extras,
+        names_picture,
+        warped_picture,
+        write_extras,
+    )
 
-    for choice in (eye, meaning, aim, extras):
+    for choice in (eye, meaning, aim):
         choice.check()
+    check_extras(extras)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.labels else look_of(written)
     check_output(output, look, transparent=not warping.fill)
@@ -91,22 +104,22 @@ def render(
     shape = aim.shape(source_shape)
     check_memory(shape, picture.data.shape[2])
     target = aim.camera(camera, source_shape, eye.convention)
-    sources = session.prepared(views, warping)
-    warped = session.warped(sources, target, shape, warping)
+    sources = prepared(session, views, warping)
+    seen = warped(session, sources, target, shape, warping)
     if not warping.fill:
-        mention_holes(warped)
+        mention_holes(seen)
     with session.stage("write"):
         made = (
-            names_picture(warped, picture.kind)
+            names_picture(seen, picture.kind)
             if warping.labels
-            else warped_picture(warped, picture.kind, filled=warping.fill)
+            else warped_picture(seen, picture.kind, filled=warping.fill)
         )
         write_picture(output, made, look)
-        write_extras(extras, warped, meaning.depth_scale if meaning.depth_kind == "z" else None)
+        write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
             write_geometry(extras.export, *sources[0], extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, session.report(views, warped, warping))
+        write_json(extras.stats, report(session, views, seen, warping))
 
 
 @app.command
@@ -147,14 +160,15 @@ def stereo(
     coverage
         As of render.
     """
+    from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, write_picture
     from resample.files.writing import check_targets
     from resample_warp3d.command.inputs import read_rectified
-    from resample_warp3d.command.session import Session, check_memory, mention_holes
-    from resample_warp3d.command.writing import warped_picture, write_extras
+    from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
+    from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
 
     extras = Extras(holes=holes, coverage=coverage)
-    extras.check()
+    check_extras(extras)
     warping.built()
     look = look_of(written)
     check_output(output, look, transparent=not warping.fill)
@@ -163,9 +177,9 @@ def stereo(
     seen = read_rectified(picture, disparity, disparity_scale)
     shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
     check_memory(shape, seen.picture.data.shape[2])
-    (source,) = session.prepared([seen], warping)
+    (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = session.shifted(source.source, way, shape, warping)
+    warped = shifted(session, source.source, way, shape, warping)
     if not warping.fill:
         mention_holes(warped)
     write_picture(output, warped_picture(warped, seen.picture.kind, filled=warping.fill), look)
@@ -209,12 +223,12 @@ def animate(
     resume
         Keep the frames that a run which ended early has made.
     """
-    from resample.command.console import progress_bar
+    from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample_warp3d.command.animation import Range, check_path, poses_of, shots
     from resample_warp3d.command.inputs import Reader, read_view
-    from resample_warp3d.command.session import Session, check_memory, film_of
+    from resample_warp3d.command.rendering import check_memory, film_of
 
     eye.check()
     meaning.check()
@@ -232,7 +246,7 @@ def animate(
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, seen, shape, warping, behind)
     made = shots(poses, camera, film.frame, film.job)
-    with progress_bar("moving") as progress:
+    with session.stage("film", bar="moving") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)
 
 
@@ -285,13 +299,13 @@ def cloud(
         Per channel of a PNG.
     """
     from resample.cameras.files import viewpoint
-    from resample.command.console import progress_bar
+    from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
     from resample_warp3d.clouds.files import read_cloud
     from resample_warp3d.clouds.rendering import CloudStyle, Light, render_cloud
-    from resample_warp3d.command.session import announce_compilation, check_memory, cloud_camera
+    from resample_warp3d.command.rendering import announce, check_memory, cloud_camera
 
     check_suffix(output)
     shape = height_and_width(size)
@@ -307,8 +321,8 @@ def cloud(
     check_memory(shape, 4)
     points = read_cloud(file)
     placed = cloud_camera(points, shape, seen_from, calibrated)
-    announce_compilation()
-    with progress_bar("painting"):
+    announce()
+    with Session().stage("paint", bar="painting"):
         frame = render_cloud(points, placed, size=shape, style=style)
     write_frame(output, frame, bits=bits, background=behind)
 
@@ -360,8 +374,9 @@ def compare(
     from resample import registry
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, plain
+    from resample_warp3d.command.compare import compare_files
     from resample_warp3d.command.inputs import Reader, TrueView
-    from resample_warp3d.command.session import announce_compilation, compare_files
+    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views, compare_scene, sheet
 
     names = method_names(methods)
@@ -376,7 +391,7 @@ def compare(
         chosen = [view.strip() for view in views.split(",") if view.strip()]
         check_views(chosen)
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
-        announce_compilation()
+        announce()
         comparison = compare_scene(names, side, chosen)
     else:
         for choice in (eye, meaning, aim):
@@ -417,8 +432,9 @@ def figures(
     """
     from resample import registry
     from resample.measuring.compare import plain
+    from resample_warp3d.command.compare import figure_of_files
     from resample_warp3d.command.inputs import Reader
-    from resample_warp3d.command.session import announce_compilation, figure_of_files
+    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views
     from resample_warp3d.showing.figures import generated_figure, write_figures
 
@@ -430,7 +446,7 @@ def figures(
     if color is None or depth is None:
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
         output.mkdir(parents=True, exist_ok=True)
-        announce_compilation()
+        announce()
         figure = generated_figure(side, view, names)
     else:
         for choice in (eye, meaning, aim):
@@ -450,7 +466,7 @@ def demo(*, output: Output = DEMO) -> None:
     output
         Folder; created if missing.
     """
-    from resample_warp3d.command.session import write_demo
+    from resample_warp3d.command.compare import write_demo
 
     output.mkdir(parents=True, exist_ok=True)
     write_demo(output)
