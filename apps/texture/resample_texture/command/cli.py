@@ -59,13 +59,13 @@ def warp(
     image
         Any picture; float files are linear light, the others sRGB.
     output
-        .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
     roi
         Write only this part of the target: left,top,width,height in px.
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     stats
-        Also write sizes and times (.json).
+        Also write sizes, counts and times (.json).
     """
     from resample.command.session import Session
     from resample.files.pictures import (
@@ -119,11 +119,12 @@ def rectify(
     photo
         Any picture.
     corners
-        x,y of the page's four corners in px of the photo, in any order.
+        x,y of four corners: the page's in px of the photo, in any order.
     output
         As in warp.
     size
-        Of the page in px, 640x480. What the page's sides have in the photo.
+        In px: 400 for a square, 640x480 for width and height. What the page's sides have in the
+        photo.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
@@ -157,7 +158,7 @@ def mesh(
     view: Annotated[View, Flat] = VIEW,
     size: str = "512",
     texture: Path | None = None,
-    reconstruction: str = "catmull-rom",
+    interpolation: str = "catmull-rom",
     filter: str = "box",  # noqa: A002
     background: str | None = None,
     bits: Literal[8, 16] = 8,
@@ -171,19 +172,19 @@ def mesh(
     model
         OBJ with its MTL, GLB, glTF or PLY.
     output
-        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     size
-        Pixels: 400 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     texture
         Picture to use in place of the textures that the file names.
-    reconstruction
-        Interpolation between texels.
+    interpolation
+        Between texels: nearest, bilinear, catmull-rom, spline, gaussian.
     filter
-        Pixel filter, such as gaussian:sigma=0.5.
+        Pixel filter, such as gaussian:sigma=0.6.
     background
-        black, white, #rrggbb or none for transparent.
+        Behind the picture: black, white, #rrggbb or none for transparent.
     bits
-        Per channel of a PNG.
+        Per channel: 8 or 16 of a PNG.
     """
     from resample import registry
     from resample.command.session import Session, announce_compilation
@@ -199,7 +200,7 @@ def mesh(
     view.viewpoint()
     behind = None if background is None else linear_color(background)
     style = MeshStyle(
-        interpolation=registry.build("interpolations", reconstruction),
+        interpolation=registry.build("interpolations", interpolation),
         pixel_filter=registry.build("filters", filter),
         shading=view.shading,
     )
@@ -222,7 +223,7 @@ def compare(
     methods: str = COMPARED,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    truth: Literal["box", "gaussian"] = "box",
+    truth_filter: Literal["box", "gaussian"] = "box",
     linear: bool = True,
     edge: Edges = "transparent",
     size: str | None = None,
@@ -238,21 +239,24 @@ def compare(
     image
         A picture; a small one is tiled with its mirror images.
     scene
-        floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes it.
+        What is looked at: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
+        it.
     methods
-        Separated by commas; parameters as in opencv-supersample:n=8,kernel=linear.
+        Separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
-        A page with sliders (.html), or all pictures side by side with details enlarged (.png).
+        Written to: a page with sliders (.html), or all pictures side by side with details enlarged
+        (.png).
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
-    truth
+    truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
         Filter light; otherwise values as they are encoded.
     edge
-        What the methods are told lies beyond the picture; it is not measured.
+        What lies beyond the picture's edges. It is not measured.
     size
-        Of the views in px, 640x480. Half of the (tiled) picture's; for a matrix the picture's.
+        In px: 400 for a square, 640x480 for width and height. Half of the (tiled) picture's; for a
+        matrix the picture's.
     """
     from resample import registry
     from resample.command.session import announce_compilation
@@ -276,7 +280,7 @@ def compare(
         raise ValueError(f"{image} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
     announce_compilation(paint_blocks)
     values = source_values(picture.data, linear=linear)
-    judge = Judge(truth, Edge(edge), linear)
+    judge = Judge(truth_filter, Edge(edge), linear)
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
@@ -312,21 +316,21 @@ def animate(
     image
         Any picture.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
-        fly: low over the picture, forth and back; turn: around its middle.
+        The camera's way: fly, low over the picture, forth and back; or turn, around its middle.
     frames
         How many.
     fps
         Frames per second.
     size
-        Of a frame in px.
+        In px: 400 for a square, 640x480 for width and height.
     method
         As in warp.
     edge
         What lies beyond the picture's edges.
     background
-        Behind the picture.
+        Behind the picture: black, white or #rrggbb.
     resume
         Keep the frames that a run which ended early has made.
     """
@@ -360,7 +364,7 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     Parameters
     ----------
     output
-        Folder for figure5.png, the single pictures and table.txt; created if missing.
+        Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
     image
         Picture to show beside the checkerboard. A generated wall of bricks.
     """
@@ -388,7 +392,7 @@ def demo(*, output: Output = DEMO) -> None:
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
     from resample import registry
     from resample.command.console import progress_bar

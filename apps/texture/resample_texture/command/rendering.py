@@ -43,7 +43,7 @@ def warped(
             target.shape,
             choice.method,
             filter=choice.filter,
-            reconstruction=choice.reconstruction,
+            interpolation=choice.interpolation,
             quality=choice.quality,
             total=choice.total or None,
             edge=choice.edge,

@@ -58,13 +58,13 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     output
-        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
     cull
         Skip blocks of voxels outside the picture or hidden; it pays where much is opaque.
     stats
-        Also write counts and times (.json).
+        Also write sizes, counts and times (.json).
     """
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
@@ -104,9 +104,9 @@ def compare(
     volume: str,
     /,
     *,
-    primitive: str = "points,splats,hybrid",
-    footprint: Annotated[str, Unshown] = "",
-    order: Annotated[str, Unshown] = "",
+    methods: str = "points,splats,hybrid",
+    footprints: Annotated[str, Unshown] = "",
+    orders: Annotated[str, Unshown] = "",
     peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
     reference: Literal["splats", "rays"] = "splats",
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
@@ -118,26 +118,26 @@ def compare(
     size: str = "96",
     source: Annotated[Source, Flat] = SOURCE,
 ) -> None:
-    """Render a volume by several primitives, footprints, orders and peers, and measure them.
+    """Render a volume by several methods, footprints, orders and peers, and measure them.
 
-    Example: resample-volume compare checker-box --primitive points,splats,hybrid -o compare.png
+    Example: resample-volume compare checker-box --methods points,splats,hybrid -o compare.png
 
     Parameters
     ----------
     volume
         As in render.
-    primitive
-        Some of hybrid, points, splats, paper, inflate, ewa.
-    footprint
-        Some of exact, corrected, small-angle, affine, disc. Each primitive's own.
-    order
-        Some of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
+    methods
+        Separated by commas; of hybrid, points, splats, paper, inflate, ewa.
+    footprints
+        Separated by commas; of exact, corrected, small-angle, affine, disc. Each method's own.
+    orders
+        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
     reference
         Made of exact splats in the first order, or of rays through the field (slow).
     output
-        All pictures side by side (.png).
+        Written to: all pictures side by side (.png).
     difference
         Show the errors, too, enlarged.
     rays
@@ -145,7 +145,7 @@ def compare(
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     size
-        In px: 96 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     """
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
@@ -156,7 +156,7 @@ def compare(
 
     pixels = Picture(size=size).height_and_width()
     first = look.renderer(projection.resampling())
-    choice = variants(first, _words(primitive), _words(footprint), method_names(order, least=0))
+    choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
     if output is not None:
@@ -213,20 +213,20 @@ def animate(
     volume
         As in render.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
-        orbit: once around; zoom: from the camera to 16 times as far; threshold: from voxels that
-        are splats to voxels that are points; or a .toml file of keyframes with cameras of its own.
+        The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
+        from voxels that are splats to voxels that are points; or a file of keyframes or poses.
     frames
         How many. 96, or as many as the keyframes' times ask for.
     fps
         Frames per second.
     size
-        Of a frame in px: 400 or 640x480.
+        In px: 400 for a square, 640x480 for width and height.
     background
-        black, white or #rrggbb.
+        Behind the picture: black, white or #rrggbb.
     threads
-        At most this many; frames do not depend on it.
+        At most this many; pixels do not depend on it.
     resume
         Keep the frames that a run which ended early has made.
     """
@@ -271,7 +271,7 @@ def info(
     bins
         Of the histogram.
     as_json
-        Print JSON.
+        Print JSON instead of a table.
     """
     from resample_volume.files.source import describe
 
@@ -290,7 +290,7 @@ def generate(name: str, /, *, output: Output) -> None:
     name
         checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
     output
-        .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
+        Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample.files.writing import check_targets
     from resample_volume.files.source import generate as generated
@@ -339,7 +339,7 @@ def figures(
     Parameters
     ----------
     output
-        Folder for .png, .csv and .json files; created if missing.
+        Written to: folder for .png, .csv and .json files; created if missing.
     figure
         1-2, 3-4, 7, 8 or 9. All of them.
     data
@@ -352,12 +352,12 @@ def figures(
 
 @app.command
 def demo(*, output: Output = DEMO_FOLDER) -> None:
-    """Render the generated volumes by all three primitives.
+    """Render the generated volumes by all three methods.
 
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
     from resample.command.console import say
     from resample.command.session import Session
@@ -372,13 +372,13 @@ def demo(*, output: Output = DEMO_FOLDER) -> None:
         volume, look = generated(name), Look(camera=camera_angles)
         subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
         camera = subject.camera(look.viewpoint(), *size)
-        for primitive in ("hybrid", "points", "splats"):
-            resampler = Resampling(primitive=primitive).resampler()
+        for method in ("hybrid", "points", "splats"):
+            resampler = Resampling(method=method).resampler()
             frame = painted(session, resampler, subject.seen_by(camera), camera, size)
-            path = output / f"{name}-{primitive}.png"
+            path = output / f"{name}-{method}.png"
             write_frame(path, frame, background=(0.0, 0.0, 0.0))
             say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
-            pictures[primitive] = frame.rgba
+            pictures[method] = frame.rgba
         contact_sheet(pictures, output / f"{name}.png", columns=3)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 

@@ -63,7 +63,7 @@ def render(
     depth
         .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name picks a channel or array.
     output
-        .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
     view
         A further view of the same scene, COLOR,DEPTH,POSE; may be given several times.
     """
@@ -90,11 +90,11 @@ def render(
         choice.check()
     check_extras(extras)
     warping.built()
-    look = Look(written.bits, is_light=False) if warping.labels else look_of(written)
+    look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     check_output(output, look, transparent=not warping.fill)
     further = [view_names(text) for text in view or []]
     check_targets(output, *extras.paths())
-    session, reader = Session(), Reader(eye, meaning, labels=warping.labels)
+    session, reader = Session(), Reader(eye, meaning, labels=warping.unmixed)
     with session.stage("read"):
         views = [read_view(reader, color, depth)]
         views += [read_view(reader, *names) for names in further]
@@ -111,7 +111,7 @@ def render(
     with session.stage("write"):
         made = (
             names_picture(seen, picture.kind)
-            if warping.labels
+            if warping.unmixed
             else warped_picture(seen, picture.kind, filled=warping.fill)
         )
         write_picture(output, made, look)
@@ -213,13 +213,13 @@ def animate(
     depth
         As of render.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     fps
         Frames per second.
     size
-        Of a frame in px: 400 or 640x480. The picture's.
+        In px: 400 for a square, 640x480 for width and height. The picture's.
     background
-        Behind the holes.
+        Behind the picture: black, white or #rrggbb.
     resume
         Keep the frames that a run which ended early has made.
     """
@@ -262,8 +262,8 @@ def cloud(
     intrinsics: Annotated[str | None, Hyphen] = None,
     size: str = "640x480",
     point_size: float = 1.0,
-    light: Literal["none", "headlight"] | None = None,
-    cull: Annotated[bool, Switch] = False,
+    light: Literal["none", "eye"] | None = None,
+    one_sided: Annotated[bool, Switch] = False,
     background: str | None = None,
     bits: Literal[8, 16] = 8,
 ) -> None:
@@ -276,27 +276,27 @@ def cloud(
     file
         .ply, .pcd, .xyz, .txt, .csv or .npz.
     output
-        .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     camera
-        azimuth/elevation/zoom around the middle of the cloud, degrees; or a file of one.
+        Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of cameras.
     up
         Axis that points upwards.
     pose
-        In place of the camera: file or file:frame, as of render; with intrinsics.
+        File or file:frame of a pose: in place of the camera, with intrinsics.
     intrinsics
-        fx,fy,cx,cy[,skew] in px, for a pose.
+        fx,fy,cx,cy[,skew] in px; for a pose.
     size
-        Pixels: 400 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     point_size
         Factor of what the points' spacing suggests.
     light
-        Headlight for clouds without colors, none for others.
-    cull
+        Where light comes from: eye, for clouds without colors, or none, for others.
+    one_sided
         Leave out what is seen from behind.
     background
-        black, white, #rrggbb or none for transparent. PNG and EXR: none.
+        Behind the picture: black, white, #rrggbb or none for transparent. None.
     bits
-        Per channel of a PNG.
+        Per channel: 8 or 16 of a PNG.
     """
     from resample.cameras.files import viewpoint
     from resample.command.session import Session
@@ -314,9 +314,8 @@ def cloud(
         raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
     calibrated = None if pose is None or intrinsics is None else (pose, intrinsics)
     behind = None if background is None else linear_color(background)
-    style = CloudStyle(
-        point_size=point_size, light=None if light is None else Light(light), cull=cull
-    )
+    lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
+    style = CloudStyle(point_size=point_size, light=lights[light], cull=one_sided)
     check_targets(output)
     check_memory(shape, 4)
     points = read_cloud(file)
@@ -357,17 +356,17 @@ def compare(
     depth
         As of render.
     scene
-        A room of known depth, ray traced.
+        What is looked at: generated, a room of known depth, ray traced.
     truth
         What the camera at --pose saw.
     mask
         Pixels of the truth to be measured, white in a picture. Those that the depth leads to.
     views
-        Of the generated scene, separated by commas.
+        Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
     methods
-        Separated by commas, with parameters as in hybrid:quality=2.
+        Separated by commas; with parameters as in hybrid:quality=2.
     output
-        All pictures side by side with details enlarged (.png).
+        Written to: all pictures side by side with details enlarged (.png).
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
@@ -412,7 +411,7 @@ def figures(
     eye: Annotated[Eye, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
-    view: str = "oblique",
+    views: str = "oblique",
     methods: str = "hybrid,mcmillan",
 ) -> None:
     """Remake the paper's Figure 6: a picture, and a view of it by the hybrid and by McMillan.
@@ -424,9 +423,10 @@ def figures(
     depth
         As of render.
     output
-        Folder for figure-6.png, the single pictures and figure-6.json; created if missing.
-    view
-        Of the generated scene: side, back4, in3, oblique or roll.
+        Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
+        missing.
+    views
+        Of the generated scene: one of side, back4, in3, oblique or roll.
     methods
         Separated by commas.
     """
@@ -440,14 +440,14 @@ def figures(
 
     names = method_names(methods)
     registry.check("warps", names)
-    check_views([view])
+    check_views([views])
     if (color is None) != (depth is None):
         raise ValueError("give COLOR and DEPTH, or neither for the generated scene")
     if color is None or depth is None:
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
         output.mkdir(parents=True, exist_ok=True)
         announce()
-        figure = generated_figure(side, view, names)
+        figure = generated_figure(side, views, names)
     else:
         for choice in (eye, meaning, aim):
             choice.check()
@@ -464,7 +464,7 @@ def demo(*, output: Output = DEMO) -> None:
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
     from resample_warp3d.command.compare import write_demo
 

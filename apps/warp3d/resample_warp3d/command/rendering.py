@@ -163,7 +163,7 @@ def cloud_camera(
 
     if calibrated is not None:
         pose, intrinsics = calibrated
-        return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose), None)
+        return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose))
     if isinstance(viewpoint, Spot | Calibrated):
         return viewpoint.sized(*shape)
     if not isinstance(viewpoint, Orbit):
