@@ -12,6 +12,7 @@ import pytest
 
 from resample import types
 from resample.engine import jit, lookup, paint
+from tests.processes import PATIENCE
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
@@ -149,7 +150,7 @@ def test_parallel_kernels_work_after_a_fork():
         target=counted, args=(np.zeros(9, np.int64),)
     )
     child.start()
-    child.join(60)
+    child.join(PATIENCE)
     assert child.exitcode == 0
 
 
