@@ -16,7 +16,7 @@ from resample.resampler import Resampler
 from resample_volume.command import cli
 from resample_volume.command.session import announce_compilation
 from resample_volume.files.source import open_volume
-from tests.processes import python
+from tests.processes import PATIENCE, python
 
 BOX = "checker-box:size=16,block=4"
 TREE = "vessel-tree:size=24"
@@ -444,7 +444,7 @@ def test_a_bad_raw_file_is_one_line(size, words, complaint, capsys):
     [
         (bytes(63), {}),  # truncated
         (bytes(64), {"sizes": "4 4 5"}),  # header and data do not fit
-        (gzip.compress(bytes(64))[:-12], {"encoding": "gzip"}),
+        (gzip.compress(bytes(64), mtime=0)[:-12], {"encoding": "gzip"}),
         (b"no gzip at all", {"encoding": "gzip"}),
         (bytes(16), {"dimension": "2", "sizes": "4 4", "spacings": "1 1"}),
         (bytes(16), {"sizes": "4 4 1"}),
@@ -682,7 +682,7 @@ from resample_volume.command import session
 def watched(what):
     def progress(share):
         print("painting", flush=True)
-        time.sleep(60)
+        time.sleep(600)
     yield progress
 
 session.progress_bar = watched
@@ -700,7 +700,7 @@ def test_ctrl_c_in_mid_render_leaves_one_line_and_no_file(folder):
         assert process.stdout is not None
         assert process.stdout.readline() == "painting\n"
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
+        _, error = process.communicate(timeout=PATIENCE)
     lines = [line for line in error.splitlines() if "compiling kernels" not in line]
     assert lines == ["resample: interrupted"]
     assert process.returncode == 130
