@@ -48,7 +48,8 @@ def lattice() -> Any:
 
 def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
     """Our picture of the cube, its camera's places in px with depths (N, 3), and opacities."""
-    from resample.cameras.models import Pinhole, orbit
+    from resample.cameras.models import Camera
+    from resample.cameras.poses import orbit
     from resample.resampler import Primitive, Resampler
     from resample.types import Samples
 
@@ -57,7 +58,9 @@ def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
     color = rng.uniform(0, 1, (len(place), 3)).astype(np.float32)
     extinction = np.full(len(place), 0.02, np.float32)
     samples = Samples(place.astype(np.float32), color, extinction, np.eye(3))
-    camera = Pinhole(focal, focal, SIDE / 2, SIDE / 2, orbit((0, 0, 0), 4 * LATTICE, 30, 20))
+    camera = Camera.from_intrinsics(
+        focal, focal, SIDE / 2, SIDE / 2, orbit((0, 0, 0), 4 * LATTICE, 30, 20)
+    )
     paint = Resampler(primitive=Primitive(primitive))
     view = camera.view()
     seen = place @ view.rotation.T + view.translation
@@ -173,8 +176,8 @@ def supersampled(texels: Any, matrix: Any, size: int, rays: int) -> Any:
 
 def warp3d() -> Work:
     """A depth image moved aside, against summing the nearest of twice as many samples each way."""
+    from resample.cameras.models import Camera
     from resample.engine.jit import threads
-    from resample_warp3d.cameras.models import Camera
     from resample_warp3d.depth.equation import between, places, warp_places
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.methods.hybrid import Hybrid

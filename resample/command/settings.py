@@ -4,7 +4,6 @@ One model serves flags, TOML files and checks. Importing this module imports no 
 stays quick.
 """
 
-import math
 import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -199,46 +198,6 @@ def height_and_width(size: str) -> tuple[int, int]:
         See `Picture.height_and_width`.
     """
     return Picture(size=size).height_and_width()
-
-
-def azimuth_elevation_zoom(text: str) -> tuple[float, float, float]:
-    """Degrees, degrees and a factor of a text like 30/20/1.5; without a third, that is 1.
-
-    Raises
-    ------
-    ValueError
-        There is something else.
-    """
-    try:
-        azimuth, elevation, *more = (float(part) for part in text.split("/"))
-        (zoom,) = more or [1.0]
-    except ValueError:
-        raise ValueError(
-            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5"
-        ) from None
-    return azimuth, elevation, zoom
-
-
-def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
-    """Finite numbers of a text, separated by commas or blanks.
-
-    Raises
-    ------
-    ValueError
-        There is something else, or another count.
-    """
-    try:
-        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
-    except ValueError:
-        numbers = []
-    if (
-        not numbers
-        or not all(map(math.isfinite, numbers))
-        or len(numbers) != (count or len(numbers))
-    ):
-        wanted = "numbers" if count is None else f"{count} numbers"
-        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
-    return numbers
 
 
 def method_names(text: str, least: int = 1) -> list[str]:

@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample import registry
+from resample.cameras.models import Camera
 from resample.engine.jit import threads
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing.compare import Case, scene_case, screen_of

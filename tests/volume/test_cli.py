@@ -393,12 +393,12 @@ def test_a_size_that_is_none_is_refused_before_any_work(size, complaint, monkeyp
         (
             "fx = 1\nfy = 1\ncx = 0\ncy = 0\n"
             "world_to_camera = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]",
-            "must be a finite rotation and shift; this one scales or mirrors",
+            "rotation is not orthonormal",
         ),
         (
             "fx = 0\nfy = 1\ncx = 0\ncy = 0\n"
             "world_to_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]",
-            "must be above 0 px",
+            "neither can be 0",
         ),
     ],
 )

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from resample.cameras.models import Camera
+from resample.cameras.poses import camera_to_world
 from resample.files.animations import write_film
-from resample_warp3d.cameras.models import Camera, camera_to_world
 from resample_warp3d.command.animation import (
     PATHS,
     Flight,

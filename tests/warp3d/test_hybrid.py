@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import resample_texture.warping
+from resample.cameras.models import Camera
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.equation import between, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview

@@ -5,7 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from resample.cameras.models import Camera, Pinhole, look_at
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.poses import look_at
 from resample.colors import over
 from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
@@ -43,12 +44,12 @@ class Flight:
     def __post_init__(self) -> None:
         check_count(self.frames)
 
-    def camera(self, n: int) -> Camera:
+    def camera(self, n: int) -> AnyCamera:
         """Camera of a frame."""
         eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
         height, width = self.size
         pose = look_at(eye, target)
-        return Pinhole.from_fov(FOV, height=height, width=width, world_to_camera=pose)
+        return Camera.from_fov(FOV, height=height, width=width, world_to_camera=pose)
 
     def _fly(self, n: int) -> tuple[Doubles, Doubles]:
         phase = 2.0 * np.pi * n / self.frames

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.command.settings import azimuth_elevation_zoom, height_and_width
+from resample.command.settings import height_and_width
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera
+    from resample.cameras.models import AnyCamera
+    from resample.cameras.viewpoints import Viewpoint
     from resample_texture.geometry.mappings import Geometry
     from resample_texture.mesh.rendering import Mesh
 
@@ -163,10 +164,11 @@ class Place(BaseModel):
         return Target(flow, self._size() or source_shape)
 
     def _by_lens(self, text: str, source_shape: tuple[int, int]) -> Target:
-        from resample_texture.geometry.lens_files import read_lens
+        from resample.cameras.lens_files import read_lens
+        from resample_texture.geometry.lenses import distorting, undistorting
 
-        lens, shape = read_lens(text), self._size() or source_shape
-        return Target(lens.distorting(shape) if self.inverse else lens.undistorting(shape), shape)
+        camera, shape = read_lens(text), self._size() or source_shape
+        return Target((distorting if self.inverse else undistorting)(camera, shape), shape)
 
 
 class Warping(BaseModel):
@@ -227,7 +229,9 @@ class View(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     camera: Annotated[
-        str, Hyphen, Field(description="azimuth/elevation/zoom, such as 30/20/1.5.")
+        str,
+        Hyphen,
+        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a file of one."),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
@@ -239,7 +243,7 @@ class View(BaseModel):
     ] = "y"
     shading: Annotated[bool, Field(description="Darken what is turned away from the eye.")] = False
 
-    def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "Camera":
+    def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
         """Camera for a picture (height, width) of a mesh.
 
         Raises
@@ -247,20 +251,22 @@ class View(BaseModel):
         ValueError
             These are not a camera's numbers.
         """
-        from resample_texture.mesh.rendering import fitted_camera
+        from resample.cameras.viewpoints import camera_from
+        from resample_texture.mesh.rendering import ball_around
 
-        azimuth, elevation, zoom = self.angles()
-        return fitted_camera(mesh, azimuth, elevation, zoom, self.fov, self.up, size)
+        return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
-    def angles(self) -> tuple[float, float, float]:
-        """Azimuth and elevation in degrees, and zoom.
+    def viewpoint(self) -> "Viewpoint":
+        """Where the mesh is seen from.
 
         Raises
         ------
-        ValueError
-            There is something else.
+        ValueError, LookupError, OSError
+            The camera is none; see `resample.cameras.files.viewpoint`.
         """
-        return azimuth_elevation_zoom(self.camera)
+        from resample.cameras.files import viewpoint
+
+        return viewpoint(self.camera, self.fov, self.up)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:

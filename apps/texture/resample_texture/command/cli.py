@@ -186,7 +186,7 @@ def mesh(
 
     check_suffix(output)
     height, width = height_and_width(size)
-    view.angles()
+    view.viewpoint()
     behind = None if background is None else linear_color(background)
     style = MeshStyle(
         interpolation=registry.build("interpolations", reconstruction),

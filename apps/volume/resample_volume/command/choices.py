@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.command.settings import Resampling
 
 if TYPE_CHECKING:
+    from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
-    from resample_volume.cameras.framing import Viewpoint
     from resample_volume.rendering import Appearance
     from resample_volume.types import Volume
 
@@ -209,12 +209,12 @@ class Look(BaseModel):
 
         Raises
         ------
-        ValueError, OSError
-            The camera is none; see `resample_volume.cameras.framing.parse_camera`.
+        ValueError, LookupError, OSError
+            The camera is none; see `resample.cameras.files.viewpoint`.
         """
-        from resample_volume.cameras.framing import parse_camera
+        from resample.cameras.files import viewpoint
 
-        return parse_camera(self.camera, self.fov, self.up)
+        return viewpoint(self.camera, self.fov, self.up)
 
 
 class Projecting(BaseModel):

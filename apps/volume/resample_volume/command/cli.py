@@ -148,10 +148,10 @@ def compare(
     """
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
-    from resample_volume.cameras.framing import centered
     from resample_volume.command.session import Session
     from resample_volume.files.writing import check_memory
     from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
+    from resample_volume.voxels.framing import centered
 
     pixels = Picture(size=size).height_and_width()
     first = look.renderer(projection.resampling())

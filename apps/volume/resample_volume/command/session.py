@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.command.console import progress_bar, say
 from resample.profiles.orders import Summing
 from resample.resampler import Footprint, Primitive, Resampler
@@ -38,7 +38,7 @@ class Session:
             say("nothing to see: all voxels are transparent, missing or cut away")
         return subject
 
-    def lit(self, subject: Subject, camera: Camera) -> Samples | Blocked | Field:
+    def lit(self, subject: Subject, camera: AnyCamera) -> Samples | Blocked | Field:
         """What a camera sees of a subject."""
         with self.stage("shade"):
             return subject.seen_by(camera)
@@ -47,7 +47,7 @@ class Session:
         self,
         resampler: Resampler,
         samples: Samples | Blocked | Field,
-        camera: Camera,
+        camera: AnyCamera,
         size: tuple[int, int],
         threads: int | None = None,
         clip: Doubles | None = None,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.colors import from_srgb
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
@@ -84,7 +84,7 @@ class Contest:
     """A view that renderers draw, and what they should come to."""
 
     subject: Subject
-    camera: Camera
+    camera: AnyCamera
     size: tuple[int, int]  # height and width, px
     rows: list[Row] = field(default_factory=list)
     pictures: dict[str, Floats] = field(default_factory=dict)  # the reference first

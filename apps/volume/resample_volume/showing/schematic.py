@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Pinhole, orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.profiles.orders import EverySample
 from resample.resampler import LITERAL_FILTER, Primitive, Resampler
 from resample.types import Doubles, Records, Samples, Seen, Sheets
-from resample_volume.cameras.framing import centered
 from resample_volume.files.source import generate
 from resample_volume.rendering import Appearance, visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +51,7 @@ class Cut(NamedTuple):
     is_splat: NDArray[np.bool_]  # (N,)
     sheets: Sheets
     rank: NDArray[np.int64]  # (N,) turn in the order of painting, from 0
-    camera: Pinhole
+    camera: Camera
     voxel: float  # scene units
     width: int  # px, of the picture
 
@@ -100,7 +101,7 @@ def cut(volume: Volume, transfer: str, title: str) -> Cut:
     focal = distance / voxel
     width = 2 * int(np.ceil(focal * half))
     pose = orbit((low + high) / 2, distance, AZIMUTH, 0.0)
-    camera = Pinhole(focal, focal, width / 2, width / 2, pose)
+    camera = Camera.from_intrinsics(focal, focal, width / 2, width / 2, pose)
     return _classified(samples, camera, width, title)
 
 
@@ -133,7 +134,7 @@ def _some(samples: Samples, kept: NDArray[np.bool_]) -> Samples:
     )
 
 
-def _classified(samples: Samples, camera: Pinhole, width: int, title: str) -> Cut:
+def _classified(samples: Samples, camera: Camera, width: int, title: str) -> Cut:
     """Samples in front of the camera and in its picture, as the resampler sees them."""
     resample = resampler()
     records = resample.footprints(samples, camera, height=width, width=width)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from resample.cameras.files import read_poses
+from resample.cameras.models import Camera
 from resample.colors import Background
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera
-from resample_warp3d.cameras.poses import read_poses
 from resample_warp3d.types import Warped
 
 PATHS = ("sway", "orbit", "dolly")
@@ -136,7 +136,7 @@ def poses_of(
     Parameters
     ----------
     path
-        One of `PATHS`, or a file as `resample_warp3d.cameras.poses.read_poses` takes it.
+        One of `PATHS`, or a file as `resample.cameras.files.read_poses` takes it.
     frames
         How many; None are `FRAMES`, or the poses of the file themselves.
     amount

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.command.settings import height_and_width, numbers_in
+from resample.command.settings import height_and_width
+from resample.words import numbers_in
 
 if TYPE_CHECKING:
+    from resample.cameras.models import Camera
     from resample.types import Doubles
-    from resample_warp3d.cameras.models import Camera
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
 
@@ -139,8 +140,8 @@ class Eye(BaseModel):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample_warp3d.cameras.models import Camera
-        from resample_warp3d.cameras.poses import read_shot
+        from resample.cameras.files import read_shot
+        from resample.cameras.models import Camera
 
         name = self.source_pose if pose is None else pose
         shot = None if name is None else read_shot(name)
@@ -219,8 +220,8 @@ class Aim(BaseModel):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample_warp3d.cameras.models import Camera
-        from resample_warp3d.cameras.poses import read_pose
+        from resample.cameras.files import read_pose
+        from resample.cameras.models import Camera
 
         pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
         if self.target_intrinsics is None:
@@ -379,7 +380,7 @@ def with_intrinsics(
     name: str, text: str, convention: str, pose: Any, distortion: list[float] | None
 ) -> "Camera":
     """Camera of a text of intrinsics."""
-    from resample_warp3d.cameras.models import Camera
+    from resample.cameras.models import Camera
 
     fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
     return Camera.from_intrinsics(

@@ -10,7 +10,6 @@ from cyclopts import App, Parameter
 from resample.command.options import run
 from resample.command.settings import (
     Written,
-    azimuth_elevation_zoom,
     height_and_width,
     method_names,
 )
@@ -265,7 +264,7 @@ def cloud(
     output
         .png, or .exr with linear RGBA, depth (Z) and coverage.
     camera
-        azimuth/elevation/zoom around the middle of the cloud, degrees.
+        azimuth/elevation/zoom around the middle of the cloud, degrees; or a file of one.
     up
         Axis that points upwards.
     pose
@@ -285,6 +284,7 @@ def cloud(
     bits
         Per channel of a PNG.
     """
+    from resample.cameras.files import viewpoint
     from resample.command.console import progress_bar
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
@@ -295,7 +295,7 @@ def cloud(
 
     check_suffix(output)
     shape = height_and_width(size)
-    angles = azimuth_elevation_zoom(camera)
+    seen_from = viewpoint(camera, up=up)
     if (pose is None) != (intrinsics is None):
         raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
     calibrated = None if pose is None or intrinsics is None else (pose, intrinsics)
@@ -306,7 +306,7 @@ def cloud(
     check_targets(output)
     check_memory(shape, 4)
     points = read_cloud(file)
-    placed = cloud_camera(points, shape, angles, up, calibrated)
+    placed = cloud_camera(points, shape, seen_from, calibrated)
     announce_compilation()
     with progress_bar("painting"):
         frame = render_cloud(points, placed, size=shape, style=style)

@@ -7,15 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.cameras.models import Camera
 from resample.command.console import say
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, flattened, read_picture
 from resample.memory import require_memory
 from resample.types import Floats
-from resample_warp3d.cameras.models import Camera, undistorted_places
-from resample_warp3d.cameras.poses import looks_inverted
 from resample_warp3d.command.choices import Depth, Eye
+from resample_warp3d.depth.agreement import looks_inverted
 from resample_warp3d.depth.encodings import BareDisparity, Encoding, check_scale
+from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
 
@@ -127,7 +128,7 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
     doubt = check_scale(image.nearness)
     if doubt is not None:
         say(f"{depth}: {doubt}")
-    return View(picture, image._replace(place=undistorted_places(camera, shape)), camera, step)
+    return View(picture, image._replace(place=lens_places(camera, shape)), camera, step)
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> View:

@@ -1,23 +1,23 @@
 """Depth images warped for the command line, with their times kept."""
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from resample.cameras.models import Camera
+from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.colors import Background
 from resample.command.console import progress_bar, say
 from resample.files.animations import fingerprint, write_film
 from resample.files.pictures import Kind, Picture
 from resample.memory import require_memory
 from resample.types import Floats
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.command.animation import Range, on_screen, poses_of, shots
 from resample_warp3d.command.choices import Aim, Shape, Warping, with_intrinsics
 from resample_warp3d.command.inputs import Reader, TrueView, View, read_truth, read_view
@@ -210,11 +210,7 @@ def write_demo(folder: Path) -> None:
 
 
 def cloud_camera(
-    cloud: "Cloud",
-    shape: Shape,
-    angles: tuple[float, float, float],
-    up: str,
-    calibrated: tuple[str, str] | None,
+    cloud: "Cloud", shape: Shape, viewpoint: Viewpoint, calibrated: tuple[str, str] | None
 ) -> Camera:
     """Camera that looks at a cloud.
 
@@ -224,28 +220,30 @@ def cloud_camera(
         Points.
     shape
         Height and width of the picture, px.
-    angles, up
-        Azimuth and elevation in degrees, and zoom; and the axis that points upwards.
+    viewpoint
+        Where from.
     calibrated
-        In their place, if not None, the words of a pose and of intrinsics.
+        In its place, if not None, the words of a pose and of intrinsics.
 
     Raises
     ------
     ValueError, LookupError, OSError
         The numbers are no camera's, or a file cannot be read.
     """
-    from resample_warp3d.cameras.poses import read_pose
+    from resample.cameras.files import read_pose
     from resample_warp3d.clouds.rendering import framed
 
     if calibrated is not None:
         pose, intrinsics = calibrated
         return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose), None)
-    azimuth, elevation, zoom = angles
-    if not 0.0 < zoom < math.inf:
-        raise ValueError(f"a zoom of {zoom:g}; give a factor above 0")
-    camera = framed(cloud, size=shape, azimuth=azimuth, elevation=elevation, up=up)
+    if isinstance(viewpoint, Spot | Calibrated):
+        return viewpoint.sized(*shape)
+    if not isinstance(viewpoint, Orbit):
+        return cast(Camera, viewpoint)  # files hold no parallel ones
+    angles = viewpoint.azimuth, viewpoint.elevation
+    camera = framed(cloud, size=shape, azimuth=angles[0], elevation=angles[1], up=viewpoint.up)
     matrix = camera.matrix.copy()
-    matrix[:2, :2] *= zoom
+    matrix[:2, :2] *= viewpoint.zoom
     return Camera(matrix, camera.world_to_camera)
 
 
