@@ -708,8 +708,10 @@ def test_help_imports_nothing_heavy(words):
 
 
 INTERRUPTIBLE = """
-import contextlib, time
+import contextlib, signal, time
 from resample_texture.command import session
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
 @contextlib.contextmanager
 def watched(what):

@@ -675,8 +675,10 @@ def test_help_imports_nothing_heavy(words):
 
 
 INTERRUPTIBLE = """
-import contextlib, sys, time
+import contextlib, signal, sys, time
 from resample_volume.command import session
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
 @contextlib.contextmanager
 def watched(what):
