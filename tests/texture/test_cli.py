@@ -553,7 +553,7 @@ def test_every_choice_changes_the_meshs_picture(words):
         ("bare.obj", [], "texture"),
         ("square.obj", ["--camera", "left"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
-        ("square.obj", ["--camera", "0/0/0"], "a zoom above 0"),
+        ("square.obj", ["--camera", "0/0/0"], "a zoom of 0; it must be above 0"),
         ("square.obj", ["--fov", "180"], "field of view from 0 to below 180"),
         ("square.obj", ["--texture", "none.png"], "none.png"),
         ("square.obj", ["--up", "w"], "'-x', '-y' or '-z'"),
