@@ -33,7 +33,7 @@ class _Angles(_Strict):
         return Orbit(**self.model_dump())
 
 
-class _Eye(_Strict):
+class _Standing(_Strict):
     """A camera at a place in the scene; `fov` is meant for its own size, if it has one."""
 
     eye: Vector
@@ -111,7 +111,7 @@ def read_toml(path: Path) -> list[Shot]:
 
 def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
     """Camera from what a TOML file or a table of one holds; see `read_viewpoint`."""
-    form = _Eye if "eye" in content else _Intrinsics if "fx" in content else _Angles
+    form = _Standing if "eye" in content else _Intrinsics if "fx" in content else _Angles
     return form.model_validate(content).camera()
 
 

@@ -109,7 +109,7 @@ class Resampling(BaseModel):
         )
 
 
-class Picture(BaseModel):
+class PictureFormat(BaseModel):
     """What kind of picture is written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -202,9 +202,9 @@ def height_and_width(size: str) -> tuple[int, int]:
     Raises
     ------
     ValueError
-        See `Picture.height_and_width`.
+        See `PictureFormat.height_and_width`.
     """
-    return Picture(size=size).height_and_width()
+    return PictureFormat(size=size).height_and_width()
 
 
 def method_names(text: str, least: int = 1) -> list[str]:

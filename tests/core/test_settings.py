@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from resample.colors import from_srgb
-from resample.command.settings import SPLAT_COLOR, Picture, Resampling, linear_color
+from resample.command.settings import SPLAT_COLOR, PictureFormat, Resampling, linear_color
 from resample.profiles.filters import Gaussian
 from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
@@ -77,26 +77,26 @@ def test_an_unknown_plugin_lists_the_known():
     [("400", (400, 400)), ("640x480", (480, 640)), ("640X480", (480, 640)), (" 8 ", (8, 8))],
 )
 def test_a_size_is_width_by_height(text, size):
-    assert Picture(size=text).height_and_width() == size
+    assert PictureFormat(size=text).height_and_width() == size
 
 
 @pytest.mark.parametrize("text", ["", "x", "4x", "x4", "4x4x4", "1e2", "-4", "4.0", "1_0", "٤"])
 def test_a_size_is_whole_numbers(text):
     with pytest.raises(ValueError, match="give 400 or 640x480"):
-        Picture(size=text).height_and_width()
+        PictureFormat(size=text).height_and_width()
 
 
 @pytest.mark.parametrize("text", ["0", "0x4", "4x0", "1000000", "16385x16384"])
 def test_a_size_is_one_that_a_picture_can_have(text):
     with pytest.raises(ValueError, match="both sides must be at least 1 and there can be at most"):
-        Picture(size=text).height_and_width()
+        PictureFormat(size=text).height_and_width()
 
 
 def test_bits_may_come_as_a_word_of_the_command_line():
-    assert Picture(bits="16").bits == Picture(bits=16).bits == 16
+    assert PictureFormat(bits="16").bits == PictureFormat(bits=16).bits == 16
     for wrong in (12, "12", "deep", "²"):
         with pytest.raises(ValidationError, match="bits"):
-            Picture(bits=wrong)
+            PictureFormat(bits=wrong)
 
 
 def test_colors_are_linear():

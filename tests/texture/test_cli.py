@@ -16,7 +16,7 @@ from PIL import Image
 from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_texture.command import cli
-from tests.processes import python
+from tests.processes import PATIENCE, python
 
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
 SAME = ["--matrix", "1,0,0,0,1,0"]
@@ -697,13 +697,15 @@ def test_help_imports_nothing_heavy(words):
 
 
 INTERRUPTIBLE = """
-import contextlib, time
+import contextlib, signal, time
 from resample_texture.command import session
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
 @contextlib.contextmanager
 def watched(what):
     print("warping", flush=True)
-    time.sleep(60)
+    time.sleep(600)
     yield None
 
 session.progress_bar = watched
@@ -721,7 +723,7 @@ def test_ctrl_c_in_mid_warp_leaves_one_line_and_no_file(folder):
         assert process.stdout is not None
         assert process.stdout.readline() == "warping\n"
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
+        _, error = process.communicate(timeout=PATIENCE)
     lines = [line for line in error.splitlines() if "compiling kernels" not in line]
     assert lines == ["resample: interrupted"]
     assert process.returncode == 130

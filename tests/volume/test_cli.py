@@ -13,7 +13,7 @@ from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_volume.command import cli
 from resample_volume.files.source import open_volume
-from tests.processes import python
+from tests.processes import PATIENCE, python
 
 BOX = "checker-box:size=16,block=4"
 TREE = "vessel-tree:size=24"
@@ -441,7 +441,7 @@ def test_a_bad_raw_file_is_one_line(size, words, complaint, capsys):
     [
         (bytes(63), {}),  # truncated
         (bytes(64), {"sizes": "4 4 5"}),  # header and data do not fit
-        (gzip.compress(bytes(64))[:-12], {"encoding": "gzip"}),
+        (gzip.compress(bytes(64), mtime=0)[:-12], {"encoding": "gzip"}),
         (b"no gzip at all", {"encoding": "gzip"}),
         (bytes(16), {"dimension": "2", "sizes": "4 4", "spacings": "1 1"}),
         (bytes(16), {"sizes": "4 4 1"}),
@@ -662,14 +662,16 @@ def test_help_imports_nothing_heavy(words):
 
 
 INTERRUPTIBLE = """
-import contextlib, sys, time
+import contextlib, signal, sys, time
 from resample_volume.command import session
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
 @contextlib.contextmanager
 def watched(what):
     def progress(share):
         print("painting", flush=True)
-        time.sleep(60)
+        time.sleep(600)
     yield progress
 
 session.progress_bar = watched
@@ -687,7 +689,7 @@ def test_ctrl_c_in_mid_render_leaves_one_line_and_no_file(folder):
         assert process.stdout is not None
         assert process.stdout.readline() == "painting\n"
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
+        _, error = process.communicate(timeout=PATIENCE)
     lines = [line for line in error.splitlines() if "compiling kernels" not in line]
     assert lines == ["resample: interrupted"]
     assert process.returncode == 130

@@ -16,6 +16,7 @@ from resample.files.images import read_channels, read_image
 from resample_warp3d.command import cli
 from resample_warp3d.types import Hole
 from tests.conftest import DATA
+from tests.processes import PATIENCE
 
 EYE = ["--intrinsics", "20,20,16,12"]
 FAST = ["--method", "mcmillan-zbuffer"]
@@ -570,7 +571,7 @@ main()
 @pytest.mark.slow
 def test_a_killed_run_is_gone_on_with():
     words = [str(word) for word in film("-o", "a.gif")]
-    killed = subprocess.run([sys.executable, "-c", KILLED, *words], check=False, timeout=120)
+    killed = subprocess.run([sys.executable, "-c", KILLED, *words], check=False, timeout=PATIENCE)
     assert killed.returncode == -signal.SIGKILL
     assert not Path("a.gif").exists()
     assert len(list(Path(".a.gif.frames").glob("frame-*.png"))) == 2

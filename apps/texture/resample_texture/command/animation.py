@@ -19,7 +19,7 @@ FOV = 50.0  # degrees along the frame's shorter side
 
 
 @dataclass(frozen=True)
-class Flight:
+class Flyover:
     """A closed path of a camera; the picture's longer side has length 1.
 
     Parameters
@@ -72,7 +72,7 @@ class Paint:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
 
 
-def shots(source: Floats, flight: Flight, paint: Paint) -> Shots:
+def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
     """Frames of a flight over a picture as `frame` takes it."""
     job = {
         **asdict(flight),
@@ -84,7 +84,7 @@ def shots(source: Floats, flight: Flight, paint: Paint) -> Shots:
     return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
 
 
-def frame(source: Floats, flight: Flight, paint: Paint, n: int) -> Levels:
+def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
     """Frame (H, W, 3) as a screen takes it.
 
     Parameters

@@ -225,7 +225,7 @@ class Warping(BaseModel):
             registry.build("interpolations", self.interpolation)
 
 
-class View(BaseModel):
+class MeshView(BaseModel):
     """How a mesh is seen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

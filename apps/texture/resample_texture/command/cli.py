@@ -12,9 +12,9 @@ from resample.command.settings import Written, height_and_width, method_names
 from resample_texture.command.choices import (
     Edges,
     Hyphen,
+    MeshView,
     Place,
     Target,
-    View,
     Warping,
     region,
 )
@@ -30,7 +30,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), View()
+PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
 PAGE = Warping(edge="clamp")  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
@@ -155,7 +155,7 @@ def mesh(
     /,
     *,
     output: Output,
-    view: Annotated[View, Flat] = VIEW,
+    view: Annotated[MeshView, Flat] = VIEW,
     size: str = "512",
     texture: Path | None = None,
     interpolation: str = "catmull-rom",
@@ -345,7 +345,7 @@ def animate(
     from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
-    flight = animation.Flight(path, frames, height_and_width(size))
+    flight = animation.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
     check_film(output, fps)
@@ -411,7 +411,7 @@ def demo(*, output: Output = DEMO) -> None:
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
     with progress_bar("flying") as progress:
-        flight = animation.Flight(frames=24, size=(180, 320))
+        flight = animation.Flyover(frames=24, size=(180, 320))
         shots = animation.shots(animation.with_alpha(wall), flight, paint)
         write_film(output / "flight.gif", shots, 12, progress=progress)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command.options import run
-from resample.command.settings import Picture, Resampling, linear_color, method_names
+from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
 from resample_volume.command.choices import Look, Projecting, Source
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
@@ -23,7 +23,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
+LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING = Projecting()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
@@ -43,7 +43,7 @@ def render(
     output: Output,
     look: Annotated[Look, Flat] = LOOK,
     resampling: Annotated[Resampling, Flat] = RESAMPLING,
-    picture: Annotated[Picture, Flat] = PICTURE,
+    picture: Annotated[PictureFormat, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
     color_bar: Annotated[bool, Parameter(negative="")] = False,
     cull: Annotated[bool, Parameter(negative="")] = False,
@@ -154,7 +154,7 @@ def compare(
     from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
     from resample_volume.voxels.framing import centered
 
-    pixels = Picture(size=size).height_and_width()
+    pixels = PictureFormat(size=size).height_and_width()
     first = look.renderer(projection.resampling())
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
@@ -238,7 +238,7 @@ def animate(
 
     check_film(output, fps)
     flight = flight_of(path, frames, fps, look.viewpoint())
-    shape = Picture(size=size, threads=threads).height_and_width()
+    shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)

@@ -39,7 +39,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Flight:
+class NearbyPath:
     """A closed path near a camera, of which each frame sees what is in the middle distance.
 
     Parameters
@@ -140,7 +140,7 @@ def poses_of(
     frames
         How many; None are `FRAMES`, or the poses of the file themselves.
     amount
-        As `Flight` takes it; a file has none.
+        As `NearbyPath` takes it; a file has none.
     start, distance
         Pose that paths begin at, and how far things are from it.
 
@@ -156,7 +156,7 @@ def poses_of(
             raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
         poses = read_poses(path)
         return poses_between(poses, len(poses) if frames is None else frames)
-    flight = Flight(path, FRAMES if frames is None else frames, amount)
+    flight = NearbyPath(path, FRAMES if frames is None else frames, amount)
     return [flight.pose(n, start, distance) for n in range(flight.frames)]
 
 

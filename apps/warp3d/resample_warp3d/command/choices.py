@@ -86,7 +86,7 @@ class Depth(BaseModel):
         return encodings.PlanarDepth(self.depth_scale)
 
 
-class Eye(BaseModel):
+class SourceCamera(BaseModel):
     """The camera that took the picture."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

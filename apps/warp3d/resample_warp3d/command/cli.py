@@ -13,7 +13,15 @@ from resample.command.settings import (
     height_and_width,
     method_names,
 )
-from resample_warp3d.command.choices import Aim, Depth, Extras, Eye, Hyphen, Travel, Warping
+from resample_warp3d.command.choices import (
+    Aim,
+    Depth,
+    Extras,
+    Hyphen,
+    SourceCamera,
+    Travel,
+    Warping,
+)
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
 Output = Annotated[Path, Parameter(alias="-o")]
@@ -28,7 +36,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-EYE, DEPTH, AIM, WARPING = Eye(), Depth(), Aim(), Warping()
+EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL = Written(), Extras(), Travel()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
@@ -43,7 +51,7 @@ def render(
     /,
     *,
     output: Output,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
     view: Annotated[list[str] | None, Switch] = None,
@@ -193,7 +201,7 @@ def animate(
     /,
     *,
     output: Output,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     travel: Annotated[Travel, Flat] = TRAVEL,
     fps: float = 24.0,
@@ -335,7 +343,7 @@ def compare(
     scene: Literal["generated"] | None = None,
     truth: Path | None = None,
     mask: Path | None = None,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
     views: str = ",".join(VIEWS),
@@ -408,7 +416,7 @@ def figures(
     /,
     *,
     output: Output = FIGURES,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
     views: str = "oblique",

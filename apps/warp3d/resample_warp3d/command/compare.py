@@ -9,7 +9,7 @@ from resample.files.animations import write_film
 from resample.files.pictures import Kind, Picture
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.choices import Aim, Shape, Warping
-from resample_warp3d.command.inputs import Reader, TrueView, View, read_truth, read_view
+from resample_warp3d.command.inputs import DepthView, Reader, TrueView, read_truth, read_view
 from resample_warp3d.command.rendering import announce, film_of
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
@@ -60,7 +60,7 @@ def figure_of_files(
     return figure_of(source, equation, shape, names)
 
 
-def _placed(seen: View, reader: Reader, aim: Aim) -> tuple[Source, Equation, Shape]:
+def _placed(seen: DepthView, reader: Reader, aim: Aim) -> tuple[Source, Equation, Shape]:
     """Prepared source, equation that leads to its new view, and the frame of that."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
     target = aim.camera(seen.camera, full, reader.eye.convention)
@@ -78,7 +78,7 @@ def write_demo(folder: Path) -> None:
     scene, session, choice = generated(DEMO_SIZE), Session(), Warping()
     image = scene.depth_image()
     kind = Kind(("R", "G", "B"), 8, is_encoded=True)
-    view = View(Picture(image.color, kind), image, scene.source, None)
+    view = DepthView(Picture(image.color, kind), image, scene.source, None)
     film = film_of(session, view, scene.shape, choice, (0.0, 0.0, 0.0))
     distance = Range.of(image.nearness)
     poses = poses_of("sway", DEMO_FRAMES, None, scene.source.world_to_camera, distance)

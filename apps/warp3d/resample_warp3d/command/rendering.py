@@ -15,7 +15,7 @@ from resample.files.animations import fingerprint
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import Shape, Warping, with_intrinsics
-from resample_warp3d.command.inputs import View
+from resample_warp3d.command.inputs import DepthView
 from resample_warp3d.depth.equation import between, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.sheet.filling import fill
@@ -47,7 +47,7 @@ class Film(NamedTuple):
     job: Mapping[str, object]
 
 
-def prepared(session: Session, views: Sequence[View], choice: Warping) -> list[Prepared]:
+def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
     """Sources ready to be warped."""
     announce()
     with session.stage("prepare", bar="preparing"):
@@ -97,7 +97,7 @@ def _rendered(
 
 
 def report(
-    session: Session, views: Sequence[View], warped: Warped, choice: Warping
+    session: Session, views: Sequence[DepthView], warped: Warped, choice: Warping
 ) -> dict[str, Any]:
     """Sizes, shares and times, for `--stats`."""
     covered = warped.magnification > 0
@@ -117,7 +117,7 @@ def report(
 
 
 def film_of(
-    session: Session, view: View, shape: Shape, choice: Warping, background: Background
+    session: Session, view: DepthView, shape: Shape, choice: Warping, background: Background
 ) -> Film:
     """Film of a view: what its frames (H, W, 3) look like, and what they depend on."""
     sources = prepared(session, [view], choice)
