@@ -554,7 +554,7 @@ def test_every_choice_changes_the_meshs_picture(words):
         ("square.obj", ["--camera", "left"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "0/0/0"], "a zoom of 0; it must be above 0"),
-        ("square.obj", ["--fov", "180"], "a field of view of 180.0 degrees; 0 to below 180 are allowed"),
+        ("square.obj", ["--fov", "180"], "view of 180.0 degrees; 0 to below 180"),
         ("square.obj", ["--texture", "none.png"], "none.png"),
         ("square.obj", ["--up", "w"], "'-x', '-y' or '-z'"),
         ("lost.obj", [], "gone.png"),
