@@ -249,6 +249,7 @@ def cloud(
     intrinsics: Annotated[str | None, Hyphen] = None,
     size: str = "640x480",
     point_size: float = 1.0,
+    filter: str | None = None,  # noqa: A002
     light: Literal["none", "headlight"] | None = None,
     cull: Annotated[bool, Switch] = False,
     background: str | None = None,
@@ -276,6 +277,8 @@ def cloud(
         Pixels: 400 for a square, 640x480 for width and height.
     point_size
         Factor of what the points' spacing suggests.
+    filter
+        Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel.
     light
         Headlight for clouds without colors, none for others.
     cull
@@ -309,7 +312,7 @@ def cloud(
     placed = cloud_camera(points, shape, angles, up, calibrated)
     announce_compilation()
     with progress_bar("painting"):
-        frame = render_cloud(points, placed, size=shape, style=style)
+        frame = render_cloud(points, placed, size=shape, style=style, filter=filter)
     write_frame(output, frame, bits=bits, background=behind)
 
 
