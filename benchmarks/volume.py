@@ -164,7 +164,7 @@ class View:
 def _case(name: str, options: Options) -> timing.Case:
     folder = options.volumes
     shelf = Shelf(folder if folder.is_dir() else None)
-    choices = timing.QUICK if options.quick else timing.Choices()
+    choices = timing.QUICK if options.quick else timing.Effort()
     case = timing.case_of(name, shelf, choices)
     if case is None:
         raise AbsentError(f"there is no {name}.nhdr in {folder}, and none was fetched")

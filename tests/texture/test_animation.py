@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample_texture.command.animation import Flight, Paint, frame, shots, with_alpha
-from resample_texture.rivals.backward import Bilinear
+from resample_texture.rivals.opencv import Bilinear
 
 SMALL = (24, 40)
 SKY = Paint(Bilinear(), background=(0.0, 0.0, 1.0))

@@ -39,7 +39,7 @@ COLORS = {
 
 
 @dataclass(frozen=True)
-class Choices:
+class ErrorGrid:
     """Where errors are measured, degrees."""
 
     cones: Sequence[float] = (0.2, 0.5, 1, 2, 5, 10, 15, 20, 30)  # on the axis
@@ -48,7 +48,7 @@ class Choices:
     rays: int = 200  # distances from the center; 180 rays at each
 
 
-QUICK = Choices((1, 15), (0, 30), (5,), 40)
+QUICK = ErrorGrid((1, 15), (0, 30), (5,), 40)
 
 
 class Sphere(NamedTuple):
@@ -88,7 +88,7 @@ class Ellipse(NamedTuple):
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     del shelf  # nothing but one sphere is shown
-    rows = error_rows(QUICK if quick else Choices())
+    rows = error_rows(QUICK if quick else ErrorGrid())
     sphere = Sphere(TILT, CONE, 0.0)
     ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     touched = tangent_rays(sphere)
@@ -200,7 +200,7 @@ def model_distances(sphere: Sphere, ray: Doubles) -> dict[str, Doubles]:
     }
 
 
-def error_rows(choices: Choices) -> list[Row]:
+def error_rows(choices: ErrorGrid) -> list[Row]:
     """A row for each sphere and model."""
     on = [(0.0, cone) for cone in choices.cones]
     off = [(angle, cone) for cone in choices.cones_off for angle in choices.angles]

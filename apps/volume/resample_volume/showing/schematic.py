@@ -30,14 +30,14 @@ FINE = 160  # steps of the grid on which the boundary is found, per side
 
 
 @dataclass(frozen=True)
-class Choices:
+class SceneSizes:
     """How large the scenes are."""
 
     few: int = 14  # voxels of the box of Figure 1, per side
     many: int = 48  # voxels of the volume of Figure 2, about, along its longest side
 
 
-QUICK = Choices(few=8, many=16)
+QUICK = SceneSizes(few=8, many=16)
 
 
 class Cut(NamedTuple):
@@ -57,7 +57,7 @@ class Cut(NamedTuple):
 
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
-    choices = QUICK if quick else Choices()
+    choices = QUICK if quick else SceneSizes()
     first = cut(generate(f"checker-box:size={choices.few},block=2"), "checker", "checker box")
     volume, transfer, title, note = _subject(shelf)
     second = cut(reduced(volume, choices.many), transfer, title)
