@@ -714,3 +714,37 @@ def test_a_file_is_refused_as_a_folder(command, capsys):
 
 def test_a_mistyped_command_is_put_right(capsys):
     assert 'Did you mean "render"' in refused(capsys, "rendr", "color.png")
+
+
+# Pixel filters
+
+
+def test_a_filter_blurs_or_sharpens_what_is_rendered():
+    usual = moved(*RIGHT)
+    given = moved(*RIGHT, "--filter", "gaussian:sigma=0.6")
+    inner = slice(2, 6), slice(4, 24)
+    assert given[inner][..., :3].std() < 0.8 * usual[inner][..., :3].std()
+    np.testing.assert_array_equal(moved(*RIGHT, "--filter", "area"), usual)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--filter", "gausian"], "gaussian"),
+        (["--filter", "tent", *FAST], "copies samples to whole pixels"),
+        (["--filter", "tent", "--unmixed"], "leave out one of --unmixed and --filter"),
+    ],
+)
+def test_filters_that_cannot_be_are_refused(words, message, capsys):
+    assert message in refused(capsys, *render(*RIGHT, *words, "-o", "out.png"))
+
+
+def test_a_cloud_takes_a_filter_too():
+    rng = np.random.default_rng(3)
+    np.savez("scan.npz", position=rng.random((400, 3)), color=rng.random((400, 3)))
+    words = ["cloud", "scan.npz", "--size", "32x24", "-o", "cloud.exr"]
+    pictures = []
+    for more in ([], ["--filter", "gaussian"]):
+        assert ended(*words, *more) == 0
+        pictures.append(read_image("cloud.exr"))
+    assert np.abs(pictures[1] - pictures[0]).max() > 0.02

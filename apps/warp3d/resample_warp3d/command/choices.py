@@ -255,6 +255,9 @@ class Warping(BaseModel):
         str,
         Field(description="How: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
     ] = "hybrid"
+    filter: Annotated[
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
+    ] = None
     noise: Annotated[
         float | None,
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
@@ -284,10 +287,17 @@ class Warping(BaseModel):
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
+        if self.filter is not None:
+            from resample_warp3d.methods.filtering import check_method
+
+            registry.build("filters", self.filter)
+            check_method(method)
         if not self.unmixed:
             return method
         if self.fill:
             raise ValueError("what is filled is mixed; leave out one of --unmixed and --fill")
+        if self.filter is not None:
+            raise ValueError("a filter mixes colors; leave out one of --unmixed and --filter")
         if is_dataclass(method) and hasattr(method, "labels"):
             return replace(method, labels=True)
         if self.method.partition(":")[0] not in UNMIXED:

@@ -270,6 +270,7 @@ def cloud(
     intrinsics: Annotated[str | None, Hyphen] = None,
     size: str = "640x480",
     point_size: float = 1.0,
+    filter: str | None = None,  # noqa: A002
     light: Literal["none", "eye"] | None = None,
     one_sided: Annotated[bool, Switch] = False,
     background: str | None = None,
@@ -297,6 +298,8 @@ def cloud(
         In px: 400 for a square, 640x480 for width and height.
     point_size
         Factor of what the points' spacing suggests.
+    filter
+        Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel.
     light
         Where light comes from: eye, for clouds without colors, or none, for others.
     one_sided
@@ -330,7 +333,7 @@ def cloud(
     placed = cloud_camera(points, shape, seen_from, calibrated)
     announce()
     with Session().stage("paint", bar="painting"):
-        frame = render_cloud(points, placed, size=shape, style=style)
+        frame = render_cloud(points, placed, size=shape, style=style, filter=filter)
     write_frame(output, frame, bits=bits, background=behind)
 
 

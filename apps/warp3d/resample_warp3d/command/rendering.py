@@ -86,7 +86,7 @@ def _rendered(
     method = choice.built()
     with session.stage("warp"):
         each = [
-            render(source, equation, shape, method, choice.threads)
+            render(source, equation, shape, method, choice.threads, filter=choice.filter)
             for source, equation in zip(sources, equations, strict=True)
         ]
         together = each[0] if len(each) == 1 else merge(each)
@@ -159,7 +159,7 @@ def cloud_camera(
         The numbers are no camera's, or a file cannot be read.
     """
     from resample.cameras.files import read_pose
-    from resample_warp3d.clouds.rendering import framed
+    from resample_warp3d.clouds.framing import framed
 
     if calibrated is not None:
         pose, intrinsics = calibrated
