@@ -26,7 +26,7 @@ Attribute = str | int | float | Sequence[float]
 
 def write_frame(
     path: str | Path,
-    frame: Frame,
+    frame: Frame[Any],
     *,
     bits: int = 8,
     half: bool = False,
@@ -106,7 +106,7 @@ def write_png(
 
 def write_exr(
     path: str | Path,
-    frame: Frame,
+    frame: Frame[Any],
     *,
     compression: str = "zip",
     half: bool = False,

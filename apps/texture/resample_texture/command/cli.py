@@ -191,7 +191,7 @@ def mesh(
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.rendering import check_memory, framed
+    from resample_texture.command.rendering import check_memory
     from resample_texture.mesh.kernels.painting import paint
     from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
 
@@ -211,7 +211,7 @@ def mesh(
     announce_compilation(paint)
     with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, height=height, width=width, style=style)
-    write_frame(output, framed(frame), bits=bits, background=behind)
+    write_frame(output, frame, bits=bits, background=behind)
 
 
 @app.command

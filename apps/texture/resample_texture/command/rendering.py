@@ -1,19 +1,16 @@
 """A picture warped for the command line: in light or as encoded."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.pictures import Picture
-from resample.types import Floats, Frame, Statistics
+from resample.types import Floats
 from resample_texture.command.choices import Target, Warping
 from resample_texture.warping import warp
-
-if TYPE_CHECKING:
-    from resample_texture.mesh.rendering import MeshFrame
 
 BYTES_PER_VALUE = 16  # of a target and the copies that are made when it is warped and written
 
@@ -72,12 +69,6 @@ def report(session: Session, picture: Picture, result: Picture, choice: Warping)
 def check_memory(shape: tuple[int, int], channels: int) -> None:
     """Refuse a target that this machine cannot hold, before any work is done."""
     require_picture(shape, BYTES_PER_VALUE * (channels + 1))
-
-
-def framed(frame: "MeshFrame") -> Frame:
-    """Picture of a mesh as the core's writers take it."""
-    nothing = Statistics(0, 0, 0, 0, 1, {})
-    return Frame(frame.rgba, frame.depth, frame.first_depth, frame.coverage, nothing)
 
 
 def _curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:

@@ -16,7 +16,7 @@ from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
-from resample.types import Doubles, Floats, View
+from resample.types import Doubles, Frame, View
 from resample_texture.mesh.files import Mesh, load_mesh
 from resample_texture.mesh.kernels.painting import Picture, paint
 from resample_texture.mesh.kernels.surfaces import Lens, Surfaces, see
@@ -25,7 +25,6 @@ from resample_texture.mesh.skin import skin
 
 __all__ = [
     "Mesh",
-    "MeshFrame",
     "MeshStatistics",
     "MeshStyle",
     "fitted_camera",
@@ -99,16 +98,6 @@ class MeshStatistics(NamedTuple):
     seconds: float
 
 
-class MeshFrame(NamedTuple):
-    """A picture with what is known about its pixels."""
-
-    rgba: Floats  # (H, W, 4) premultiplied, linear light
-    depth: Floats  # (H, W) mean z-depth of what the pixel's square shows, scene units; inf: nothing
-    first_depth: Floats  # (H, W) least z-depth there; inf: nothing
-    coverage: Floats  # (H, W) share of the pixel filter's mass that is covered, 0..1
-    statistics: MeshStatistics
-
-
 def fitted_camera(
     mesh: Mesh,
     azimuth: float = 30.0,
@@ -152,7 +141,7 @@ def ball_around(mesh: Mesh) -> Sphere:
 
 def render_mesh(
     mesh: Mesh, camera: AnyCamera, *, height: int, width: int, style: MeshStyle | None = None
-) -> MeshFrame:
+) -> Frame[MeshStatistics]:
     """Picture of a mesh.
 
     Parameters
@@ -168,7 +157,8 @@ def render_mesh(
 
     Returns
     -------
-    Premultiplied linear RGBA with depth and coverage. A pixel is the mean of its sub-pixels.
+    Premultiplied linear RGBA with depth (the mean of what the pixel's square shows) and coverage
+    (the share of the pixel filter's mass). A pixel is the mean of its sub-pixels.
 
     Raises
     ------
@@ -194,7 +184,7 @@ def render_mesh(
     seconds = time.perf_counter() - begin
     statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, looked_up, seconds)
     coverage = picture.rgba[..., 3].copy()
-    return MeshFrame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
+    return Frame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
 
 
 def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
