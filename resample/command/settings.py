@@ -28,12 +28,12 @@ class Resampling(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    primitive: Annotated[
+    method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
         Field(
-            description="Points where samples shrink and splats where they grow, or one of them "
-            "(splats alone are not antialiased); paper: as published, threshold 1 px; inflate, "
-            "ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
+            description="How: points where samples shrink and splats where they grow, or one of "
+            "them (splats alone are not antialiased); paper: as published, threshold 1 px; "
+            "inflate, ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
         ),
     ] = "hybrid"
     footprint: Annotated[
@@ -95,7 +95,7 @@ class Resampling(BaseModel):
         thickness = 1 if self.projection == "maximum" else 0.5  # that takes all voxels
         own = f"image-sheets:thickness={thickness}" if is_of_field else "every-sample"
         return Resampler(
-            primitive=Primitive(self.primitive),
+            primitive=Primitive(self.method),
             footprint=None if self.footprint is None else Footprint(self.footprint),
             pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
             reconstruction=registry.build("reconstructions", self.kernel),
@@ -115,14 +115,19 @@ class Picture(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     size: Annotated[
-        str, Field(description="Pixels: 400 for a square, 640x480 for width and height.")
+        str, Field(description="In px: 400 for a square, 640x480 for width and height.")
     ] = "400"
     background: Annotated[
         str | None,
-        Field(description="black, white, #rrggbb or none for transparent. PNG: black, EXR: none."),
+        Field(
+            description="Behind the picture: black, white, #rrggbb or none for transparent. PNG: "
+            "black, EXR: none."
+        ),
     ] = None
     bits: Annotated[
-        Literal[8, 16], BeforeValidator(_number), Field(description="Per channel of a PNG.")
+        Literal[8, 16],
+        BeforeValidator(_number),
+        Field(description="Per channel: 8 or 16 of a PNG."),
     ] = 8
     threads: Annotated[
         int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
@@ -157,7 +162,9 @@ class Written(BaseModel):
 
     background: Annotated[
         str | None,
-        Field(description="Behind the picture: black, white, #rrggbb. None, it is transparent."),
+        Field(
+            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+        ),
     ] = None
     bits: Annotated[
         Literal[8, 16, 32] | None,

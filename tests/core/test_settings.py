@@ -17,7 +17,7 @@ def test_the_defaults_are_the_resamplers_own():
 
 def test_every_choice_arrives():
     chosen = Resampling(
-        primitive="paper",
+        method="paper",
         footprint="small-angle",
         filter="gaussian:sigma=0.6",
         kernel="gaussian:sigma=0.7,radius=2.5",
@@ -39,22 +39,22 @@ def test_every_choice_arrives():
 
 def test_the_names_are_those_of_the_resampler():
     families = {
-        "primitive": Primitive,
-        "footprint": Footprint,
-        "opacity": Opacity,
-        "projection": Projection,
+        ("method", "primitive"): Primitive,
+        ("footprint", "footprint"): Footprint,
+        ("opacity", "opacity"): Opacity,
+        ("projection", "projection"): Projection,
     }
-    for field, family in families.items():
+    for (option, field), family in families.items():
         for member in family:
             iso = 1.0 if member is Projection.FIRST_HIT else None
-            built = Resampling.model_validate({field: member.value, "iso": iso}).resampler()
+            built = Resampling.model_validate({option: member.value, "iso": iso}).resampler()
             assert getattr(built, field) is member
 
 
 @pytest.mark.parametrize(
     "choice",
     [
-        {"primitive": "dots"},
+        {"method": "dots"},
         {"threshold": -1},
         {"threshold": float("nan")},
         {"subpixels": 0},

@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.command.console import say
 from resample.command.options import run
 from resample.files.images import read_channels, read_image
-from resample.resampler import Resampler
 from resample_volume.command import cli
-from resample_volume.command.session import announce_compilation
 from resample_volume.files.source import open_volume
 from tests.processes import PATIENCE, python
 
@@ -43,7 +40,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -152,7 +149,7 @@ def test_stats_count_every_sample_and_time_every_stage():
 
 @pytest.mark.parametrize(("primitive", "fraction"), [("points", 0.0), ("splats", 1.0)])
 def test_stats_tell_points_from_splats(primitive, fraction):
-    words = ["-o", "box.png", *SMALL, "--stats", "s.json", "--primitive", primitive]
+    words = ["-o", "box.png", *SMALL, "--stats", "s.json", "--method", primitive]
     assert ended("render", BOX, *words) == 0
     assert json.loads(Path("s.json").read_text())["splat_fraction"] == fraction
 
@@ -168,19 +165,19 @@ def test_stats_of_nothing_are_valid_json():
 
 
 def test_splats_are_red_when_colored_by_primitive():
-    red = rendered("--color-by", "primitive", "--primitive", "splats")
+    red = rendered("--color-by", "primitive", "--method", "splats")
     seen = red[red[..., 3] > 0.5]
     assert np.all(seen[:, 0] > 10 * seen[:, 1])
-    points = ["--primitive", "points"]
+    points = ["--method", "points"]
     assert np.array_equal(rendered("--color-by", "primitive", *points), rendered(*points))
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ["--primitive", "points"],
-        ["--primitive", "splats"],
-        ["--primitive", "paper"],
+        ["--method", "points"],
+        ["--method", "splats"],
+        ["--method", "paper"],
         ["--threshold", "100"],
         ["--subpixels", "1"],
         ["--filter", "gaussian:sigma=0.7"],
@@ -209,7 +206,7 @@ def test_every_choice_changes_the_picture(words):
 
 @pytest.mark.parametrize("footprint", ["corrected", "small-angle", "affine"])
 def test_footprints_differ_where_perspective_is_strong(footprint):
-    near = ["--primitive", "splats", "--fov", "90", "--camera", "30/20/1.5"]
+    near = ["--method", "splats", "--fov", "90", "--camera", "30/20/1.5"]
     assert np.abs(rendered(*near) - rendered(*near, "--footprint", footprint)).max() > 1e-4
 
 
@@ -219,7 +216,7 @@ def test_exact_is_the_footprint_and_every_sample_the_order_if_none_is_chosen():
 
 
 def test_an_orders_parameter_is_used():
-    points = ["--primitive", "points"]
+    points = ["--method", "points"]
     thick = rendered(*points, "--order", "every-sample:thickness=8")
     assert np.abs(rendered(*points) - thick).max() > 1e-3
 
@@ -268,7 +265,7 @@ def test_an_invisible_volume_is_an_empty_picture_and_a_line(output, capsys):
 @pytest.mark.parametrize("primitive", ["hybrid", "points", "splats", "paper"])
 def test_a_camera_inside_the_volume_sees_it_from_within(primitive):
     Path("in.toml").write_text("eye = [7.5, 7.5, 7.5]\ntarget = [7.5, 20, 7.5]\nfov = 60\n")
-    picture = rendered("--camera", "in.toml", "--primitive", primitive)
+    picture = rendered("--camera", "in.toml", "--method", primitive)
     assert np.isfinite(picture).all()
     assert picture[..., 3].min() > 0.9
 
@@ -301,7 +298,7 @@ def test_a_volume_of_one_value_is_seen():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--primitive", "dots"], "'hybrid', 'points', 'splats', 'paper', 'inflate' or 'ewa'"),
+        (["--method", "dots"], "'hybrid', 'points', 'splats', 'paper', 'inflate' or 'ewa'"),
         (["--footprint", "round"], "'exact', 'corrected', 'small-angle', 'affine' or 'disc'"),
         (["--filter", "sinc"], "known filters: area, box, catmull-rom, gaussian,"),
         (["--kernel", "cone"], "known reconstructions: bspline, gaussian"),
@@ -529,7 +526,7 @@ def test_a_folder_that_must_not_be_written_to_is_one_line(folder, capsys):
 
 
 def test_compare_prints_a_row_for_each_primitive(capsys):
-    words = ["--primitive", "points, splats,hybrid", "--size", "24", "--rays", "2"]
+    words = ["--methods", "points, splats,hybrid", "--size", "24", "--rays", "2"]
     assert ended("compare", BOX, *words) == 0
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split()[:3] == ["picture", "psnr", "ssim"]
@@ -538,7 +535,7 @@ def test_compare_prints_a_row_for_each_primitive(capsys):
 
 
 def test_compare_gives_json_and_a_sheet(capsys):
-    words = ["--primitive", "splats", "--footprint", "exact,affine", "--size", "24", "--rays", "2"]
+    words = ["--methods", "splats", "--footprints", "exact,affine", "--size", "24", "--rays", "2"]
     assert ended("compare", BOX, *words, "--json", "-o", "sheet.png") == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["picture"] for row in rows] == ["splats exact", "splats affine"]
@@ -547,7 +544,7 @@ def test_compare_gives_json_and_a_sheet(capsys):
 
 
 def test_compare_of_equal_pictures_is_valid_json(capsys):
-    words = ["--primitive", "splats", "--rays", "1", "--size", "24", "--json"]
+    words = ["--methods", "splats", "--rays", "1", "--size", "24", "--json"]
     assert ended("compare", BOX, *words) == 0
 
     def refuse(constant):
@@ -559,9 +556,9 @@ def test_compare_of_equal_pictures_is_valid_json(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--primitive", "points,dots"], "primitive 'dots'; known: hybrid, points, splats, paper"),
-        (["--primitive", ""], "give a primitive to compare; known: hybrid"),
-        (["--footprint", "round"], "footprint 'round'; known: affine, corrected"),
+        (["--methods", "points,dots"], "method 'dots'; known: hybrid, points, splats, paper"),
+        (["--methods", ""], "give a method to compare; known: hybrid"),
+        (["--footprints", "round"], "footprint 'round'; known: affine, corrected"),
         (["--rays", "0"], "0 rays per side of a pixel; 1 to 32 are allowed"),
         (["--rays", "33"], "1 to 32 are allowed"),
         (["--size", "0"], "both sides must be at least 1"),
@@ -645,16 +642,6 @@ def test_the_demo_refuses_a_file_as_its_folder(capsys):
 def test_a_mistyped_command_or_option_is_put_right(capsys):
     assert 'Did you mean "render"' in refused(capsys, "rendr", BOX)
     assert "VOLUME requires an argument" in refused(capsys, "render")
-
-
-def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
-    say("hello")
-    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
-    announce_compilation(Resampler())
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.splitlines()[0] == "resample: hello"
-    assert "compiling kernels, once per installation" in error.splitlines()[1]
 
 
 @pytest.mark.parametrize(

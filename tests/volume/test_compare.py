@@ -48,13 +48,13 @@ def test_names_show_only_what_differs_and_the_rest_is_kept():
 @pytest.mark.parametrize(
     ("primitives", "footprints", "complaint"),
     [
-        (["dots"], [], "primitive 'dots'; known: hybrid, points, splats, paper, inflate, ewa"),
+        (["dots"], [], "method 'dots'; known: hybrid, points, splats, paper, inflate, ewa"),
         (
             ["points"],
             ["round"],
             "footprint 'round'; known: affine, corrected, small-angle, exact",
         ),
-        ([], [], "give a primitive to compare; known: hybrid, points"),
+        ([], [], "give a method to compare; known: hybrid, points"),
     ],
 )
 def test_unknown_names_list_the_known(primitives, footprints, complaint):

@@ -44,8 +44,8 @@ class Place(BaseModel):
         str | None,
         Hyphen,
         Field(
-            description="Where the picture's corners go: x,y of the top left, top right, bottom "
-            "right and bottom left; or four points of the source -> four of the target."
+            description="x,y of four corners: where the picture's top left, top right, bottom "
+            "right and bottom left go; or four points of the source -> four of the target."
         ),
     ] = None
     map: Annotated[
@@ -63,13 +63,15 @@ class Place(BaseModel):
         str | None,
         Hyphen,
         Field(
-            description="Lens whose distortion is taken out: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or "
-            "a .yml, .xml, .json or .toml file of OpenCV's calibration."
+            description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
+            "file of OpenCV's calibration. Its distortion is taken out."
         ),
     ] = None
     convention: Annotated[
         Literal["corner", "opencv"],
-        Field(description="Opencv: matrix, corners and map count from pixel centers."),
+        Field(
+            description="Opencv counts from the first pixel's center: in matrix, corners and map."
+        ),
     ] = "corner"
     inverse: Annotated[
         bool,
@@ -79,8 +81,8 @@ class Place(BaseModel):
     size: Annotated[
         str | None,
         Field(
-            description="Target in px: 400 for a square, 640x480 for width and height. The "
-            "source's; that of the map; what holds the corners."
+            description="In px: 400 for a square, 640x480 for width and height. The source's; that "
+            "of the map; what holds the corners."
         ),
     ] = None
 
@@ -178,14 +180,14 @@ class Warping(BaseModel):
 
     method: Annotated[
         str,
-        Field(description="Such as hybrid, paper, bilinear or opencv-supersample:n=8."),
+        Field(description="How: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
     ] = "hybrid"
     filter: Annotated[
         str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
     ] = None
-    reconstruction: Annotated[
+    interpolation: Annotated[
         str | None,
-        Field(description="Between pixels: nearest, bilinear, catmull-rom, spline, gaussian."),
+        Field(description="Between texels: nearest, bilinear, catmull-rom, spline, gaussian."),
     ] = None
     quality: Annotated[
         float | None,
@@ -219,8 +221,8 @@ class Warping(BaseModel):
         registry.build("methods", self.method)
         if self.filter is not None:
             registry.build("filters", self.filter)
-        if self.reconstruction is not None:
-            registry.build("interpolations", self.reconstruction)
+        if self.interpolation is not None:
+            registry.build("interpolations", self.interpolation)
 
 
 class View(BaseModel):
@@ -231,7 +233,10 @@ class View(BaseModel):
     camera: Annotated[
         str,
         Hyphen,
-        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a file of one."),
+        Field(
+            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
+            "cameras."
+        ),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
@@ -241,7 +246,7 @@ class View(BaseModel):
         Hyphen,
         Field(description="Axis that points upwards."),
     ] = "y"
-    shading: Annotated[bool, Field(description="Darken what is turned away from the eye.")] = False
+    shading: Annotated[bool, Field(description="Light surfaces: from the eye.")] = False
 
     def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
         """Camera for a picture (height, width) of a mesh.

@@ -6,7 +6,7 @@ downloads the second volume::
     CheckerBox          animate checker-box --path orbit -o CheckerBox.mp4
     Aneurism            animate aneurism.nhdr --transfer paper-aneurism --path orbit -o a.mp4
     AneurismZoom        animate aneurism.nhdr --transfer paper-aneurism --path threshold -o a.mp4
-    AneurismZoom-Color  the same with --color-by primitive, and --primitive paper, under which
+    AneurismZoom-Color  the same with --color-by primitive, and --method paper, under which
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 

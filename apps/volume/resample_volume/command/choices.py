@@ -87,7 +87,10 @@ class Look(BaseModel):
     camera: Annotated[
         str,
         Hyphen,
-        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file."),
+        Field(
+            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
+            "cameras."
+        ),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
@@ -97,11 +100,11 @@ class Look(BaseModel):
         Hyphen,
         Field(description="Axis that points upwards."),
     ] = "z"
-    shading: Annotated[bool, Field(description="Light the voxels.")] = True
+    shading: Annotated[bool, Field(description="Light surfaces: from where light says.")] = True
     light: Annotated[
         str,
         Hyphen,
-        Field(description="Toward the light: eye, or a scene direction such as 1/-1/2."),
+        Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
@@ -224,7 +227,10 @@ class Projecting(BaseModel):
 
     projection: Annotated[
         Literal["composite", "maximum", "average", "additive", "first-hit"],
-        Field(description="As in render."),
+        Field(
+            description="What a pixel shows: light through what lies in front, the largest, mean "
+            "or sum of the values, or the surface of the iso value."
+        ),
     ] = "composite"
     iso: Annotated[
         float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
