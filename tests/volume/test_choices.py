@@ -7,6 +7,7 @@ from resample.command.settings import Resampling
 from resample.profiles.orders import ImageSheets
 from resample.resampler import MEASURING, Resampler
 from resample_volume.command.choices import Look, Projecting, Source
+from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
 from resample_volume.looks.labels import Rule
 from resample_volume.looks.presets import load_transfer
@@ -125,27 +126,27 @@ def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):
     values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
     (tmp_path / "a.bin").write_bytes(values.tobytes())
     source = Source(shape="4x3x2", dtype="int16", spacing="1x1x1.5")
-    volume = source.open(str(tmp_path / "a.bin"))
+    volume = opened(source, str(tmp_path / "a.bin"))
     assert np.array_equal(volume.values, values)
     assert volume.spacing.tolist() == [1, 1, 1.5]
 
 
 def test_a_reader_is_chosen_by_name(tmp_path):
     (tmp_path / "a.bin").write_bytes(bytes(8 + 27))
-    volume = Source(reader="raw:offset=8,shape=3x3x3,dtype=uint8").open(str(tmp_path / "a.bin"))
+    volume = opened(Source(reader="raw:offset=8,shape=3x3x3,dtype=uint8"), str(tmp_path / "a.bin"))
     assert volume.values.shape == (3, 3, 3)
 
 
 def test_the_spacing_takes_the_place_of_the_files():
-    assert Source(spacing="2x3x4").open("checker-box:size=4").spacing.tolist() == [2, 3, 4]
-    assert Source().open("checker-box:size=4").spacing.tolist() == [1, 1, 1]
+    assert opened(Source(spacing="2x3x4"), "checker-box:size=4").spacing.tolist() == [2, 3, 4]
+    assert opened(Source(), "checker-box:size=4").spacing.tolist() == [1, 1, 1]
 
 
 def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.save("checker-box.npy", np.zeros((2, 3, 4), np.uint8))
     (tmp_path / "checker-box.npy").rename("checker-box")
-    assert Source(reader="npy").open("checker-box").values.shape == (2, 3, 4)
+    assert opened(Source(reader="npy"), "checker-box").values.shape == (2, 3, 4)
 
 
 @pytest.mark.parametrize(
@@ -161,14 +162,14 @@ def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatc
 )
 def test_a_source_that_makes_no_sense_is_refused(choice, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Source(**choice).open("checker-box:size=4")
+        opened(Source(**choice), "checker-box:size=4")
 
 
 def test_an_unknown_reader_lists_the_known():
     with pytest.raises(LookupError, match="known readers: dicom"):
-        Source(reader="foo").open("checker-box:size=4")
+        opened(Source(reader="foo"), "checker-box:size=4")
 
 
 def test_an_empty_name_is_not_the_working_folder():
     with pytest.raises(ValueError, match="the volume has no name"):
-        Source().open("")
+        opened(Source(), "")

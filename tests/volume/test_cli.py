@@ -360,7 +360,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     ],
 )
 def test_a_size_that_is_none_is_refused_before_any_work(size, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.command.inputs.open_volume", None)
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", f"--size={size}")
 
 
@@ -482,7 +482,7 @@ def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
 
 def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.command.inputs.open_volume", None)
     error = refused(capsys, "render", BOX, "-o", "out.png", "--size", "4000")
     assert "needs 1.5 GiB, this machine has 1.0 GiB of memory; take a smaller size" in error
 
@@ -506,7 +506,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
 ):
     Path("folder.png").mkdir()
     Path("notes.txt").write_text("keep me")
-    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.command.inputs.open_volume", None)
     assert complaint in refused(capsys, "render", BOX, *SMALL, *words)
 
 
@@ -567,7 +567,7 @@ def test_compare_of_equal_pictures_is_valid_json(capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_volume.files.source.open_volume", None)
+    monkeypatch.setattr("resample_volume.command.inputs.open_volume", None)
     assert complaint in refused(capsys, "compare", BOX, *words)
 
 

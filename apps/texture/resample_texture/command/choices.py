@@ -1,9 +1,8 @@
 """What the command line lets a user choose about a warp and a mesh; no numerics in here."""
 
-import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,18 +12,10 @@ from resample.command.settings import height_and_width
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
-    from resample_texture.geometry.mappings import Geometry
     from resample_texture.mesh.rendering import Mesh
 
 Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
-
-
-class Target(NamedTuple):
-    """Where a picture goes."""
-
-    geometry: "Geometry"
-    shape: tuple[int, int]  # height and width, px
 
 
 class Place(BaseModel):
@@ -86,31 +77,13 @@ class Place(BaseModel):
         ),
     ] = None
 
-    def target(self, source_shape: tuple[int, int]) -> Target:
-        """Geometry and size for a source (height, width).
-
-        Raises
-        ------
-        ValueError, OSError
-            A choice cannot be worked with.
-        """
-        name, given = self._given()
-        if name == "matrix":
-            return self._by_matrix(given, source_shape)
-        if name == "lens":
-            return self._by_lens(given, source_shape)
-        if self.inverse:
-            raise ValueError(f"inverse speaks about a matrix or a lens, not about a {name}")
-        if name == "corners":
-            return self._by_corners(given, source_shape)
-        return self._by_flow(given, source_shape) if name == "flow" else self._by_map(given)
-
     def check(self) -> None:
         """Refuse what can be seen to be wrong without the picture."""
-        self._given()
-        self._size()
+        self.given()
+        self.shape()
 
-    def _given(self) -> tuple[str, Any]:
+    def given(self) -> tuple[str, Any]:
+        """Name and value of the one that was given."""
         names = ("matrix", "corners", "map", "flow", "lens")
         given = [(name, getattr(self, name)) for name in names if getattr(self, name) is not None]
         if len(given) != 1:
@@ -119,58 +92,9 @@ class Place(BaseModel):
             raise ValueError(f"give one of {flags}, not {found}")
         return given[0]
 
-    def _size(self) -> tuple[int, int] | None:
+    def shape(self) -> tuple[int, int] | None:
+        """Height and width of the target, px, where they were given."""
         return None if self.size is None else height_and_width(self.size)
-
-    def _by_matrix(self, text: str, source_shape: tuple[int, int]) -> Target:
-        from resample_texture.geometry.matrices import homography, parse_matrix
-
-        matrix = homography(parse_matrix(text), convention=self.convention, inverse=self.inverse)
-        return Target(matrix, self._size() or source_shape)
-
-    def _by_corners(self, text: str, source_shape: tuple[int, int]) -> Target:
-        from resample_texture.geometry.corners import from_corners, page_corners, parse_points
-
-        before, arrow, after = text.partition("->")
-        shift = 0.5 if self.convention == "opencv" else 0.0
-        points = parse_points(before) + shift
-        source = points if arrow else page_corners(source_shape)
-        target = parse_points(after) + shift if arrow else points
-        right, bottom = target.max(axis=0)
-        bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
-        return Target(from_corners(source, target), self._size() or bounds)
-
-    def _by_map(self, path: Path) -> Target:
-        from resample_texture.geometry.mappings import BackwardMap
-        from resample_texture.geometry.maps import read_map
-
-        places = read_map(path) + (0.5 if self.convention == "opencv" else 0.0)
-        shape = places.shape[0], places.shape[1]
-        if self._size() not in (None, shape):
-            raise ValueError(
-                f"{path} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
-                "leave out the size"
-            )
-        return Target(BackwardMap(places[..., 0], places[..., 1]), shape)
-
-    def _by_flow(self, path: Path, source_shape: tuple[int, int]) -> Target:
-        from resample_texture.geometry.mappings import ForwardMap
-        from resample_texture.geometry.maps import read_map
-
-        flow = ForwardMap.from_flow(read_map(path))
-        if flow.x.shape != source_shape:
-            raise ValueError(
-                f"{path} is a flow of {flow.x.shape[1]} x {flow.x.shape[0]} pixels, the picture "
-                f"has {source_shape[1]} x {source_shape[0]}"
-            )
-        return Target(flow, self._size() or source_shape)
-
-    def _by_lens(self, text: str, source_shape: tuple[int, int]) -> Target:
-        from resample.cameras.lens_files import read_lens
-        from resample_texture.geometry.lenses import distorting, undistorting
-
-        camera, shape = read_lens(text), self._size() or source_shape
-        return Target((distorting if self.inverse else undistorting)(camera, shape), shape)
 
 
 class Warping(BaseModel):

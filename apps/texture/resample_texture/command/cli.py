@@ -14,7 +14,6 @@ from resample_texture.command.choices import (
     Hyphen,
     MeshView,
     Place,
-    Target,
     Warping,
     region,
 )
@@ -77,6 +76,7 @@ def warp(
         write_picture,
     )
     from resample.files.writing import check_targets, write_json
+    from resample_texture.command.inputs import target_of
     from resample_texture.command.rendering import report, warped
 
     place.check()
@@ -89,7 +89,7 @@ def warp(
     session = Session()
     with session.stage("read"):
         picture = read_picture(image)
-        target = place.target((picture.data.shape[0], picture.data.shape[1]))
+        target = target_of(place, (picture.data.shape[0], picture.data.shape[1]))
     result, share = warped(session, picture, target, warping, part)
     with session.stage("write"):
         write_picture(output, result, look)
@@ -129,6 +129,7 @@ def rectify(
     from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
     from resample.files.writing import check_targets
+    from resample_texture.command.inputs import Target
     from resample_texture.command.rendering import warped
     from resample_texture.geometry.corners import (
         from_corners,

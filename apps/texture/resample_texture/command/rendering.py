@@ -9,7 +9,8 @@ from resample.colors import from_srgb, to_srgb
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.pictures import Picture
 from resample.types import Floats
-from resample_texture.command.choices import Target, Warping
+from resample_texture.command.choices import Warping
+from resample_texture.command.inputs import Target
 from resample_texture.warping import warp
 
 BYTES_PER_VALUE = 16  # of a target and the copies that are made when it is warped and written

@@ -1,7 +1,6 @@
 """What the command line lets a user choose about a volume and its look; no numerics in here."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
@@ -35,32 +34,6 @@ class Source(BaseModel):
     spacing: Annotated[
         str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
     ] = None
-
-    def open(self, name: str) -> "Volume":
-        """Volume of that name.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            See `resample_volume.files.source.open_volume`.
-        """
-        import numpy as np
-
-        from resample import registry
-        from resample_volume.files.readers import Raw, three_numbers
-        from resample_volume.files.source import open_volume
-
-        if not name:
-            raise ValueError("the volume has no name; give a file, a folder or checker-box")
-        reader = None if self.reader is None else registry.build("readers", self.reader)
-        if self.shape is not None or self.dtype is not None:
-            if reader is not None:
-                raise ValueError("give either a reader or shape and dtype, not both")
-            reader = Raw(shape=self.shape or "", dtype=self.dtype or "")
-        volume = open_volume(Path(name) if Path(name).exists() else name, reader)
-        if self.spacing is not None:
-            volume = volume._replace(spacing=np.array(three_numbers("spacing", self.spacing)))
-        return volume
 
 
 class Look(BaseModel):

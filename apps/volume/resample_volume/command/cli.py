@@ -69,6 +69,7 @@ def render(
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
+    from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
     from resample_volume.files.writing import check_color_bar, with_bar
 
@@ -83,7 +84,7 @@ def render(
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
-        scene = source.open(volume)
+        scene = opened(source, volume)
     subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
     if cull:
         subject = subject.in_blocks()
@@ -150,6 +151,7 @@ def compare(
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
+    from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
     from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
     from resample_volume.voxels.framing import centered
@@ -166,7 +168,7 @@ def compare(
     viewpoint = look.viewpoint()
     check_targets(output)
     require_picture(pixels, BYTES_PER_PIXEL)
-    scene = source.open(volume)
+    scene = opened(source, volume)
     appearance = look.appearance(scene, first)
     if peer is not None:
         check_vtk(appearance, first)
@@ -234,6 +236,7 @@ def animate(
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
     from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
+    from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
 
     check_film(output, fps)
@@ -243,7 +246,7 @@ def animate(
     resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)
     require_picture(shape, BYTES_PER_PIXEL)
-    scene = source.open(volume)
+    scene = opened(source, volume)
     subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
@@ -273,9 +276,10 @@ def info(
     as_json
         Print JSON instead of a table.
     """
+    from resample_volume.command.inputs import opened
     from resample_volume.files.source import describe
 
-    facts = describe(source.open(volume), bins)
+    facts = describe(opened(source, volume), bins)
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
 
 

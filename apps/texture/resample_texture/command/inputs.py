@@ -1,0 +1,90 @@
+"""Where pictures go, as the command line's files and words say it."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from resample_texture.command.choices import Place
+from resample_texture.geometry.mappings import Geometry
+
+
+class Target(NamedTuple):
+    """Where a picture goes."""
+
+    geometry: Geometry
+    shape: tuple[int, int]  # height and width, px
+
+
+def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
+    """Geometry and size for a source (height, width).
+
+    Raises
+    ------
+    ValueError, OSError
+        A choice cannot be worked with.
+    """
+    name, given = place.given()
+    if name == "matrix":
+        return _by_matrix(place, given, source_shape)
+    if name == "lens":
+        return _by_lens(place, given, source_shape)
+    if place.inverse:
+        raise ValueError(f"inverse speaks about a matrix or a lens, not about a {name}")
+    if name == "corners":
+        return _by_corners(place, given, source_shape)
+    return _by_flow(place, given, source_shape) if name == "flow" else _by_map(place, given)
+
+
+def _by_matrix(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+    from resample_texture.geometry.matrices import homography, parse_matrix
+
+    matrix = homography(parse_matrix(text), convention=place.convention, inverse=place.inverse)
+    return Target(matrix, place.shape() or source_shape)
+
+
+def _by_corners(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+    from resample_texture.geometry.corners import from_corners, page_corners, parse_points
+
+    before, arrow, after = text.partition("->")
+    shift = 0.5 if place.convention == "opencv" else 0.0
+    points = parse_points(before) + shift
+    source = points if arrow else page_corners(source_shape)
+    target = parse_points(after) + shift if arrow else points
+    right, bottom = target.max(axis=0)
+    bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
+    return Target(from_corners(source, target), place.shape() or bounds)
+
+
+def _by_map(place: Place, path: Path) -> Target:
+    from resample_texture.geometry.mappings import BackwardMap
+    from resample_texture.geometry.maps import read_map
+
+    places = read_map(path) + (0.5 if place.convention == "opencv" else 0.0)
+    shape = places.shape[0], places.shape[1]
+    if place.shape() not in (None, shape):
+        raise ValueError(
+            f"{path} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
+            "leave out the size"
+        )
+    return Target(BackwardMap(places[..., 0], places[..., 1]), shape)
+
+
+def _by_flow(place: Place, path: Path, source_shape: tuple[int, int]) -> Target:
+    from resample_texture.geometry.mappings import ForwardMap
+    from resample_texture.geometry.maps import read_map
+
+    flow = ForwardMap.from_flow(read_map(path))
+    if flow.x.shape != source_shape:
+        raise ValueError(
+            f"{path} is a flow of {flow.x.shape[1]} x {flow.x.shape[0]} pixels, the picture "
+            f"has {source_shape[1]} x {source_shape[0]}"
+        )
+    return Target(flow, place.shape() or source_shape)
+
+
+def _by_lens(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+    from resample.cameras.lens_files import read_lens
+    from resample_texture.geometry.lenses import distorting, undistorting
+
+    camera, shape = read_lens(text), place.shape() or source_shape
+    return Target((distorting if place.inverse else undistorting)(camera, shape), shape)
