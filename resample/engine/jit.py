@@ -133,7 +133,6 @@ def _store(compiled: Any, function: Callable[..., Any]) -> None:
 
 # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-UNCOUNTED = {"_nrt": False}  # no references to arrays are counted
 
 
 def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
@@ -179,7 +178,7 @@ def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
     It counts no references, as its caller holds all arrays: bundles of many are then handed over
     for nothing. A kernel that needs memory of its own cannot be compiled so.
     """
-    return _compile(function, **UNCOUNTED)
+    return _compile(function, _nrt=False)
 
 
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from numba.extending import overload
 
-from resample.engine.jit import OPTIONS, UNCOUNTED
+from resample.engine.jit import OPTIONS
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -19,19 +19,19 @@ Body = Callable[..., Any]
 
 
 def role(function: Callable[P, R]) -> Callable[P, R]:
-    """A function of kernels that does what is `played` by the class of its first argument.
+    """A function that does what is played (`plays`) by the class of its first argument.
 
-    As an `inner_kernel`, it makes and gives no arrays.
+    It becomes a part of the `inner_kernel` that calls it, and likewise makes and gives no arrays.
     """
-    return _cast(function, UNCOUNTED)
+    return _cast(function, inline="always")
 
 
 def making_role(function: Callable[P, R]) -> Callable[P, R]:
     """A role that may make arrays."""
-    return _cast(function, {})
+    return _cast(function, inline="never")
 
 
-def _cast(function: Callable[P, R], counting: dict[str, bool]) -> Callable[P, R]:
+def _cast(function: Callable[P, R], inline: str) -> Callable[P, R]:
     bodies: dict[type, Body] = {}
 
     @wraps(function)
@@ -41,8 +41,8 @@ def _cast(function: Callable[P, R], counting: dict[str, bool]) -> Callable[P, R]
     def chosen(*given: Any) -> Body | None:
         return bodies.get(getattr(given[0], "instance_class", type(None)))
 
-    options = {**OPTIONS, **counting, "no_cpython_wrapper": True}
-    overload(play, jit_options=options, strict=False)(chosen)
+    options = {**OPTIONS, "no_cpython_wrapper": True}
+    overload(play, jit_options=options, strict=False, inline=inline)(chosen)
     play.bodies = bodies  # type: ignore[attr-defined]
     return play
 

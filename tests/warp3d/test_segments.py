@@ -129,5 +129,5 @@ def test_bounds_of_segments_hold_all_their_corners():
             shared = vertex[:, row : row + 2, start : end + 1].reshape(3, -1).T
             corners = np.concatenate([shared, torn[own[own >= 0]].reshape(-1, 3)])
             place = np.floor(corners[corners[:, 2] > 0, :2])
-            expected = (*place.min(axis=0), *place.max(axis=0))
+            expected = (*place.min(axis=0), *(place.max(axis=0) + 1))
             np.testing.assert_array_equal(bounds[row, segment], expected)

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.batch import Batch
 from resample.engine.cells.taps import Spread, add
 from resample.engine.cells.tiles import LEFT, RIGHT
 from resample.engine.jit import Counter, inner_kernel, kernel, tasks
@@ -48,20 +47,19 @@ def fill(source: Source, part: int, line: int, box: Integers, spread: Spread, wo
 
 
 @inner_kernel
-def _clear(sums: Floats, start: int, end: int) -> None:
-    for n in range(start, end):
+def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: Work) -> None:
+    """Add the cells of one part to its pixels."""
+    box, begin, sums = parts.bounds[part], parts.start[part], parts.sums
+    for n in range(begin, parts.start[part + 1]):
         sums[n] = np.float32(0)
+    width, batch = box[RIGHT] - box[LEFT], work.batch
+    for line in range(lines(source, part)):
+        count = fill(source, part, line, box, spread, work)
+        add(sums, begin, width, batch, count, spread)
 
 
 @kernel
 def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) -> None:
     """Add the cells of every part to pixels of its own; for an application's parallel kernel."""
-    bounds, start, sums = parts
-    for n in tasks(counter, bounds.shape[0]):
-        box, begin = bounds[n], start[n]
-        _clear(sums, begin, start[n + 1])
-        work = begun(source, n, spread)
-        batch: Batch = work.batch
-        for line in range(lines(source, n)):
-            count = fill(source, n, line, box, spread, work)
-            add(sums, begin, box[RIGHT] - box[LEFT], batch, count, spread)
+    for n in tasks(counter, parts.bounds.shape[0]):
+        _paint_part(source, n, spread, parts, begun(source, n, spread))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.segments import (
     BEND_U,
@@ -20,6 +20,9 @@ from resample_warp3d.sheet.kernels.segments import (
 )
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
 
+Five = tuple[Single, Single, Single, Single, Single]
+Four = tuple[bool, bool, bool, bool]
+
 MEAN_SQUARE: Single = np.float32(1 / 12)  # of what lies evenly in −1/2..1/2
 STEP: Single = np.float32(2 / 3)  # share of the inner two of five samples in a slope
 FAR_STEP: Single = np.float32(1 / 12)
@@ -27,16 +30,16 @@ BEND: Single = np.float32(1.5)  # the same in a bend
 BEND_HERE: Single = np.float32(2.5)
 
 
-@kernel
-def _bent(
-    far_back: Single, back: Single, here: Single, ahead: Single, far_ahead: Single,
-    is_back: bool, is_ahead: bool, is_far_back: bool, is_far_ahead: bool,
-) -> tuple[Single, Single]:  # fmt: skip
+@inner_kernel
+def _bent(values: Five, is_linked: Four) -> tuple[Single, Single]:
     """Slope and bend of the middle of five samples, by those that are on its surface.
 
+    `is_linked` says so of the nearest on both sides, then of the far ones.
     Of a parabola through the values at the pixel's sides, which are (7 (a + b) − (z + c)) / 12 of
     the four samples around a side (Colella and Woodward 1984, the piecewise parabolic method).
     """
+    far_back, back, here, ahead, far_ahead = values
+    is_back, is_ahead, is_far_back, is_far_ahead = is_linked
     behind = far_back if is_far_back else back + back - here
     before = far_ahead if is_far_ahead else ahead + ahead - here
     is_between = is_back & is_ahead
@@ -46,7 +49,7 @@ def _bent(
     return slope if is_between else HALF * one_sided, bend if is_between else ZERO
 
 
-@kernel
+@inner_kernel
 def write_colors(
     color: Floats, links: Links, group: int, row: int, start: int, begin: int, end: int,
     numbers: Floats,
@@ -69,9 +72,11 @@ def write_colors(
             above, below = color[g, k, r - one, x], color[g, k, r + one, x]
             numbers[MEAN + m] = here
             numbers[SLOPE_U + m], numbers[BEND_U + m] = _bent(
-                color[g, k, r, x - two], left, here, right, color[g, k, r, x + two],
-                bits & LEFT != 0, bits & RIGHT != 0,
-                links[r, x - one] & LEFT != 0, links[r, x + one] & RIGHT != 0,
+                (color[g, k, r, x - two], left, here, right, color[g, k, r, x + two]),
+                (
+                    bits & LEFT != 0, bits & RIGHT != 0,
+                    links[r, x - one] & LEFT != 0, links[r, x + one] & RIGHT != 0,
+                ),
             )  # fmt: skip
             a = right if bits & RIGHT != 0 else here
             b = left if bits & LEFT != 0 else here
@@ -82,9 +87,11 @@ def write_colors(
             m, x = at + np.uint64(n), np.uint64(start + n + MARGIN)
             bits, bits_above, bits_below = links[r, x], links[r - one, x], links[r + one, x]
             numbers[SLOPE_V + m], numbers[BEND_V + m] = _bent(
-                color[g, k, r - two, x], color[g, k, r - one, x], color[g, k, r, x],
-                color[g, k, r + one, x], color[g, k, r + two, x],
-                bits & UP != 0, bits & DOWN != 0, bits_above & UP != 0, bits_below & DOWN != 0,
+                (
+                    color[g, k, r - two, x], color[g, k, r - one, x], color[g, k, r, x],
+                    color[g, k, r + one, x], color[g, k, r + two, x],
+                ),
+                (bits & UP != 0, bits & DOWN != 0, bits_above & UP != 0, bits_below & DOWN != 0),
             )  # fmt: skip
             before = color[g, k, r - one, x + one] - color[g, k, r - one, x - one]
             after = color[g, k, r + one, x + one] - color[g, k, r + one, x - one]
@@ -94,7 +101,7 @@ def write_colors(
             numbers[TWIST + m] = QUARTER * (after - before) if is_whole else ZERO
 
 
-@kernel
+@inner_kernel
 def write_means(
     color: Floats, group: int, row: int, start: int, begin: int, end: int, numbers: Floats
 ) -> None:
@@ -105,7 +112,7 @@ def write_means(
             numbers[at + np.uint64(n)] = color[group, c, row + MARGIN, start + n + MARGIN]
 
 
-@kernel
+@inner_kernel
 def color_at(numbers: Floats, m: np.uint64, u: Single, v: Single, uu: Single, vv: Single) -> Single:
     """A channel at a place u, v in −1/2..1/2 of a sample's pixel, or its mean around there.
 

@@ -5,14 +5,13 @@ is filled at once, many cells at a time; a fragment whose pixel is −1 is none.
 one by one, since cells share pixels, is left to `layers`.
 """
 
-import math
-
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.cells.boxes import Pixel, beyond, length, pixel_of, within
+from resample.engine.jit import inner_kernel
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.colors import MEAN_SQUARE, color_at
-from resample_warp3d.sheet.kernels.screen import Indices, Pixel, pixel_of
+from resample_warp3d.sheet.kernels.screen import Indices
 from resample_warp3d.sheet.kernels.segments import (
     A_X,
     A_Y,
@@ -66,7 +65,7 @@ SLIGHT: Single = np.float32(1e-5)  # px; keeps divisions finite
 NONE = np.int32(-1)  # pixel
 
 
-@kernel
+@inner_kernel
 def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Single:
     """Nearness of a cell's plane over a pixel's center, within the cell's own limits."""
     x = np.float32(column) + HALF - numbers[X + m]
@@ -75,7 +74,7 @@ def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Sin
     return min(max(near, numbers[LEAST + m]), numbers[MOST + m])
 
 
-@kernel
+@inner_kernel
 def fill_depths(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> int:
@@ -95,7 +94,7 @@ def fill_depths(
     return found
 
 
-@kernel
+@inner_kernel
 def set_boxes(
     begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
@@ -122,7 +121,7 @@ def set_boxes(
     return int(rows), int(columns)
 
 
-@kernel
+@inner_kernel
 def fill_from_boxes(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> int:
@@ -131,10 +130,8 @@ def fill_from_boxes(
     for n in range(begin, end):
         m = np.uint64(n)
         column, row = np.int32(places[COLUMN + m] + i), np.int32(places[ROW + m] + j)
-        west = max(numbers[WEST + m], np.float32(column))
-        east = min(numbers[EAST + m], np.float32(column) + ONE)
-        north = max(numbers[NORTH + m], np.float32(row))
-        south = min(numbers[SOUTH + m], np.float32(row) + ONE)
+        west, east = within(numbers[WEST + m], numbers[EAST + m], np.float32(column))
+        north, south = within(numbers[NORTH + m], numbers[SOUTH + m], np.float32(row))
         width, height = east - west, south - north
         x, y = HALF * (west + east) - numbers[X + m], HALF * (north + south) - numbers[Y + m]
         u = x * numbers[U_X + m] + y * numbers[U_Y + m]
@@ -155,12 +152,7 @@ def fill_from_boxes(
     return found
 
 
-@kernel
-def _length(a: Single, b: Single) -> Single:
-    return np.float32(math.sqrt(a * a + b * b))
-
-
-@kernel
+@inner_kernel
 def count_parts(
     begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
@@ -168,8 +160,8 @@ def count_parts(
     most_u, most_v = np.int32(1), np.int32(1)
     for n in range(begin, end):
         m = np.uint64(n)
-        side_u = _length(numbers[A_X + m], numbers[A_Y + m])
-        side_v = _length(numbers[B_X + m], numbers[B_Y + m])
+        side_u = length(numbers[A_X + m], numbers[A_Y + m])
+        side_v = length(numbers[B_X + m], numbers[B_Y + m])
         count_u = np.int32(pixel_of(side_u * frame.quality - np.float32(0.01)) + 1)
         count_v = np.int32(pixel_of(side_v * frame.quality - np.float32(0.01)) + 1)
         most_u, most_v = max(most_u, count_u), max(most_v, count_v)
@@ -177,7 +169,7 @@ def count_parts(
     return int(most_u), int(most_v)
 
 
-@kernel
+@inner_kernel
 def set_parts(
     begin: int, end: int, i: int, j: int, is_whole: bool, frame: Frame,
     numbers: Floats, places: Indices,
@@ -201,16 +193,16 @@ def set_parts(
         side_x, side_y = (ax + tx * v) * step_u, (ay + ty * v) * step_u
         other_x, other_y = (bx + tx * u) * step_v, (by + ty * u) * step_v
         mass = frame.orientation * (side_x * other_y - side_y * other_x)
-        across = min(_length(side_x, other_x), ONE) + SLIGHT
-        down = min(_length(side_y, other_y), ONE) + SLIGHT
+        across = min(length(side_x, other_x), ONE) + SLIGHT
+        down = min(length(side_y, other_y), ONE) + SLIGHT
         west, north = x - HALF * across, y - HALF * down
         column, row = pixel_of(west), pixel_of(north)
         is_there = (np.float32(i) < count_u) & (np.float32(j) < count_v) & (mass > ZERO)
         is_there &= (row < frame.last) & (row + 2 > frame.first)
         found += int(is_there)
         numbers[PART + m] = mass if is_there else ZERO
-        numbers[SHARE_X + m] = max(ZERO, (west + across - np.float32(column) - ONE) / across)
-        numbers[SHARE_Y + m] = max(ZERO, (north + down - np.float32(row) - ONE) / down)
+        numbers[SHARE_X + m] = beyond(west, across, np.float32(column))
+        numbers[SHARE_Y + m] = beyond(north, down, np.float32(row))
         places[COLUMN + m], places[ROW + m] = column, row
         if not is_whole:
             uu, vv = u * u - MEAN_SQUARE, v * v - MEAN_SQUARE
@@ -218,7 +210,7 @@ def set_parts(
     return found
 
 
-@kernel
+@inner_kernel
 def fill_from_parts(
     begin: int, end: int, i: int, j: int, is_flat: bool, frame: Frame,
     numbers: Floats, places: Indices,

@@ -5,12 +5,17 @@ the nearest surface of every pixel, for the nearest of those behind it, and to a
 adds to a pixel what it covers of it; the sum of that is the layer's coverage. Where the nearest
 surface leaves room, at silhouettes, the second one shows.
 
-Calls are made per run of cells, never per cell: to hand over ten arrays costs as much as to paint.
+Calls are made per run of cells, never per cell.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.cells.passes import skips, take, walk
+from resample.engine.cells.tiles import bands, met
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel
+from resample.engine.roles import plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.colors import write_colors, write_means
 from resample_warp3d.sheet.kernels.fragments import (
@@ -21,7 +26,7 @@ from resample_warp3d.sheet.kernels.fragments import (
     set_boxes,
     set_parts,
 )
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
 from resample_warp3d.sheet.kernels.segments import (
     AREA,
     BEGIN,
@@ -44,8 +49,9 @@ from resample_warp3d.sheet.kernels.segments import (
     WAY,
     WHOLE,
     ZERO,
+    Cells,
     Frame,
-    measure,
+    Strip,
 )
 from resample_warp3d.types import Links
 
@@ -55,27 +61,59 @@ TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 EVERYTHING: Single = np.float32(np.inf)  # nearer than all
 
 
-@kernel
-def _segments_met(bounds: Indices, frame: Frame) -> Indices:
-    """Segments of cells that may meet a band, counted row by row."""
-    met = np.empty(bounds.shape[0] * bounds.shape[1] + 1, np.int32)
-    count = 0
-    for row in range(bounds.shape[0]):
-        for segment in range(bounds.shape[1]):
-            left, top = bounds[row, segment, 0], bounds[row, segment, 1]
-            right, bottom = bounds[row, segment, 2], bounds[row, segment, 3]
-            is_met = (top < frame.last) & (bottom >= frame.first)
-            is_met &= (left < frame.width) & (right >= 0)
-            met[count] = row * bounds.shape[1] + segment
-            count += int(is_met)
-    return met[:count]
+class Colors(NamedTuple):
+    """What cells show."""
+
+    color: Floats  # (G, 3, H, W) channels in groups of three
+    links: Links  # (H, W) which neighbours a color may be interpolated with
 
 
-@kernel
-def _find_front(
-    begin: int, end: int, numbers: Floats, places: Indices, front: Floats, area: Floats
-) -> None:
+class Picture(NamedTuple):
+    """Where layers are written."""
+
+    image: Floats  # (height, width, C), multiplied by the coverage
+    coverage: Floats  # (height, width)
+    nearness: Floats  # (height, width)
+    magnification: Floats  # (height, width)
+
+
+class Nearest(NamedTuple):
+    """The pass that finds the nearest surface over each pixel of a band."""
+
+    front: Floats  # (pixels,) its nearness
+    area: Floats  # (pixels,) px², of its cell
+    least: Floats  # (members,) nearness of the farthest corner of each member
+
+
+class Behind(NamedTuple):
+    """The pass that finds the nearest surface behind the front."""
+
+    front: Floats
+    behind: Floats
+    least: Floats
+
+
+class Layers(NamedTuple):
+    """The two layers of a band."""
+
+    front: Floats  # (pixels,) nearness
+    behind: Floats
+    sums: Floats  # (8 pixels,) red, green, blue and mass of both
+    voted: Floats  # (2 pixels,) mass of all votes, for labels
+
+
+class Adding(NamedTuple):
+    """The pass that adds what cells cover of pixels to their two layers."""
+
+    colors: Colors
+    group: int  # of channels
+    layers: Layers
+
+
+@inner_kernel
+def _find_front(begin: int, end: int, cells: Cells, front: Floats, area: Floats) -> None:
     """Let fragments be the nearest of their pixels, and tell how large their cells are."""
+    numbers, places = cells
     for n in range(begin, end):
         m = np.uint64(n)
         pixel = places[PIXEL + m]
@@ -86,11 +124,10 @@ def _find_front(
             area[i] = covered if near > nearest else largest
 
 
-@kernel
-def _find_behind(
-    begin: int, end: int, numbers: Floats, places: Indices, front: Floats, behind: Floats
-) -> None:
+@inner_kernel
+def _find_behind(begin: int, end: int, cells: Cells, front: Floats, behind: Floats) -> None:
     """Let fragments be the nearest of those that are not the front."""
+    numbers, places = cells
     for n in range(begin, end):
         m = np.uint64(n)
         pixel = places[PIXEL + m]
@@ -100,7 +137,69 @@ def _find_behind(
                 behind[i] = near
 
 
-@kernel
+@inner_kernel
+def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bool:
+    """Whether nothing that is as far as `least` or nearer is behind the front within bounds."""
+    left, right = max(0, bounds[0]), min(frame.width, bounds[2])
+    top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
+    hidden = 0
+    for y in range(top, bottom):
+        at = np.uint64((y - frame.first) * frame.width)
+        for x in range(left, right):
+            hidden += int(least < front[at + np.uint64(x)] * DISTINCT)
+    return hidden == 0
+
+
+@plays(skips, Nearest)
+def _skips_none(look: Nearest, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
+    look.least[nth] = EVERYTHING
+    return False
+
+
+@plays(take, Nearest)
+def _take_nearest(
+    look: Nearest,
+    strip: Strip,
+    member: int,  # noqa: ARG001
+    nth: int,
+    run: int,
+    cells: Cells,
+) -> None:
+    k, least = np.uint64(run), look.least[nth]
+    begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
+    for n in range(begin, end):
+        least = min(least, cells.numbers[LEAST + np.uint64(n)])
+    look.least[nth] = least
+    for j in range(cells.places[ROWS + k]):
+        for i in range(cells.places[COLUMNS + k]):
+            if fill_depths(begin, end, i, j, strip.frame, cells.numbers, cells.places):
+                _find_front(begin, end, cells, look.front, look.area)
+
+
+@plays(skips, Behind)
+def _skips_front(look: Behind, strip: Strip, member: int, nth: int) -> bool:
+    row, segment = divmod(member, strip.screen.bounds.shape[1])
+    return _is_front(strip.screen.bounds[row, segment], look.least[nth], strip.frame, look.front)
+
+
+@plays(take, Behind)
+def _take_behind(
+    look: Behind,
+    strip: Strip,
+    member: int,  # noqa: ARG001
+    nth: int,  # noqa: ARG001
+    run: int,
+    cells: Cells,
+) -> None:
+    k = np.uint64(run)
+    begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
+    for j in range(cells.places[ROWS + k]):
+        for i in range(cells.places[COLUMNS + k]):
+            if fill_depths(begin, end, i, j, strip.frame, cells.numbers, cells.places):
+                _find_behind(begin, end, cells, look.front, look.behind)
+
+
+@inner_kernel
 def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Single) -> None:
     """Vote for a label by what it covers; the one that has most of the votes stays.
 
@@ -115,12 +214,11 @@ def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Singl
         sums[at + np.uint64(3)] = d - sums[at + np.uint64(3)]
 
 
-@kernel
-def _add(
-    begin: int, end: int, frame: Frame, numbers: Floats, places: Indices,
-    front: Floats, behind: Floats, sums: Floats, voted: Floats,
-) -> None:  # fmt: skip
+@inner_kernel
+def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: Layers) -> None:
     """Add fragments to the layers of their pixels where they are seen; labels are voted for."""
+    numbers, places = cells
+    front, behind, sums, voted = layers
     for n in range(begin, end):
         m = np.uint64(n)
         if places[PIXEL + m] < 0:
@@ -134,7 +232,7 @@ def _add(
         at = np.uint64(8) * pixel + np.uint64(4) * layer
         red, green, blue = numbers[RED + m], numbers[GREEN + m], numbers[BLUE + m]
         mass = numbers[MASS + m]
-        if frame.is_label:
+        if is_label:
             voted[np.uint64(2) * pixel + layer] += mass
             _vote(sums, at, red, green, blue, mass)
         else:
@@ -144,41 +242,68 @@ def _add(
             sums[at + np.uint64(3)] += mass
 
 
-@kernel
-def _add_run(
-    k: np.uint64, frame: Frame, numbers: Floats, places: Indices,
-    front: Floats, behind: Floats, sums: Floats, voted: Floats,
-) -> None:  # fmt: skip
-    """Add a run of cells to a band's two layers."""
-    begin, end = int(places[BEGIN + k]), int(places[END + k])
-    way = places[WAY + np.uint64(begin)]
-    if way == UPRIGHT:
-        rows, columns = set_boxes(begin, end, frame, numbers, places)
-        for j in range(rows):
-            for i in range(columns):
-                if fill_from_boxes(begin, end, i, j, frame, numbers, places):
-                    _add(begin, end, frame, numbers, places, front, behind, sums, voted)
-        return
-    is_whole = way == WHOLE
+@inner_kernel
+def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: Layers) -> None:
+    """Add a run of upright cells."""
+    numbers, places = cells
+    rows, columns = set_boxes(begin, end, frame, numbers, places)
+    for j in range(rows):
+        for i in range(columns):
+            if fill_from_boxes(begin, end, i, j, frame, numbers, places):
+                _add(begin, end, frame.is_label, cells, layers)
+
+
+@inner_kernel
+def _add_parts(
+    begin: int, end: int, is_whole: bool, frame: Frame, cells: Cells, layers: Layers
+) -> None:
+    """Add a run of cells that are cut into parts, or have one color."""
+    numbers, places = cells
     most_u, most_v = count_parts(begin, end, frame, numbers, places)
+    is_flat = is_whole or frame.is_label
     for part in range(1 if is_whole else most_u * most_v):
         v, u = divmod(part, most_u)
         if set_parts(begin, end, u, v, is_whole, frame, numbers, places):
             for slot in range(4):
-                is_flat = is_whole or frame.is_label
-                if fill_from_parts(
-                    begin, end, slot % 2, slot // 2, is_flat, frame, numbers, places
-                ):
-                    _add(begin, end, frame, numbers, places, front, behind, sums, voted)
+                i, j = slot % 2, slot // 2
+                if fill_from_parts(begin, end, i, j, is_flat, frame, numbers, places):
+                    _add(begin, end, frame.is_label, cells, layers)
 
 
-@kernel
-def _resolve(
-    sums: Floats, voted: Floats, group: int, front: Floats, behind: Floats, area: Floats,
-    frame: Frame,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
+@plays(skips, Adding)
+def _adds_all(look: Adding, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
+    return False
+
+
+@plays(take, Adding)
+def _take_colors(
+    look: Adding,
+    strip: Strip,
+    member: int,
+    nth: int,  # noqa: ARG001
+    run: int,
+    cells: Cells,
+) -> None:
+    (color, links), group, (numbers, places) = look.colors, look.group, cells
+    k, frame = np.uint64(run), strip.frame
+    row, segment = divmod(member, strip.screen.bounds.shape[1])
+    begin, end, start = int(places[BEGIN + k]), int(places[END + k]), segment * SEGMENT
+    way = places[WAY + np.uint64(begin)]
+    if way == WHOLE or frame.is_label:
+        write_means(color, group, row, start, begin, end, numbers)
+    else:
+        write_colors(color, links, group, row, start, begin, end, numbers)
+    if way == UPRIGHT:
+        _add_boxes(begin, end, frame, cells, look.layers)
+    else:
+        _add_parts(begin, end, way == WHOLE, frame, cells, look.layers)
+
+
+@inner_kernel
+def _resolve(look: Adding, area: Floats, frame: Frame, picture: Picture) -> None:
     """Composite a band's two layers."""
+    image, coverage, nearness, magnification = picture
+    group, (front, behind, sums, voted) = look.group, look.layers
     channels = min(3, image.shape[2] - 3 * group)
     for y in range(frame.first, frame.last):
         for x in range(frame.width):
@@ -209,130 +334,44 @@ def _resolve(
                 magnification[y, x] = area[pixel] if total > ZERO else ZERO
 
 
-@kernel
-def _least(runs: int, numbers: Floats, places: Indices) -> Single:
-    """Nearness of the farthest corner of the cells of all runs."""
-    least = EVERYTHING
-    for run in range(runs):
-        k = np.uint64(run)
-        for n in range(places[BEGIN + k], places[END + k]):
-            least = min(least, numbers[LEAST + np.uint64(n)])
-    return least
-
-
-@kernel
-def _is_front(
-    bounds: Indices, row: int, segment: int, least: Single, frame: Frame, front: Floats
-) -> bool:
-    """Whether nothing that is as far as `least` or nearer is behind the front within bounds."""
-    left, right = max(0, bounds[row, segment, 0]), min(frame.width, bounds[row, segment, 2] + 1)
-    top = max(frame.first, bounds[row, segment, 1])
-    bottom = min(frame.last, bounds[row, segment, 3] + 1)
-    hidden = 0
-    for y in range(top, bottom):
-        at = np.uint64((y - frame.first) * frame.width)
-        for x in range(left, right):
-            hidden += int(least < front[at + np.uint64(x)] * DISTINCT)
-    return hidden == 0
-
-
-@kernel
-def _find_layers(
-    screen: Floats, torn: Floats, index: Indices, bounds: Indices, met: Indices, frame: Frame,
-    numbers: Floats, places: Indices, front: Floats, behind: Floats, area: Floats,
-) -> None:  # fmt: skip
-    """Find the nearest surface over each pixel of a band, and the nearest behind it."""
-    least = np.empty(met.size, np.float32)
-    for look in range(2):
-        for n in range(met.size):
-            row, segment = divmod(met[n], bounds.shape[1])
-            if look == 1 and _is_front(bounds, row, segment, least[n], frame, front):
-                continue
-            runs = measure(screen, torn, index, row, segment, frame, numbers, places)
-            least[n] = _least(runs, numbers, places)
-            for run in range(runs):
-                k = np.uint64(run)
-                begin, end = int(places[BEGIN + k]), int(places[END + k])
-                for j in range(places[ROWS + k]):
-                    for i in range(places[COLUMNS + k]):
-                        if not fill_depths(begin, end, i, j, frame, numbers, places):
-                            continue
-                        if look == 0:
-                            _find_front(begin, end, numbers, places, front, area)
-                        else:
-                            _find_behind(begin, end, numbers, places, front, behind)
-
-
-@kernel
-def _add_colors(
-    screen: Floats, torn: Floats, index: Indices, met: Indices, color: Floats, links: Links,
-    group: int, frame: Frame, numbers: Floats, places: Indices,
-    front: Floats, behind: Floats, sums: Floats, voted: Floats,
-) -> None:  # fmt: skip
-    """Add what cells cover of a band's pixels to their layers."""
-    segments = -(-index.shape[1] // SEGMENT)
-    for n in range(met.size):
-        row, segment = divmod(met[n], segments)
-        runs = measure(screen, torn, index, row, segment, frame, numbers, places)
-        for run in range(runs):
-            k, start = np.uint64(run), segment * SEGMENT
-            begin, end = int(places[BEGIN + k]), int(places[END + k])
-            if places[WAY + np.uint64(begin)] == WHOLE or frame.is_label:
-                write_means(color, group, row, start, begin, end, numbers)
-            else:
-                write_colors(color, links, group, row, start, begin, end, numbers)
-            _add_run(k, frame, numbers, places, front, behind, sums, voted)
-
-
 @parallel_kernel
-def paint_bands(
-    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
-    links: Links, band: int, quality: float, orientation: float, is_label: bool,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
+def paint_layers(
+    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: Picture
+) -> None:
     """Paint a source's cells; each band of rows belongs to one thread.
 
     Parameters
     ----------
-    screen, torn, index, bounds
-        As `kernels.screen` makes them.
-    color
-        (G, 3, H, W) channels in groups of three.
-    links
-        (H, W) which neighbours a color may be interpolated with.
     band
         Rows of a band.
-    quality, orientation, is_label
-        As in `Frame`.
-    image
-        (height, width, C) filled, multiplied by the coverage.
-    coverage, nearness, magnification
-        (height, width) filled.
+    like
+        A frame with all rows.
     """
-    height, width = coverage.shape
-    count = (height + band - 1) // band
-    for n in tasks(counter, count):
-        first = band * n
-        frame = Frame(
-            first, min(height, first + band), width,
-            np.float32(orientation), np.float32(quality), is_label,
-        )  # fmt: skip
-        size = (frame.last - frame.first) * width
+    bounds = screen.bounds.reshape((-1, 4))
+    for first, last in bands(counter, like.last, band):
+        frame = Frame(first, last, like.width, like.orientation, like.quality, like.is_label)
+        strip, size = Strip(screen, frame), (last - first) * like.width
+        members = met(bounds, (first, last), like.width)
+        cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
-        area = np.zeros(size, np.float32)
-        numbers, places = np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32)
-        met = _segments_met(bounds, frame)
-        _find_layers(
-            screen, torn, index, bounds, met, frame, numbers, places, front, behind, area
-        )  # fmt: skip
-        for group in range(color.shape[0]):
+        area, least = np.zeros(size, np.float32), np.empty(members.size, np.float32)
+        walk(Nearest(front, area, least), strip, members, cells)
+        walk(Behind(front, behind, least), strip, members, cells)
+        for group in range(colors.color.shape[0]):
             sums = np.zeros(size * 8, np.float32)
-            voted = np.zeros(2 * size if is_label else 0, np.float32)
-            _add_colors(
-                screen, torn, index, met, color, links, group, frame, numbers, places,
-                front, behind, sums, voted,
-            )  # fmt: skip
-            _resolve(
-                sums, voted, group, front, behind, area, frame,
-                image, coverage, nearness, magnification,
-            )  # fmt: skip
+            voted = np.zeros(2 * size if like.is_label else 0, np.float32)
+            adding = Adding(colors, group, Layers(front, behind, sums, voted))
+            walk(adding, strip, members, cells)
+            _resolve(adding, area, frame, picture)
+
+
+def paint_bands(
+    vertex: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
+    links: Links, band: int, quality: float, orientation: float, is_label: bool,
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+) -> None:  # fmt: skip
+    """`paint_layers` of arrays one by one."""
+    height, width = coverage.shape
+    like = Frame(0, height, width, np.float32(orientation), np.float32(quality), is_label)
+    picture = Picture(image, coverage, nearness, magnification)
+    paint_layers(Screen(vertex, torn, index, bounds), Colors(color, links), band, like, picture)

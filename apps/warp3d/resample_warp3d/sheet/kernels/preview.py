@@ -1,11 +1,17 @@
 """One look per pixel: the nearest cell over its center, and that cell's color there."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.cells.passes import skips, take, walk
+from resample.engine.cells.tiles import bands, met
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel
+from resample.engine.roles import plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.fragments import NONE
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices
+from resample_warp3d.sheet.kernels.layers import Colors, Picture
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
 from resample_warp3d.sheet.kernels.segments import (
     A_X,
     A_Y,
@@ -40,10 +46,11 @@ from resample_warp3d.sheet.kernels.segments import (
     TO_COLUMN,
     TO_ROW,
     ZERO,
+    Cells,
     Frame,
+    Strip,
     X,
     Y,
-    measure,
 )
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
 
@@ -52,7 +59,14 @@ Corner = tuple[Single, Single, Single]
 REACH: Single = np.float32(0.52)  # of a cell from its middle; neighbours overlap a little
 
 
-@kernel
+class Looks(NamedTuple):
+    """The pass that finds the nearest cell over each pixel's center."""
+
+    front: Floats  # (pixels,) nearness
+    owner: Indices  # (pixels,) number of the cell
+
+
+@inner_kernel
 def _fill_looks(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> None:
@@ -80,12 +94,10 @@ def _fill_looks(
         places[PIXEL + m] = pixel if is_over else NONE
 
 
-@kernel
-def _look(
-    begin: int, end: int, first: int, numbers: Floats, places: Indices,
-    front: Floats, owner: Indices,
-) -> None:  # fmt: skip
+@inner_kernel
+def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
     """Let fragments be the nearest of their pixels; `first` is the number of the first cell."""
+    (numbers, places), (front, owner) = cells, looks
     for n in range(begin, end):
         m = np.uint64(n)
         pixel = places[PIXEL + m]
@@ -94,24 +106,31 @@ def _look(
             owner[np.uint64(pixel)] = first + n
 
 
-@kernel
-def _look_at_segment(
-    screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: Frame,
-    numbers: Floats, places: Indices, front: Floats, owner: Indices,
-) -> None:  # fmt: skip
-    """Find the nearest cell of a segment over each pixel's center."""
-    first = row * index.shape[1] + segment * SEGMENT
-    runs = measure(screen, torn, index, row, segment, frame, numbers, places)
-    for run in range(runs):
-        k = np.uint64(run)
-        begin, end = int(places[BEGIN + k]), int(places[END + k])
-        for j in range(places[ROWS + k]):
-            for i in range(places[COLUMNS + k]):
-                _fill_looks(begin, end, i, j, frame, numbers, places)
-                _look(begin, end, first, numbers, places, front, owner)
+@plays(skips, Looks)
+def _skips_none(looks: Looks, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
+    return False
 
 
-@kernel
+@plays(take, Looks)
+def _take(
+    looks: Looks,
+    strip: Strip,
+    member: int,
+    nth: int,  # noqa: ARG001
+    run: int,
+    cells: Cells,
+) -> None:
+    k, (numbers, places) = np.uint64(run), cells
+    row, segment = divmod(member, strip.screen.bounds.shape[1])
+    first = row * strip.screen.own.shape[1] + segment * SEGMENT
+    begin, end = int(places[BEGIN + k]), int(places[END + k])
+    for j in range(places[ROWS + k]):
+        for i in range(places[COLUMNS + k]):
+            _fill_looks(begin, end, i, j, strip.frame, numbers, places)
+            _look(begin, end, first, cells, looks)
+
+
+@inner_kernel
 def _corners_of(
     screen: Floats, torn: Floats, index: Indices, row: int, column: int
 ) -> tuple[Corner, Corner, Corner, Corner]:
@@ -133,7 +152,7 @@ def _corners_of(
     )
 
 
-@kernel
+@inner_kernel
 def _slopes(
     color: Floats, links: Links, group: int, c: int, row: int, column: int
 ) -> tuple[Single, Single]:
@@ -146,21 +165,11 @@ def _slopes(
     return HALF * (right - left), HALF * (below - above)
 
 
-@kernel
-def _look_in_band(
-    screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats, links: Links,
-    frame: Frame,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
-    size = (frame.last - frame.first) * frame.width
-    front, owner = np.zeros(size, np.float32), np.zeros(size, np.int32)
-    numbers, places = np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32)
-    for row in range(bounds.shape[0]):
-        for segment in range(bounds.shape[1]):
-            if bounds[row, segment, 1] < frame.last and bounds[row, segment, 3] >= frame.first:
-                _look_at_segment(
-                    screen, torn, index, row, segment, frame, numbers, places, front, owner
-                )  # fmt: skip
+@inner_kernel
+def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: Picture) -> None:
+    """Color each pixel of a band as the cell that it shows is there."""
+    (screen, torn, index, _), frame, (front, owner) = strip.screen, strip.frame, looks
+    (color, links), (image, coverage, nearness, magnification) = colors, picture
     columns = index.shape[1]
     for y in range(frame.first, frame.last):
         for x in range(frame.width):
@@ -189,22 +198,30 @@ def _look_in_band(
 
 
 @parallel_kernel
+def look(
+    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: Picture
+) -> None:
+    """Give each pixel the color of the nearest cell over its center.
+
+    Parameters are those of `layers.paint_layers`.
+    """
+    bounds = screen.bounds.reshape((-1, 4))
+    for first, last in bands(counter, like.last, band):
+        strip = Strip(screen, Frame(first, last, like.width, like.orientation, ONE, False))
+        size = (last - first) * like.width
+        looks = Looks(np.zeros(size, np.float32), np.zeros(size, np.int32))
+        cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
+        walk(looks, strip, met(bounds, (first, last), like.width), cells)
+        _resolve(strip, looks, colors, picture)
+
+
 def look_in_bands(
-    counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
+    vertex: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
     links: Links, band: int, orientation: float,
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
 ) -> None:  # fmt: skip
-    """Give each pixel the color of the nearest cell over its center.
-
-    Parameters are those of `layers.paint_bands`, without a quality.
-    """
+    """`look` of arrays one by one."""
     height, width = coverage.shape
-    for n in tasks(counter, (height + band - 1) // band):
-        first = n * band
-        frame = Frame(
-            first, min(height, first + band), width, np.float32(orientation), ONE, False
-        )  # fmt: skip
-        _look_in_band(
-            screen, torn, index, bounds, color, links, frame,
-            image, coverage, nearness, magnification,
-        )  # fmt: skip
+    like = Frame(0, height, width, np.float32(orientation), ONE, False)
+    picture = Picture(image, coverage, nearness, magnification)
+    look(Screen(vertex, torn, index, bounds), Colors(color, links), band, like, picture)

@@ -1,22 +1,31 @@
 """A depth image's sheet of cells on the target's screen."""
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.boxes import pixel_of
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 
 Indices = NDArray[np.int32]
-Pixel = Any  # a number kept in int32
 
 SEGMENT = 64  # cells of a row that are bounded, skipped and measured together
 NEAREST = 1e-6  # of the matrix's scale: what is nearer to the eye's plane is behind it
 FARTHEST = 1e6  # px: what is farther out than this is not on any screen
 BEYOND = np.int32(2**30)  # px
 BLOCK = 256  # torn cells that a thread projects at a time
+
+
+class Screen(NamedTuple):
+    """A sheet on the target's screen."""
+
+    vertex: Floats  # (3, H + 1, W + 1) of `project_vertices`
+    torn: Floats  # (N, 4, 3) of `project_corners`
+    own: Indices  # (H, W) which cells have corners of their own; see `bound_segments`
+    bounds: Indices  # (H, segments, 4) of `bound_segments`
 
 
 @kernel
@@ -105,13 +114,6 @@ def project_corners(
 
 
 @kernel
-def pixel_of(place: Single) -> Pixel:
-    """Pixel that a place of a screen lies in; `math.floor` of a float32 is a call of a function."""
-    whole = np.int32(place)
-    return np.int32(whole - np.int32(place < np.float32(whole)))
-
-
-@kernel
 def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: Indices) -> None:
     for segment in range(bounds.shape[1]):
         start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
@@ -139,7 +141,7 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
                     left, top = min(left, x), min(top, y)
                     right, bottom = max(right, x), max(bottom, y)
         bounds[row, segment, 0], bounds[row, segment, 1] = left, top
-        bounds[row, segment, 2], bounds[row, segment, 3] = right, bottom
+        bounds[row, segment, 2], bounds[row, segment, 3] = right + 1, bottom + 1
 
 
 @parallel_kernel
@@ -155,8 +157,8 @@ def bound_segments(
     index
         (H, W) which cells are torn; −1 for others, −2 where there is none.
     bounds
-        (H, segments, 4) filled: first and last pixels, left, top, right, bottom; left > right where
-        nothing is.
+        (H, segments, 4) filled: left, top, right and bottom, px, the last two one beyond; left >
+        right where nothing is.
     """
     for row in tasks(counter, index.shape[0]):
         _bound_row(screen, torn, index, row, bounds)

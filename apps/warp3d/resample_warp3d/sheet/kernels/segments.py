@@ -10,9 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.cells.boxes import pixel_of
+from resample.engine.cells.passes import placed
+from resample.engine.jit import inner_kernel
+from resample.engine.roles import plays
 from resample.types import Floats, Single
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, pixel_of
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
 
 
 def _rows(first: int, count: int) -> Any:
@@ -73,7 +76,21 @@ class Frame(NamedTuple):
     is_label: bool  # colors are names, which must not be mixed
 
 
-@kernel
+class Strip(NamedTuple):
+    """A sheet, of which a band is painted; its members are segments, counted row by row."""
+
+    screen: Screen
+    frame: Frame
+
+
+class Cells(NamedTuple):
+    """A segment's cells."""
+
+    numbers: Floats  # (NUMBERS,)
+    places: Indices  # (PLACES,)
+
+
+@inner_kernel
 def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Floats) -> None:
     """Write the corners that a segment's cells share with others."""
     above, below = np.uint64(row), np.uint64(row) + np.uint64(1)
@@ -89,7 +106,7 @@ def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Flo
         numbers[Q_NEAR + m], numbers[S_NEAR + m] = screen[2, above, right], screen[2, below, right]
 
 
-@kernel
+@inner_kernel
 def _write_torn(
     torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
 ) -> None:
@@ -107,7 +124,7 @@ def _write_torn(
             numbers[P_NEAR + m] = NOWHERE
 
 
-@kernel
+@inner_kernel
 def _measure_shapes(count: int, numbers: Floats) -> None:
     for n in range(count):
         m = np.uint64(n)
@@ -135,7 +152,7 @@ def _measure_shapes(count: int, numbers: Floats) -> None:
         numbers[AREA + m] = HALF * ((sx - px) * (ry - qy) - (sy - py) * (rx - qx))
 
 
-@kernel
+@inner_kernel
 def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
     for n in range(count):
         m = np.uint64(n)
@@ -147,7 +164,7 @@ def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices)
         places[TO_ROW + m] = min(frame.last, pixel_of(max(py, qy, ry, sy)) + 1)
 
 
-@kernel
+@inner_kernel
 def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
     """Write how cells are painted; not where they show their backs, or nothing."""
     # Squared lengths up to which cells have one color: upright ones, and those that lean.
@@ -174,7 +191,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
         places[WAY + m] = np.int32(way if is_seen else UNSEEN)
 
 
-@kernel
+@inner_kernel
 def _find_runs(count: int, places: Indices) -> int:
     """Divide a segment's cells that are seen into runs; gives how many.
 
@@ -203,7 +220,7 @@ def _find_runs(count: int, places: Indices) -> int:
     return runs
 
 
-@kernel
+@inner_kernel
 def measure(
     screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: Frame,
     numbers: Floats, places: Indices,
@@ -221,3 +238,10 @@ def measure(
     _measure_extents(count, frame, numbers, places)
     _choose_ways(count, frame, numbers, places)
     return _find_runs(count, places)
+
+
+@plays(placed, Strip)
+def _placed(strip: Strip, member: int, cells: Cells) -> int:
+    vertex, torn, index, bounds = strip.screen
+    row, segment = divmod(member, bounds.shape[1])
+    return measure(vertex, torn, index, row, segment, strip.frame, cells.numbers, cells.places)

@@ -1,0 +1,46 @@
+"""Passes over the cells that meet a band, batch by batch, in the order of the source.
+
+What is seen of a pixel is found in several passes: which cells are nearest, which come next, what
+they leave. The application plays `placed` for the source that it projects again in every pass, and
+`skips` and `take` for every kind of pass.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import inner_kernel
+from resample.engine.roles import role
+
+Source = Any  # bundles of the application's, whose classes settle what the roles do
+Pass = Any
+Batch = Any
+
+
+@role
+def placed(source: Source, member: int, batch: Batch) -> int:
+    """Place the cells of a member of the source in a batch; gives how many runs there are."""
+    raise NotImplementedError
+
+
+@role
+def skips(look: Pass, source: Source, member: int, nth: int) -> bool:
+    """Whether a pass has nothing to do with a member, the `nth` that meets the band."""
+    raise NotImplementedError
+
+
+@role
+def take(look: Pass, source: Source, member: int, nth: int, run: int, batch: Batch) -> None:
+    """Let a pass see a run of the cells of a batch."""
+    raise NotImplementedError
+
+
+@inner_kernel
+def walk(look: Pass, source: Source, members: NDArray[np.int32], batch: Batch) -> None:
+    """Let a pass see all members of a source that meet a band."""
+    for nth in range(members.size):
+        member = members[nth]
+        if not skips(look, source, member, nth):
+            for run in range(placed(source, member, batch)):
+                take(look, source, member, nth, run, batch)
