@@ -169,6 +169,10 @@ class Camera:
         """Camera with another pose."""
         return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
 
+    def with_lens(self, distortion: ArrayLike) -> "Camera":
+        """The same camera behind a lens of these coefficients."""
+        return replace(self, distortion=np.asarray(distortion, np.float64))
+
     def resized(self, old_shape: tuple[int, int], new_shape: tuple[int, int]) -> "Camera":
         """Camera of the same view in a frame of another (height, width), px."""
         (old_height, old_width), (height, width) = old_shape, new_shape

@@ -283,6 +283,13 @@ def test_a_lens_bends_the_picture():
     assert not np.array_equal(bent[1], bent[0])
 
 
+def test_coefficients_of_a_lens_go_with_intrinsics_from_elsewhere():
+    plain = moved(*FAST, *STAY)
+    bent = moved(*FAST, *STAY, "--lens", "k=-0.2,0.05,0,0")
+    assert not np.array_equal(bent, plain)
+    assert np.array_equal(moved(*FAST, *STAY, "--lens", "k=0,0,0,0"), plain)
+
+
 def test_further_views_cover_more():
     words = ["--move", "0.4,0,0", *FAST]
     one = moved(*words)
@@ -337,6 +344,7 @@ def test_pictures_of_one_pixel_are_rendered():
         ([*RIGHT, "--size", "0"], "both sides must be at least 1"),
         ([*RIGHT, "--target-intrinsics", "1,2,3"], "give fx,fy,cx,cy"),
         ([*RIGHT, "--lens", "1,1,0,0,1,2,3,4"], "not both"),
+        ([*RIGHT, "--lens", "k=1,2,3"], "4, 5, 8, 12"),
         ([*RIGHT, "--fov", "60"], "give one of --intrinsics and --fov"),
         ([*RIGHT, "--method", "magic"], "unknown warp 'magic'"),
         ([*RIGHT, "--noise", "-1"], "greater than or equal to 0"),

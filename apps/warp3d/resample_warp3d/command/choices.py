@@ -12,6 +12,7 @@ from resample.words import numbers_in
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
+    from resample.cameras.trajectories import Shot
     from resample.types import Doubles
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
@@ -103,7 +104,8 @@ class SourceCamera(BaseModel):
         Hyphen,
         Field(
             description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
-            "file of OpenCV's calibration. In place of intrinsics."
+            "file of OpenCV's calibration, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside "
+            "them."
         ),
     ] = None
     convention: Annotated[
@@ -121,8 +123,10 @@ class SourceCamera(BaseModel):
     def check(self) -> None:
         """Refuse what can be seen to be wrong without the files."""
         from resample.cameras.lens_files import read_lens
+        from resample.cameras.models import Camera
 
-        ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": self.lens}
+        whole_lens = None if self._coefficients else self.lens
+        ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}
         given = [name for name, way in ways.items() if way is not None]
         if len(given) > 1:
             raise ValueError(f"give one of {' and '.join(given)}, not both")
@@ -132,8 +136,16 @@ class SourceCamera(BaseModel):
             raise ValueError(
                 "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
             )
-        if self.lens is not None:
-            read_lens(self.lens)
+        if whole_lens is not None:
+            read_lens(whole_lens)
+        elif self._coefficients:
+            Camera.from_fov(60.0, 1, 1).with_lens(self._coefficients)
+
+    @property
+    def _coefficients(self) -> list[float]:
+        """Those of a lens without its intrinsics; none of other lenses."""
+        name, _, numbers = (self.lens or "").partition("=")
+        return numbers_in("lens", numbers) if name == "k" else []
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
         """Camera of a picture (height, width).
@@ -152,14 +164,21 @@ class SourceCamera(BaseModel):
         """
         from resample.cameras.files import read_shot
         from resample.cameras.lens_files import read_lens
-        from resample.cameras.models import Camera
 
         name = self.source_pose if pose is None else pose
         shot = None if name is None else read_shot(name)
-        place = None if shot is None else shot.pose
+        if self._coefficients:
+            return self._without_lens(shape, name, shot).with_lens(self._coefficients)
         if self.lens is not None:
             camera = read_lens(self.lens)
-            return camera if place is None else camera.moved(place)
+            return camera if shot is None else camera.moved(shot.pose)
+        return self._without_lens(shape, name, shot)
+
+    def _without_lens(self, shape: Shape, name: str | None, shot: "Shot | None") -> "Camera":
+        """Camera of intrinsics, a field of view or what a file has of it."""
+        from resample.cameras.models import Camera
+
+        place = None if shot is None else shot.pose
         if self.fov is not None:
             return Camera.from_fov(self.fov, *shape, place)
         if self.intrinsics is not None:
