@@ -79,7 +79,8 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
 
 
 # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
-_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+UNCOUNTED = {"_nrt": False}  # no references to arrays are counted
 
 
 def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
@@ -90,7 +91,7 @@ def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """
     if numba.config.DISABLE_JIT:
         return function
-    compiled = numba.njit(function, **_OPTIONS, **options)
+    compiled = numba.njit(function, **OPTIONS, **options)
     with suppress(RuntimeError):  # no folder can be written to: compile in every process
         compiled._cache = _SourceAwareCache(function)
 
@@ -99,7 +100,7 @@ def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
         return compiled(*args, **kwargs)  # type: ignore[no-any-return]
 
     call.compiled = compiled  # type: ignore[attr-defined]
-    inner = {**_OPTIONS, **options, "no_cpython_wrapper": True}
+    inner = {**OPTIONS, **options, "no_cpython_wrapper": True}
     overload(call, jit_options=inner, strict=False)(lambda *_: function)
     return call
 
@@ -117,6 +118,15 @@ def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
     index needs a look at its sign.
     """
     return _compile(function, fastmath={"contract", "nsz"})
+
+
+def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of arrays that makes none and gives none, to be called by other kernels.
+
+    It counts no references, as its caller holds all arrays: bundles of many are then handed over
+    for nothing. A kernel that needs memory of its own cannot be compiled so.
+    """
+    return _compile(function, **UNCOUNTED)
 
 
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
