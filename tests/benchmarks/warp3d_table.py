@@ -26,10 +26,10 @@ import numpy as np
 from scipy.ndimage import minimum_filter
 
 from resample import registry
+from resample.cameras.models import Camera
 from resample.engine.jit import threads
 from resample.measuring.quality import psnr
 from resample.profiles.filters import PixelFilter
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered

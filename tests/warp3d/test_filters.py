@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from resample import registry
+from resample.cameras.models import Camera
 from resample.engine.jit import threads
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.clouds.files import Cloud
 from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
 from resample_warp3d.depth.equation import between

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
+from resample.cameras.models import Camera
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera, undistorted_places
-from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.equation import between, lens_places, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.sheet.filling import fill as fill_holes
@@ -74,7 +74,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     """
     nearness = nearness_of(depth)
     height, width = nearness.shape
-    place = undistorted_places(source, (height, width))
+    place = lens_places(source, (height, width))
     prepared = prepare(DepthImage(as_light(color), nearness, place), noise=noise, step=step)
     shape = (height, width) if size is None else size
     chosen = registry.build("warps", method) if isinstance(method, str) else method

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from resample.cameras.models import orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.types import Doubles
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.clouds.files import Cloud
 from resample_warp3d.clouds.spacing import Surfels
 
@@ -30,7 +30,7 @@ def framed(
         (height, width) px.
     azimuth, elevation, up
         Where the camera stands, degrees, and which axis points upward, as
-        `resample.cameras.models.orbit` takes them.
+        `resample.cameras.poses.orbit` takes them.
     distance
         From the middle, scene units. Left out, all of the cloud is within the frame.
 
