@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import threads
+from resample.engine.surfaces.stamps import RIM
 from resample.profiles.filters import Box
 from resample_texture.geometry.mappings import (
     BackwardMap,
@@ -12,7 +13,6 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.kernels.splat_shapes import RIM
 from resample_texture.texels.splatting import Splatting, splat
 from resample_texture.types import Edge
 

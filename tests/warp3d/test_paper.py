@@ -112,7 +112,7 @@ def test_the_count_of_threads_does_not_change_a_bit(method):
         np.testing.assert_array_equal(one, two)
 
 
-def test_a_pixel_does_not_depend_on_where_its_band_begins():
+def test_a_pixel_does_not_depend_on_where_its_tile_begins():
     down = Equation(np.array([[1.0, 0, 0], [0, 1, 7], [0, 0, 1]]), np.zeros(3))
     source = wall(70, 20)
     here, lower = Paper()(source, STAY, (70, 20)), Paper()(source, down, (77, 20))
@@ -324,17 +324,19 @@ def test_jacobian_and_gradient_are_those_of_small_steps():
     np.testing.assert_allclose(nearer[:, 1:-1], steps, rtol=1e-2)
 
 
-def test_a_segment_knows_the_rows_it_may_touch():
+def test_a_segment_knows_what_it_may_touch():
     from resample_warp3d.methods.kernels import jacobian
 
-    source = wall(10, 130)
-    placed = place(source, shift(0.0, 3.0), jacobian.Footprint(1.5, 1.0, 8.0), (12, 130))
-    assert placed.touched.shape == (10, 3, 2)
-    first, beyond = placed.touched[2, 0]
-    assert 3 <= first <= 4  # row 2 lands at 5.5 and reaches 1.5 px
-    assert 7 <= beyond <= 8
-    gone = place(source, shift(0.0, 90.0), jacobian.Footprint(1.5, 1.0, 8.0), (12, 130)).touched
-    assert (gone[..., 0] >= gone[..., 1]).all()
+    source, footprint = wall(10, 130), jacobian.Footprint(1.5, 1.0, 8.0)
+    touched = place(source, shift(0.0, 3.0), footprint, (12, 130)).touched.reshape(10, 3)
+    top, bottom = touched[2, 1]["top"], touched[2, 1]["bottom"]
+    assert 3.0 < top <= 4.0  # row 2 lands at 5.5 and reaches 1.5 px and the spread of a square
+    assert 7.0 <= bottom < 8.0
+    left, right = touched[2, 1]["left"], touched[2, 1]["right"]
+    assert 62.0 < left <= 63.0  # samples 64 to 127 at 64.5 to 127.5
+    assert 129.0 <= right <= 130.0
+    gone = place(source, shift(0.0, 90.0), footprint, (12, 130)).touched
+    assert (gone["left"] > gone["right"]).all()
 
 
 def test_samples_before_the_eye_neither_take_long_nor_leave_numbers_that_are_none():
@@ -376,5 +378,6 @@ def test_choices_out_of_range_are_refused(choices, message):
         Paper(**choices)
 
 
-def test_a_blank_picture_has_the_frame_s_size():
+def test_a_blank_picture_has_the_frame_s_size_and_shows_nothing():
     assert [part.shape for part in blank((3, 4), 2)] == [(3, 4, 2)] + 4 * [(3, 4)]
+    assert not any(part.any() for part in blank((3, 4), 2))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resample.engine.surfaces.stamps import RIM
 from resample.profiles.filters import Gaussian, PixelFilter
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
 from resample.types import Doubles, Floats
@@ -35,8 +36,8 @@ from resample_texture.texels.forward import (
 from resample_texture.texels.kernels.blocks import Integers, sight
 from resample_texture.texels.kernels.painting import collect, offsets
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
-from resample_texture.texels.kernels.splat_shapes import RIM, Shape
-from resample_texture.texels.kernels.splats import splat_blocks
+from resample_texture.texels.kernels.splat_shapes import Shape
+from resample_texture.texels.kernels.splats import Splatted, splat_blocks
 from resample_texture.types import Edge, Warped
 
 LEAST_FULL = 0.5  # weight of a pixel that counts as filled where edges are not known
@@ -139,10 +140,11 @@ def splat(
             bounds = blocks.bounds[batch]
             start = offsets(bounds, count + 1)
             pixels = np.empty(start[-1], np.float32)
-            splat_blocks(
+            splatted = Splatted(
                 source, coefficient, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
-                blocks.axes[batch], bounds, profile, numbers, start, pixels,
+                blocks.axes[batch], bounds,
             )  # fmt: skip
+            splat_blocks(splatted, profile, numbers, start, pixels)
             collect(bounds, start, pixels, picture)
     return sums.warped(*_borders(geometry, source_shape, edge, splatting))
 

@@ -157,7 +157,7 @@ def _painted(
 ) -> Painted:
     """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
     from resample_warp3d.clouds.kernels.discs import SURFEL, see
-    from resample_warp3d.clouds.kernels.painting import Picture, paint
+    from resample_warp3d.clouds.kernels.painting import Discs, Picture, paint
 
     times = [perf_counter()]
     color = surfels.color if len(surfels.color) else np.full_like(surfels.position, GRAY)
@@ -171,15 +171,15 @@ def _painted(
         np.zeros((*size, 4), np.float32),
         np.full(size, np.inf, np.float32),
         np.full(size, np.inf, np.float32),
-        np.zeros(len(records), np.uint8),
     )
-    paint(records, tiles, style.subpixels, picture)
+    discs = Discs(records, np.zeros(len(records), np.uint8))
+    paint(discs, tiles, style.subpixels, picture)
     times.append(perf_counter())
     kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
     seen = np.where(records["left"] <= records["right"], kind, np.uint8(0))
-    seen |= np.where((picture.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
+    seen |= np.where((discs.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
     seconds = dict(zip(STAGES, np.diff(times).tolist(), strict=True))
-    return Painted(*picture[:3], seen, style.subpixels, seconds)
+    return Painted(*picture, seen, style.subpixels, seconds)
 
 
 def _filtered(

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from resample.types import Doubles
+from resample.scene import dealt_to_tiles
+from resample.types import Doubles, Screen
 from resample_warp3d.types import Equation, Rendered, Source
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ TOLERANCE = 0.01  # of the nearness
 
 CUT = 3.3  # standard deviations; a Gaussian's weight is 0.4 % there
 LARGEST_RADIUS = 64.0  # px; splats that would be larger leave gaps, or a few cost as much as all
+TILE = 128  # px
 STEPS = 2048  # of the table of weights
 LEAST, MOST = 0.1, 2.0  # px, of a deviation
 
@@ -117,7 +119,7 @@ class _Gaussians:
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         from resample_warp3d.methods.kernels.jacobian import Footprint
-        from resample_warp3d.methods.kernels.splatting import Brush, paint_bands
+        from resample_warp3d.methods.kernels.splatting import Brush, Samples, paint_samples
 
         radius, (least, most) = _radius(self.sigma, self.core), self.size
         largest = LARGEST_RADIUS / radius
@@ -127,15 +129,18 @@ class _Gaussians:
         placed = place(source, equation, Footprint(radius, least, largest), shape)
         size = radius, least, min(most, largest)
         brush = Brush(self.core, self.tolerance, *size, LARGEST_RADIUS, profile)
-        paint_bands(source, placed, brush, picture)
+        screen = Screen(shape[1], shape[0], 0.0, np.zeros((4, 4)))
+        tiles = dealt_to_tiles(placed.touched, screen, TILE)
+        samples = Samples(source.color, source.links, placed.sample, brush)
+        paint_samples(samples, tiles, picture)
         return picture
 
 
 def blank(shape: tuple[int, int], channels: int) -> Rendered:
-    """Room for a rendered picture (height, width), not yet filled."""
-    coverage, nearness, magnification = (np.empty(shape, np.float32) for _ in range(3))
-    image = np.empty((*shape, channels), np.float32)
-    return Rendered(image, coverage, nearness, magnification, np.empty(shape, np.bool_))
+    """A rendered picture (height, width) of nothing."""
+    coverage, nearness, magnification = (np.zeros(shape, np.float32) for _ in range(3))
+    image = np.zeros((*shape, channels), np.float32)
+    return Rendered(image, coverage, nearness, magnification, np.zeros(shape, np.bool_))
 
 
 def place(
@@ -148,10 +153,16 @@ def place(
     ValueError
         The equation's matrix is singular.
     """
-    from resample_warp3d.methods.kernels.jacobian import FIELDS, SEGMENT, Placed, project_rows
+    from resample_warp3d.methods.kernels.jacobian import (
+        BOUNDS,
+        FIELDS,
+        SEGMENT,
+        Placed,
+        project_rows,
+    )
 
     height, width = source.nearness.shape
-    touched = np.empty((height, -(-width // SEGMENT), 2), np.int32)
+    touched = np.zeros(height * -(-width // SEGMENT), BOUNDS)
     placed = Placed(np.empty((height, FIELDS, width), np.float32), touched)
     project_rows(source, equation, _backward(equation), footprint, shape, placed)
     return placed

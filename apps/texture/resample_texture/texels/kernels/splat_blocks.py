@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from resample.engine.jit import kernel
+from resample.engine.surfaces.stamps import HIGH, MASS, RIM, ROWS, WIDE, X, Y
 from resample.types import Doubles
 from resample_texture.texels.kernels.blocks import (
     BOTTOM,
@@ -21,17 +22,7 @@ from resample_texture.texels.kernels.blocks import (
     Integers,
     projected,
 )
-from resample_texture.texels.kernels.splat_shapes import (
-    HIGH,
-    MASS,
-    RIM,
-    ROWS,
-    WIDE,
-    Shape,
-    X,
-    Y,
-    splat_on_map,
-)
+from resample_texture.texels.kernels.splat_shapes import Shape, splat_on_map
 
 MOST = 128  # texels along a side of a block
 FEW = 4  # texels; a block of no more along each side is not split for being large on screen

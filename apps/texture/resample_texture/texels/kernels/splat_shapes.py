@@ -6,18 +6,23 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import kernel
+from resample.engine.surfaces.ellipses import blurred_ellipse, longest_stretch
+from resample.engine.surfaces.stamps import (
+    CURVE,
+    HIGH,
+    MASS,
+    PEAK,
+    REST,
+    RIM,
+    SLOPE,
+    UNIT,
+    WIDE,
+    X,
+    Y,
+)
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import LEFT, LENGTH, START, TOP, Integers
 from resample_texture.texels.kernels.placing import determinant
-
-RIM = 11.0  # 3.3 standard deviations; 0.4 % of a Gaussian's mass lies beyond
-UNIT = 1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5 * RIM)))  # peak that gives V = I the mass 1
-
-# Rows of a line of splats. It reaches WIDE and HIGH px. In a row of pixels dy below its center, a
-# splat has its ridge SLOPE dy right of the center, and q = CURVE (distance from the ridge)² +
-# REST dy². A point has no PEAK; what is not drawn has no MASS either.
-X, Y, WIDE, HIGH, SLOPE, CURVE, REST, PEAK, MASS = range(9)
-ROWS = 9
 
 
 class Shape(NamedTuple):
@@ -43,24 +48,15 @@ def _form(
 ) -> None:
     """Fill in a splat by its place, the columns of J, |det J| and the first three of `Shape`."""
     variance, filter_variance, threshold = shape
-    xu, yu = along_u
-    xv, yv = along_v
-    half, two = np.float32(0.5), np.float32(2)
-    across, down = xu * xu + xv * xv, yu * yu + yv * yv
-    wide, high = variance * across + filter_variance, variance * down + filter_variance
-    # det V without the difference of two large numbers that long, thin ellipses would make it.
-    rest = filter_variance * (variance * (across + down) + filter_variance)
-    both = variance * mass * (variance * mass) + rest
-    odd, twist = xu * xu + yu * yu - xv * xv - yv * yv, two * (xu * xv + yu * yv)
-    stretch = math.sqrt(half * (across + down + math.sqrt(odd * odd + twist * twist)))
+    ellipse, both = blurred_ellipse(along_u, along_v, mass, variance, filter_variance)
     peak = np.float32(UNIT) * mass / math.sqrt(both)
+    is_splat = longest_stretch(along_u, along_v) > threshold
     line[X, n], line[Y, n] = place
-    line[WIDE, n] = math.sqrt(np.float32(RIM) * wide)
-    line[HIGH, n] = math.sqrt(np.float32(RIM) * high)
-    line[SLOPE, n] = variance * (xu * yu + xv * yv) / high
-    line[CURVE, n] = high / both
-    line[REST, n] = np.float32(1) / high
-    line[PEAK, n] = peak if stretch > threshold else np.float32(0)
+    line[WIDE, n] = math.sqrt(np.float32(RIM) * ellipse.wide)
+    line[HIGH, n] = math.sqrt(np.float32(RIM) * ellipse.high)
+    line[SLOPE, n], line[CURVE, n] = ellipse.slope, ellipse.curve
+    line[REST, n] = np.float32(1) / ellipse.high
+    line[PEAK, n] = peak if is_splat else np.float32(0)
     line[MASS, n] = mass
 
 

@@ -12,6 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.roles import plays
+from resample.engine.surfaces.blocks import (
+    COVER,
+    NEAR,
+    WEIGHT,
+    Block,
+    Surfaces,
+    first_used,
+    row_shift,
+)
+from resample.engine.surfaces.painting import add, claim, paint_tile, stride, write
 from resample.types import Floats, Record, Records, Single, Tiles
 from resample_warp3d.clouds.kernels.discs import REACH
 
@@ -20,22 +31,14 @@ FEW = 4.0  # sub-pixels; rows of fewer are not narrowed down
 AMPLE = 1.5  # discs' areas by which points cover: irregular surfaces of them are closed, too
 EVEN = 1.0  # px, discs at least as large need not be looked at at every sub-pixel
 LAYERS = 8  # surfaces one behind the other, at most
-FULL: Single = np.float32(1 - 1e-3)  # coverage beyond which nothing shows through
-RED, GREEN, BLUE, WEIGHT, NEAR, COVER = range(6)
+RED, GREEN, BLUE = range(3)  # lanes of a surface, with those of the engine
 
 
-class Block(NamedTuple):
-    """The sub-pixels of one tile."""
+class Discs(NamedTuple):
+    """Discs on the screen."""
 
-    left: int  # px
-    top: int  # px
-    subpixels: int  # per side of a pixel
-    floor: Floats  # (R, C) nearness that a disc of the surface in front has, at least
-    limit: Floats  # (R, C) nearness below which the next surface is looked for; 0: full
-    sums: Floats  # (R, C, 6) over the surface at hand: weighted color, weight, nearness, coverage
-    seen: Floats  # (R, C, 6) red, green, blue, coverage, coverage × depth, nearness of the first
-    box: NDArray[np.int64]  # (4,) first and last row, first and last column that are not full
-    step: NDArray[np.int64]  # (1,) of the sub-pixels of a row, one in how many is used
+    records: Records  # (N,) of `SURFEL`
+    shows: NDArray[np.uint8]  # (N,) set to 1 for each disc that some sub-pixel shows
 
 
 class Disc(NamedTuple):
@@ -65,28 +68,6 @@ class Picture(NamedTuple):
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
     first_depth: Floats  # (H, W)
-    shows: NDArray[np.uint8]  # (N,) 1 for each disc that some sub-pixel shows
-
-
-@kernel
-def _new_block(tile: int, tiles: Tiles, picture: Picture, subpixels: int) -> Block:
-    """An empty tile, without what lies beyond the frame."""
-    height, width = picture.depth.shape
-    row, column = divmod(int(np.int64(tile)), tiles.columns)
-    left, top = column * tiles.size, row * tiles.size
-    rows = min(tiles.size, height - top) * subpixels
-    columns = min(tiles.size, width - left) * subpixels
-    return Block(
-        left,
-        top,
-        subpixels,
-        np.zeros((rows, columns), np.float32),
-        np.full((rows, columns), np.inf, np.float32),
-        np.zeros((rows, columns, 6), np.float32),
-        np.zeros((rows, columns, 6), np.float32),
-        np.array([0, rows - 1, 0, columns - 1]),
-        np.ones(1, np.int64),
-    )
 
 
 @kernel
@@ -115,25 +96,6 @@ def _disc(record: Record) -> Disc:
 def _within(value: float, least: int, most: int) -> int:
     """Whole number below a value, kept within bounds, whatever the value."""
     return math.floor(max(float(least), min(float(most), value)))
-
-
-@kernel
-def _shift(row: int, subpixels: int) -> float:
-    """How far a row of sub-pixels is moved to the right, sub-pixels.
-
-    So upright edges pass the samples of a pixel one by one and not by columns.
-    """
-    return (row % subpixels + 0.5) / subpixels - 0.5
-
-
-@kernel
-def _first(block: Block, row: int, column: int) -> int:
-    """First column from one on that is used; few of a pixel are the corners of a turned square."""
-    step = block.step[0]
-    if step == 1:
-        return column
-    used = (2 * (row % step) + 1) % (step + 1)
-    return int(column + (used - column % step) % step)
 
 
 @kernel
@@ -171,7 +133,7 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
         root = math.sqrt(under)
         left = max(left, disc.x + (-mixed - root) / square)
         right = min(right, disc.x + (-mixed + root) / square)
-    before = _shift(row, block.subpixels) + 0.5
+    before = row_shift(row, block.subpixels) + 0.5
     first, last = block.box[2], block.box[3]
     return (
         _within((left - block.left) * fine - before + 0.99, first, last + 1),
@@ -179,10 +141,10 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
     )
 
 
-@kernel
-def _claim(record: Record, block: Block) -> None:
+@plays(claim, Discs)
+def _claim(discs: Discs, member: int, block: Block) -> None:
     """Raise the floor where a disc is in front."""
-    disc = _disc(record)
+    disc = _disc(discs.records[member])
     is_splat = disc.is_splat
     core = CORE if is_splat else np.float32(1)
     fine = np.float32(1) / np.float32(block.subpixels)
@@ -195,7 +157,7 @@ def _claim(record: Record, block: Block) -> None:
         first, last = _columns(disc, block, row, core)
         dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
         start = np.float32(
-            block.left + (_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
+            block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
         )
         u0, v0 = disc.uy * dy, disc.vy * dy
         d0 = one + disc.slope_y * dy
@@ -209,9 +171,10 @@ def _claim(record: Record, block: Block) -> None:
             floor[row, column] = max(floor[row, column], least)
 
 
-@kernel
-def _add(record: Record, block: Block) -> bool:
-    """Add a disc to the surface in front where it is part of it; gives whether it is anywhere."""
+@plays(add, Discs)
+def _add(discs: Discs, member: int, _: int, block: Block) -> None:
+    """Add a disc to the surface in front where it is part of it."""
+    record = discs.records[member]
     disc = _disc(record)
     is_splat = disc.is_splat
     fine = np.float32(1) / np.float32(block.subpixels)
@@ -227,11 +190,11 @@ def _add(record: Record, block: Block) -> bool:
         first, last = _columns(disc, block, row, one)
         dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
         start = np.float32(
-            block.left + (_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
+            block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
         )
         u0, v0 = disc.uy * dy, disc.vy * dy
         d0 = one + disc.slope_y * dy
-        for column in range(_first(block, row, first), last + 1, step):
+        for column in range(first_used(block, row, first), last + 1, step):
             dx = start + np.float32(column) * fine
             u, v, d = ux * dx + u0, vx * dx + v0, p * dx + d0
             e = d if is_splat else one
@@ -251,53 +214,12 @@ def _add(record: Record, block: Block) -> bool:
                 elif index <= CORE:
                     sums[row, column, COVER] += one
                 shows = True
-    return shows
+    if shows:
+        discs.shows[member] = 1
 
 
-@kernel
-def _compose(block: Block, layer: int) -> bool:
-    """Put the surface at hand behind those before; gives whether another may show through."""
-    floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.seen, block.box
-    rows, columns = floor.shape
-    top, bottom, left, right = rows, -1, columns, -1
-    one = np.float32(1)
-    for row in range(box[0], box[1] + 1):
-        for column in range(_first(block, row, box[2]), box[3] + 1, block.step[0]):
-            weight = sums[row, column, WEIGHT]
-            # Discs that were found behind a full sub-pixel, or none at all: nothing more to come.
-            if floor[row, column] <= 0:
-                limit[row, column] = 0
-                continue
-            if weight > 0:
-                room = one - seen[row, column, 3]
-                cover = room * min(one, sums[row, column, COVER])
-                share = cover / weight
-                seen[row, column, 0] += share * sums[row, column, RED]
-                seen[row, column, 1] += share * sums[row, column, GREEN]
-                seen[row, column, 2] += share * sums[row, column, BLUE]
-                seen[row, column, 3] += cover
-                near = sums[row, column, NEAR] / weight
-                seen[row, column, 4] += cover / near
-                if seen[row, column, 5] == 0:
-                    seen[row, column, 5] = near
-            is_open = seen[row, column, 3] < FULL
-            limit[row, column] = floor[row, column] if is_open else np.float32(0)
-            if is_open:
-                top, bottom = min(top, row), max(bottom, row)
-                left, right = min(left, column), max(right, column)
-    if bottom < 0 or layer + 1 == LAYERS:
-        return False
-    box[0], box[1], box[2], box[3] = top, bottom, left, right
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            floor[row, column] = 0
-            for k in range(6):
-                sums[row, column, k] = 0
-    return True
-
-
-@kernel
-def _resolve(block: Block, picture: Picture) -> None:
+@plays(write, Picture)
+def _write(picture: Picture, block: Block, _: int) -> None:
     """Mean of each pixel's sub-pixels."""
     seen, fine = block.seen, block.subpixels
     rgba = picture.rgba
@@ -307,7 +229,7 @@ def _resolve(block: Block, picture: Picture) -> None:
         for j in range(columns // fine):
             red, green, blue, cover, depth, first = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for row in range(i * fine, (i + 1) * fine):
-                start = _first(block, row, j * fine)
+                start = first_used(block, row, j * fine)
                 for column in range(start, (j + 1) * fine, block.step[0]):
                     red += seen[row, column, 0]
                     green += seen[row, column, 1]
@@ -320,6 +242,12 @@ def _resolve(block: Block, picture: Picture) -> None:
             rgba[y, x, 2], rgba[y, x, 3] = scale * blue, min(1.0, scale * cover)
             picture.depth[y, x] = depth / cover if cover > 0.0 else np.inf
             picture.first_depth[y, x] = 1.0 / first if first > 0.0 else np.inf
+
+
+@plays(stride, Discs)
+def _stride(discs: Discs, tiles: Tiles, tile: int, block: Block) -> int:
+    """Sub-pixels of which one is enough, as one surface of splats fills the tile."""
+    return block.subpixels if _is_even(discs.records, tiles, tile, block) else 1
 
 
 @kernel
@@ -343,44 +271,20 @@ def _is_even(records: Records, tiles: Tiles, tile: int, block: Block) -> bool:
     return True
 
 
-@kernel
-def _paint_tile(
-    records: Records, tiles: Tiles, tile: int, subpixels: int, picture: Picture
-) -> None:
-    """Paint one tile, which belongs to one thread."""
-    start, end = tiles.start[tile], tiles.start[tile + 1]
-    if start == end:
-        return
-    block = _new_block(tile, tiles, picture, subpixels)
-    for layer in range(LAYERS):
-        for member in range(start, end):
-            _claim(records[tiles.member[member]], block)
-        if layer == 0 and _is_even(records, tiles, tile, block):
-            block.step[0] = subpixels
-        for member in range(start, end):
-            if _add(records[tiles.member[member]], block):
-                picture.shows[tiles.member[member]] = 1
-        if not _compose(block, layer):
-            break
-    _resolve(block, picture)
-
-
 @parallel_kernel
-def paint(
-    counter: Counter, records: Records, tiles: Tiles, subpixels: int, picture: Picture
-) -> None:
+def paint(counter: Counter, discs: Discs, tiles: Tiles, subpixels: int, picture: Picture) -> None:
     """Paint every tile.
 
     Parameters
     ----------
-    records
-        (N,) of `SURFEL`.
     tiles
-        Which of them touch which tile, in their order.
+        Which discs touch which tile, in their order.
     subpixels
         Per side of a pixel.
     picture
         Filled; transparent before, with infinite depths.
     """
+    height, width = picture.depth.shape
+    surfaces = Surfaces(LAYERS, subpixels, 1, 6)
     for tile in tasks(counter, tiles.start.size - 1):
-        _paint_tile(records, tiles, tile, subpixels, picture)
+        paint_tile(discs, tiles, tile, (height, width), surfaces, picture)

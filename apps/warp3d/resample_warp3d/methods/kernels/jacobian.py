@@ -10,15 +10,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Records
 from resample_warp3d.types import Equation, Source
 
-Rows = NDArray[np.int32]
-
-SEGMENT = 64  # samples of a source row whose rows in the target are known together
+SEGMENT = 64  # samples of a source row whose place in the target is known together
 EDGE_ON = 1e-6  # 1 + a · M⁻¹ e of a surface that is seen from the side
 LARGEST = 1e6  # px of the target per px of the source; what is larger touches the eye
 
@@ -27,6 +24,10 @@ LARGEST = 1e6  # px of the target per px of the source; what is larger touches t
 # and downward. A sample that is unknown, behind the eye or seen from the back has X not a number.
 X, Y, NEARNESS, XU, YU, XV, YV, ACROSS, DOWNWARD = range(9)
 FIELDS = 9
+
+
+# What samples of a segment may touch in the target, px; left > right: nothing.
+BOUNDS = np.dtype([(name, np.float32) for name in ("left", "top", "right", "bottom", "spacing")])
 
 
 class Footprint(NamedTuple):
@@ -38,10 +39,10 @@ class Footprint(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Samples of a source (H, W) in the target, and which of its rows they may touch."""
+    """Samples of a source (H, W) in the target, and what they may touch there."""
 
     sample: Floats  # (H, FIELDS, W)
-    touched: Rows  # (H, S, 2) per segment: first row of the target and one beyond the last
+    touched: Records  # (H S,) of `BOUNDS`, of the S segments of each row
 
 
 @kernel
@@ -111,32 +112,27 @@ def project_row(
 
 
 @kernel
-def touch_row(
-    sample: Floats, line: int, footprint: Footprint, shape: tuple[int, int], touched: Rows, row: int
+def _touch_row(
+    sample: Floats, row: int, footprint: Footprint, shape: tuple[int, int], touched: Records
 ) -> None:
-    """Find the rows of a frame (height, width) that the footprints of each segment may meet.
-
-    Parameters
-    ----------
-    sample
-        (N, FIELDS, W) of which `line` is read; its first five fields at least.
-    touched
-        (H, S, 2) of which `row` is filled: first row and one beyond the last; none if not less.
-    """
+    """Find what the footprints of each segment of a row may meet of a frame (height, width)."""
     height, width = shape
     radius = np.float32(footprint.radius)
     least, most = np.float32(footprint.least**2), np.float32(footprint.most**2)
-    for segment in range(touched.shape[1]):
-        top, bottom = np.float32(height), np.float32(0)
+    segments = -(-sample.shape[2] // SEGMENT)
+    for segment in range(segments):
+        left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
         for n in range(segment * SEGMENT, min((segment + 1) * SEGMENT, sample.shape[2])):
-            x, xu, xv = sample[line, X, n], sample[line, XU, n], sample[line, XV, n]
-            y, yu, yv = sample[line, Y, n], sample[line, YU, n], sample[line, YV, n]
+            x, xu, xv = sample[row, X, n], sample[row, XU, n], sample[row, XV, n]
+            y, yu, yv = sample[row, Y, n], sample[row, YU, n], sample[row, YV, n]
             wide = radius * math.sqrt(min(xu * xu + xv * xv + least, most))
             high = radius * math.sqrt(min(yu * yu + yv * yv + least, most))
             if x + wide > 0 and x - wide < width and y + high > 0 and y - high < height:
+                left, right = min(left, x - wide), max(right, x + wide)
                 top, bottom = min(top, y - high), max(bottom, y + high)
-        touched[row, segment, 0] = math.floor(max(top, np.float32(0)))
-        touched[row, segment, 1] = math.ceil(min(bottom, np.float32(height)))
+        record = touched[row * segments + segment]
+        record["left"], record["right"] = max(left, 0.0), min(right, float(width))
+        record["top"], record["bottom"] = max(top, 0.0), min(bottom, float(height))
 
 
 @kernel
@@ -150,7 +146,7 @@ def _place_row(
 ) -> None:
     equation, back = view
     project_row(source, equation, back, row, placed.sample, row)
-    touch_row(placed.sample, row, footprint, shape, placed.touched, row)
+    _touch_row(placed.sample, row, footprint, shape, placed.touched)
 
 
 @parallel_kernel

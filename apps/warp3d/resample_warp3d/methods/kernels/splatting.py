@@ -1,8 +1,6 @@
 """Elliptical Gaussian splats of a depth image's samples; points are splats of one size.
 
-The target is cut into bands of rows. A band's thread takes the samples in the source's order, and
-does so twice: each pixel has to know what is nearest there before what lies on that surface is
-summed. A pixel has one owner, who sees its samples in one order.
+Samples are painted in segments of a source row, whose order in the source is that of their sums.
 """
 
 import math
@@ -11,7 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.types import Floats, Single
+from resample.engine.roles import plays
+from resample.engine.surfaces.blocks import WEIGHT, Block, Surfaces
+from resample.engine.surfaces.ellipses import beyond_center, first_center, held_ellipse
+from resample.engine.surfaces.painting import add, claim, paint_tile, stride, write
+from resample.types import Floats, Single, Tiles
 from resample_warp3d.methods.kernels.jacobian import (
     ACROSS,
     DOWNWARD,
@@ -21,16 +23,15 @@ from resample_warp3d.methods.kernels.jacobian import (
     XV,
     YU,
     YV,
-    Placed,
     X,
     Y,
 )
-from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links, Rendered, Source
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links, Rendered
 
-ROWS = 32  # of a band
 GROUP = 3  # channels that are summed at a time, beside their weight
-ROUND: Single = np.float32(1e-6)  # of the mean stretch: an ellipse that differs by less is a circle
-TINY: Single = np.float32(1e-30)
+
+
+SLACK: Single = np.float32(1.001)  # of squares of distances, that rounding leaves nothing out
 
 
 class Brush(NamedTuple):
@@ -45,77 +46,88 @@ class Brush(NamedTuple):
     profile: Floats  # (N,) weights over the square of the distance from the center, 0 to the rim
 
 
-class Strip(NamedTuple):
-    """A band of the target's rows."""
+class Samples(NamedTuple):
+    """A source's samples on the screen."""
 
-    top: int
-    bottom: int  # one beyond the last
-    sums: Floats  # (ROWS, W, GROUP + 1) of some channels and of their weights
+    color: Floats  # (H, W, C)
+    links: Links  # (H, W)
+    sample: Floats  # (H, FIELDS, W)
+    brush: Brush
 
 
-@kernel
-def ellipse(
-    xu: Single, xv: Single, yu: Single, yv: Single, least: Single, most: Single
-) -> tuple[Single, Single, Single]:
-    """Image V of the unit circle under J, its stretches (squares) held between two bounds.
+class Surroundings(NamedTuple):
+    """Bounds of what may reach a block, px."""
 
-    V is J Jᵀ with its eigenvalues clamped; returned are V_yy, V_xy / V_yy and V_yy / det V. In the
-    row of pixels dy from the center, q = dᵀ V⁻¹ d is least, dy² / V_yy, at dx = the second × dy; it
-    grows from there as the third × the square of the distance.
-    """
-    half = np.float32(0.5)
-    a, b, c = xu * xu + xv * xv, xu * yu + xv * yv, yu * yu + yv * yv
-    odd, area = half * (a - c), xu * yv - xv * yu
-    mean, spread = half * (a + c), math.sqrt(odd * odd + b * b)
-    large = mean + spread
-    small = area * area / (large + TINY)
-    longer, shorter = min(max(large, least), most), min(max(small, least), most)
-    # A function of a 2 × 2 matrix is linear in it: V = longer + scale (J Jᵀ − large).
-    scale = half * (longer - shorter) / spread if spread > ROUND * mean else np.float32(0)
-    high = longer + scale * (c - large)
-    return high, scale * b / high, high / (longer * shorter)
+    left: Single
+    top: Single
+    right: Single
+    bottom: Single
+    reach: Single  # from the block itself
 
 
 @kernel
-def _first(edge: Single, least: int) -> int:
-    """First pixel whose center is not before an edge, and not before `least`."""
-    return int(max(edge + np.float32(0.5), np.float32(least)))
+def _around(block: Block, reach: float) -> Surroundings:
+    rows, columns = block.floor.shape
+    return Surroundings(
+        np.float32(block.left - reach),
+        np.float32(block.top - reach),
+        np.float32(block.left + columns + reach),
+        np.float32(block.top + rows + reach),
+        np.float32(reach),
+    )
 
 
 @kernel
-def _beyond(edge: Single, most: int) -> int:
-    """One beyond the last pixel whose center is before an edge, and at most `most`."""
-    return int(min(max(edge + np.float32(0.5), np.float32(0)), np.float32(most)))
+def _is_near(x: Single, y: Single, around: Surroundings) -> bool:
+    """Whether a place is within bounds; not if it is not a number."""
+    return bool(around.left < x < around.right and around.top < y < around.bottom)
 
 
 @kernel
-def _is_near(x: Single, y: Single, reach: Single, strip: Strip) -> bool:
-    """Whether a place is within reach of a strip; not if it is not a number."""
-    is_beside = y + reach > strip.top and y - reach < strip.bottom
-    return bool(is_beside and x + reach > 0 and x - reach < strip.sums.shape[1])
+def _apart(x: Single, y: Single, around: Surroundings) -> tuple[Single, Single]:
+    """How far a place that is near lies beside and above or below a block, px."""
+    zero, reach = np.float32(0), around.reach
+    return (
+        max(around.left + reach - x, x - around.right + reach, zero),
+        max(around.top + reach - y, y - around.bottom + reach, zero),
+    )
 
 
 @kernel
-def _cover_segment(
-    links: Links, placed: Placed, at: tuple[int, int], brush: Brush, strip: Strip, picture: Rendered
-) -> None:
+def _span(samples: Samples, member: int) -> tuple[int, int, int]:
+    """Row of a segment in the source, and its first and last + 1 column."""
+    width = samples.sample.shape[2]
+    row, segment = divmod(int(np.int64(member)), -(-width // SEGMENT))
+    return row, segment * SEGMENT, min((segment + 1) * SEGMENT, width)
+
+
+@plays(claim, Samples)
+def _cover(samples: Samples, member: int, block: Block) -> None:
     """Let samples hide what is behind them, where their cells hold the centers of pixels.
 
-    A cell ends half a px from the sample at boundaries, and overlaps those of its links.
+    A cell ends half a px from the sample at boundaries, and overlaps those of its links. What is
+    nearest stands in the floor.
     """
-    half, sample, row = np.float32(0.5), placed.sample, at[0]
+    half, sample, links, brush = np.float32(0.5), samples.sample, samples.links, samples.brush
     core, edge = np.float32(brush.core), min(half, np.float32(brush.core))
-    reach = np.float32(brush.reach)
-    for n in range(at[1] * SEGMENT, min((at[1] + 1) * SEGMENT, sample.shape[2])):
+    reach, floor, area_of = np.float32(brush.reach), block.floor, block.area
+    rows, columns = floor.shape
+    row, first, last = _span(samples, member)
+    around = _around(block, brush.reach)
+    for n in range(first, last):
         x, y = sample[row, X, n], sample[row, Y, n]
-        if not _is_near(x, y, reach, strip):
+        if not _is_near(x, y, around):
             continue
         xu, xv = sample[row, XU, n], sample[row, XV, n]
         yu, yv = sample[row, YU, n], sample[row, YV, n]
         wide = min(core * (abs(xu) + abs(xv)), reach)
         high = min(core * (abs(yu) + abs(yv)), reach)
-        top, bottom = _first(y - high, strip.top), _beyond(y + high, strip.bottom)
-        left, right = _first(x - wide, 0), _beyond(x + wide, strip.sums.shape[1])
+        beside, below = _apart(x, y, around)
+        if beside > wide or below > high:
+            continue
+        top, bottom = first_center(y - high, block.top), beyond_center(y + high, block.top + rows)
+        left = first_center(x - wide, block.left)
+        right = beyond_center(x + wide, block.left + columns)
         if top >= bottom or left >= right:
             continue
         area, link = xu * yv - xv * yu, links[row, n]
@@ -131,137 +143,111 @@ def _cover_segment(
                 u, v = (yv * dx - xv * dy) * share, (xu * dy - yu * dx) * share
                 if least_u <= u <= most_u and least_v <= v <= most_v:
                     nearness = near + across * dx + downward * dy
-                    if nearness > picture.nearness[r, c]:
-                        picture.nearness[r, c] = nearness
-                        picture.magnification[r, c] = abs(area)
+                    i, j = np.uint64(r - block.top), np.uint64(c - block.left)
+                    if nearness > floor[i, j]:
+                        floor[i, j], area_of[i, j] = nearness, abs(area)
 
 
-@kernel
-def _add_segment(
-    color: Floats,
-    channels: tuple[int, int, int],
-    placed: Placed,
-    at: tuple[int, int],
-    brush: Brush,
-    strip: Strip,
-    picture: Rendered,
-) -> None:
+@plays(add, Samples)
+def _splat(samples: Samples, member: int, group: int, block: Block) -> None:
     """Sum what samples give to pixels where they are on the nearest surface.
 
     Where no cell has been, all are, and the nearest so far is noted as a negative number.
     """
-    half, sample = np.float32(0.5), placed.sample
+    half, sample, color, brush = np.float32(0.5), samples.sample, samples.color, samples.brush
+    floor, sums, profile = block.floor, block.sums, brush.profile
     rim, keep = np.float32(brush.radius**2), np.float32(1.0 - brush.tolerance)
     least, most = np.float32(brush.least**2), np.float32(brush.most**2)
-    entries = brush.profile.shape[0]
-    last, scale = np.float32(entries - 1), np.float32(entries / brush.radius**2)
-    row, first = at[0], at[1] * SEGMENT
-    for n in range(first, min(first + SEGMENT, sample.shape[2])):
+    loose = rim * SLACK
+    entries, channel = brush.profile.shape[0], color.shape[2] - 1
+    last_entry, scale = np.float32(entries - 1), np.float32(entries / brush.radius**2)
+    bottom, end = block.top + floor.shape[0], block.left + floor.shape[1]
+    k0 = GROUP * group
+    k1, k2 = min(k0 + 1, channel), min(k0 + 2, channel)
+    row, first, last = _span(samples, member)
+    around = _around(block, brush.reach)
+    for n in range(first, last):
         x, y = sample[row, X, n], sample[row, Y, n]
-        if not _is_near(x, y, np.float32(brush.reach), strip):
+        if not _is_near(x, y, around):
             continue
         xu, xv = sample[row, XU, n], sample[row, XV, n]
         yu, yv = sample[row, YU, n], sample[row, YV, n]
-        square, tilt, curve = ellipse(xu, xv, yu, yv, least, most)
-        high, narrow = math.sqrt(rim * square), np.float32(1) / math.sqrt(curve)
+        # No form is larger than J Jᵀ + least along any axis.
+        beside, below = _apart(x, y, around)
+        if beside * beside > loose * (xu * xu + xv * xv + least):
+            continue
+        if below * below > loose * (yu * yu + yv * yv + least):
+            continue
+        ellipse = held_ellipse((xu, yu), (xv, yv), least, most)
+        high = math.sqrt(rim * ellipse.high)
+        narrow = np.float32(1) / math.sqrt(ellipse.curve)
         near = sample[row, NEARNESS, n]
         across, downward = sample[row, ACROSS, n], sample[row, DOWNWARD, n]
-        value_0, value_1 = color[row, n, channels[0]], color[row, n, channels[1]]
-        value_2 = color[row, n, channels[2]]
-        for r in range(_first(y - high, strip.top), _beyond(y + high, strip.bottom)):
+        red, green, blue = color[row, n, k0], color[row, n, k1], color[row, n, k2]
+        for r in range(first_center(y - high, block.top), beyond_center(y + high, bottom)):
             dy = np.float32(r) + half - y
-            q, middle = dy * dy / square, x + tilt * dy
+            q, middle = dy * dy / ellipse.high, x + ellipse.slope * dy
             wide = narrow * math.sqrt(max(rim - q, np.float32(0)))
-            for c in range(_first(middle - wide, 0), _beyond(middle + wide, strip.sums.shape[1])):
-                center, nearest = np.float32(c) + half, picture.nearness[r, c]
+            i = np.uint64(r - block.top)
+            for c in range(
+                first_center(middle - wide, block.left), beyond_center(middle + wide, end)
+            ):
+                j, center = np.uint64(c - block.left), np.float32(c) + half
+                nearest = floor[i, j]
                 nearness = near + across * (center - x) + downward * dy
                 if nearness < keep * nearest:
                     continue
                 if -nearness < nearest <= 0:
-                    picture.nearness[r, c] = -nearness
-                    picture.magnification[r, c] = abs(xu * yv - xv * yu)
+                    floor[i, j] = -nearness
+                    block.area[i, j] = abs(xu * yv - xv * yu)
                 dx = center - middle
-                weight = brush.profile[int(min((q + dx * dx * curve) * scale, last))]
-                strip.sums[r - strip.top, c, 0] += weight * value_0
-                strip.sums[r - strip.top, c, 1] += weight * value_1
-                strip.sums[r - strip.top, c, 2] += weight * value_2
-                strip.sums[r - strip.top, c, 3] += weight
+                entry = int(min((q + dx * dx * ellipse.curve) * scale, last_entry))
+                weight = profile[np.uint64(entry)]
+                sums[i, j, 0] += weight * red
+                sums[i, j, 1] += weight * green
+                sums[i, j, 2] += weight * blue
+                sums[i, j, WEIGHT] += weight
 
 
-@kernel
-def _cover(links: Links, placed: Placed, brush: Brush, strip: Strip, picture: Rendered) -> None:
-    """Find what is nearest in each pixel of a strip."""
-    for r in range(strip.top, strip.bottom):
-        for c in range(strip.sums.shape[1]):
-            picture.nearness[r, c], picture.magnification[r, c] = np.float32(0), np.float32(0)
-    touched = placed.touched
-    for row in range(touched.shape[0]):
-        for segment in range(touched.shape[1]):
-            if touched[row, segment, 0] < strip.bottom and touched[row, segment, 1] > strip.top:
-                _cover_segment(links, placed, (row, segment), brush, strip, picture)
+@plays(stride, Samples)
+def _stride(samples: Samples, tiles: Tiles, tile: int, block: Block) -> int:  # noqa: ARG001
+    return 1
 
 
-@kernel
-def _add(
-    color: Floats, first: int, placed: Placed, brush: Brush, strip: Strip, picture: Rendered
-) -> None:
-    """Sum a group of channels and their weights in a strip."""
-    for r in range(strip.bottom - strip.top):
-        for c in range(strip.sums.shape[1]):
-            for k in range(GROUP + 1):
-                strip.sums[r, c, k] = np.float32(0)
-    most, touched = color.shape[2] - 1, placed.touched
-    channels = first, min(first + 1, most), min(first + 2, most)
-    for row in range(touched.shape[0]):
-        for segment in range(touched.shape[1]):
-            if touched[row, segment, 0] < strip.bottom and touched[row, segment, 1] > strip.top:
-                _add_segment(color, channels, placed, (row, segment), brush, strip, picture)
-
-
-@kernel
-def _average(first: int, strip: Strip, picture: Rendered) -> None:
-    """Turn the sums of a group of channels into means."""
-    channels = min(GROUP, picture.image.shape[2] - first)
-    for r in range(strip.top, strip.bottom):
-        for c in range(strip.sums.shape[1]):
-            weight = strip.sums[r - strip.top, c, GROUP]
-            share = np.float32(1) / weight if weight > 0 else np.float32(0)
+@plays(write, Rendered)
+def _write(picture: Rendered, block: Block, group: int) -> None:
+    """Write a group of channels and, with the first one, what is covered and how near it is."""
+    image, seen, floor, area = picture.image, block.seen, block.floor, block.area
+    coverage, bridged, nearness = picture.coverage, picture.bridged, picture.nearness
+    channels = min(GROUP, image.shape[2] - GROUP * group)
+    for row in range(floor.shape[0]):
+        r, y = np.uint64(row), np.uint64(block.top + row)
+        for column in range(floor.shape[1]):
+            c, x = np.uint64(column), np.uint64(block.left + column)
             for k in range(channels):
-                picture.image[r, c, first + k] = strip.sums[r - strip.top, c, k] * share
-
-
-@kernel
-def _conclude(strip: Strip, picture: Rendered) -> None:
-    """Say which pixels are covered and which of them no cell has been in."""
-    for r in range(strip.top, strip.bottom):
-        for c in range(strip.sums.shape[1]):
-            is_covered = strip.sums[r - strip.top, c, GROUP] > 0
-            picture.coverage[r, c] = np.float32(1) if is_covered else np.float32(0)
-            picture.bridged[r, c] = is_covered and picture.nearness[r, c] <= 0
-            picture.nearness[r, c] = abs(picture.nearness[r, c]) * picture.coverage[r, c]
-            picture.magnification[r, c] *= picture.coverage[r, c]
-
-
-@kernel
-def _paint_band(source: Source, placed: Placed, brush: Brush, picture: Rendered, band: int) -> None:
-    height, width = picture.nearness.shape
-    sums = np.empty((ROWS, width, GROUP + 1), np.float32)
-    strip = Strip(band * ROWS, min((band + 1) * ROWS, height), sums)
-    _cover(source.links, placed, brush, strip, picture)
-    for first in range(0, source.color.shape[2], GROUP):
-        _add(source.color, first, placed, brush, strip, picture)
-        _average(first, strip, picture)
-    _conclude(strip, picture)
+                image[y, x, np.uint64(GROUP * group + k)] = seen[r, c, np.uint64(k)]
+            if group > 0:
+                continue
+            covered, nearest = seen[r, c, 3], floor[r, c]
+            coverage[y, x] = covered
+            bridged[y, x] = (covered > 0) & (nearest <= 0)  # no cell has been there
+            nearness[y, x] = abs(nearest) * covered
+            picture.magnification[y, x] = area[r, c] * covered
 
 
 @parallel_kernel
-def paint_bands(
-    counter: Counter, source: Source, placed: Placed, brush: Brush, picture: Rendered
-) -> None:
+def paint_samples(counter: Counter, samples: Samples, tiles: Tiles, picture: Rendered) -> None:
     """Paint the samples of a source of C > 0 channels that were placed in a frame.
 
-    All of `picture` is filled. Image and coverage are those of the nearest surface: whole where any
-    of its samples reach, else 0.
+    Parameters
+    ----------
+    tiles
+        Which segments touch which tile, counted row by row.
+    picture
+        Filled; empty before. Image and coverage are those of the nearest surface: whole where any
+        of its samples reach, else 0.
     """
-    for band in tasks(counter, -(-picture.nearness.shape[0] // ROWS)):
-        _paint_band(source, placed, brush, picture, int(band))
+    height, width, channels = picture.image.shape
+    surfaces = Surfaces(1, 1, -(-channels // GROUP), 4)
+    for tile in tasks(counter, tiles.start.size - 1):
+        paint_tile(samples, tiles, tile, (height, width), surfaces, picture)
