@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, contest
 from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.resampler import Primitive, Resampler
 from resample.types import Blocked, Field, Samples
 from resample.types import View as Perspective
@@ -60,7 +60,7 @@ class Shown:
 class Cropped:
     """A camera whose picture begins `offset` px farther right and down."""
 
-    camera: Camera
+    camera: AnyCamera
     offset: float
 
     def view(self) -> Perspective:
@@ -84,7 +84,7 @@ class View:
         return _shown(self.name, self.opacity, self.options)
 
     @cached_property
-    def camera(self) -> Camera:
+    def camera(self) -> AnyCamera:
         """Where from."""
         return self.shown.case.camera(
             _zooms(self.name, self.side, self.options)[self.place], self.side
@@ -105,7 +105,7 @@ class View:
         return self.side if self.side <= WHOLE else PART
 
     @cached_property
-    def part_camera(self) -> Camera:
+    def part_camera(self) -> AnyCamera:
         """Camera of that part."""
         return Cropped(self.camera, (self.side - self.part) / 2)
 

@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.culling import check_blocked, paint_blocks
 from resample.deferred import can_defer, paint_deferred
 from resample.deferred_points import can_defer_points, paint_points
@@ -179,7 +179,7 @@ class Resampler:
     def __call__(
         self,
         samples: Samples | Field | Blocked,
-        camera: Camera,
+        camera: AnyCamera,
         *,
         height: int,
         width: int,
@@ -232,7 +232,7 @@ class Resampler:
             return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(
-        self, samples: Samples | Field, camera: Camera, *, height: int, width: int
+        self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
     ) -> Records:
         """Records (N,) of `resample.types.FOOTPRINT`: what the painters get to know of each sample.
 
@@ -262,7 +262,7 @@ class Resampler:
     def _render_blocked(
         self,
         samples: Blocked,
-        camera: Camera,
+        camera: AnyCamera,
         size: tuple[int, int],
         clip: ArrayLike | None,
         progress: Progress | None,

@@ -1,5 +1,7 @@
 """Rules of the house that no linter knows: `python tools/house.py` names what breaks them.
 
+With `--map` it prints the map of folders that stands in docs/ARCHITECTURE.md.
+
 Folders are small enough to be read at a glance, kernels take what travels together as one bundle, a
 class name has few meanings, and modules do not import each other in circles, type-only imports
 included. What is known to be over a limit is listed in `pyproject.toml` and may only shrink.
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
+ARCHITECTURE = ROOT / "docs" / "ARCHITECTURE.md"
 SOURCES = ("resample", "apps/texture", "apps/volume", "apps/warp3d")
 KERNELS = {"engine", "kernels"}  # folders of numba code
 MOST_FILES = 12  # in a folder, besides __init__.py
@@ -94,10 +97,29 @@ def circles(known: list[Module]) -> Iterator[str]:
         yield f"modules import each other: {' <- '.join(error.args[1])}"
 
 
+def map_of_folders(known: list[Module]) -> str:
+    """Every folder but those of kernels, with its purpose, as its `__init__.py` says it."""
+    lines = []
+    for module in known:
+        if module.path.stem == "__init__" and module.path.parent.name != "kernels":
+            purpose = (ast.get_docstring(module.tree) or "").partition("\n")[0]
+            lines.append(f"{f'{module.path.parent}/':39}{purpose}\n")
+    return "".join(sorted(lines))
+
+
+def untrue_map(known: list[Module]) -> Iterator[str]:
+    """The map of folders, if it is not the one in docs/ARCHITECTURE.md."""
+    if map_of_folders(known) not in ARCHITECTURE.read_text(encoding="utf-8"):
+        yield f"{ARCHITECTURE.name}: its map of folders is not what tools/house.py --map prints"
+
+
 def main() -> int:
     """Print what breaks a rule and is not known yet, or is known and no longer true."""
     known = list(modules())
-    rules = (crowded_folders, long_functions, ambiguous_names, circles)
+    if "--map" in sys.argv:
+        sys.stdout.write(map_of_folders(known))
+        return 0
+    rules = (crowded_folders, long_functions, ambiguous_names, circles, untrue_map)
     found = {line for rule in rules for line in rule(known)}
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     allowed = set(settings.get("tool", {}).get("house", {}).get("known", []))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample import culling
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.culling import blocked, bricks
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
@@ -34,7 +35,7 @@ def cube(rng, side=18, extinction=3.0):
 
 
 def seen_from(eye, focal, near=0.0):
-    return Pinhole(focal, focal, 25.0, 21.0, look_at(eye, (0, 0, 0)), near)
+    return Camera.from_intrinsics(focal, focal, 25.0, 21.0, look_at(eye, (0, 0, 0)), near)
 
 
 CAMERAS = {
@@ -112,7 +113,9 @@ def random_scene(rng):
     focal, principal = rng.uniform(10, 100, 2), rng.uniform(0, 40, 2)
     if rng.random() < 0.3:
         return samples, Orthographic(*focal / 20, *principal, pose, rng.normal())
-    return samples, Pinhole(*focal, *principal, pose, rng.choice([0.0, 1.0, 15.0, 295.0]))
+    return samples, Camera.from_intrinsics(
+        *focal, *principal, pose, rng.choice([0.0, 1.0, 15.0, 295.0])
+    )
 
 
 @pytest.mark.parametrize(("primitive", "model"), FORMS)
@@ -147,7 +150,7 @@ def test_a_wall_hides_the_blocks_behind_it(rng):
     crowd = rng.uniform([-20, -20, 70], [20, 20, 110], (20_000, 3))
     place = np.concatenate([wall, crowd]).astype(np.float32)
     samples = Samples(place, np.ones_like(place), np.full(len(place), 5, np.float32), np.eye(3))
-    camera = Pinhole(60.0, 60.0, 26.0, 20.0)
+    camera = Camera.from_intrinsics(60.0, 60.0, 26.0, 20.0)
     statistics = Resampler()(blocked(samples), camera, **SIZE).statistics
     assert statistics.occluded > 0.95 * len(crowd)
     assert statistics.blocks_occluded > 100
@@ -164,7 +167,7 @@ def test_few_samples_are_painted_at_once(rng, monkeypatch):
 
 def test_half_of_a_volume_outside_the_frame_is_skipped(rng):
     samples = cube(rng)
-    beside = Pinhole(90.0, 90.0, 0.0, 20.0, look_at((0, -34, 0), (0, 0, 0)))
+    beside = Camera.from_intrinsics(90.0, 90.0, 0.0, 20.0, look_at((0, -34, 0), (0, 0, 0)))
     statistics = Resampler()(blocked(samples, 2), beside, **SIZE).statistics
     assert 0.25 < statistics.outside / statistics.samples < 0.5  # kernels reach over the edge
 
@@ -192,7 +195,7 @@ def test_canvases_that_are_too_large_hide_nothing(rng, monkeypatch):
 def test_nothing_in_view_is_an_empty_picture(rng, count):
     behind = rng.uniform(-60, -50, (count, 3)).astype(np.float32)
     samples = Samples(behind, np.ones_like(behind), np.ones(count, np.float32), np.eye(3))
-    frame = Resampler()(blocked(samples), Pinhole(60.0, 60.0, 26.0, 20.0), **SIZE)
+    frame = Resampler()(blocked(samples), Camera.from_intrinsics(60.0, 60.0, 26.0, 20.0), **SIZE)
     assert not frame.rgba.any()
     assert np.isinf(frame.depth).all()
     assert frame.statistics.outside == count

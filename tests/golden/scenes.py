@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel
@@ -48,10 +49,10 @@ VOLUMES: dict[str, dict[str, Any]] = {
 FAR = ("default", "points", "paper", "ewa", "axis-sheets", "image-sheets")
 
 
-def camera(away: float = 16.0) -> Pinhole:
+def camera(away: float = 16.0) -> Camera:
     """Camera that sees the lattice, at 2 px per sample; farther away it shrinks."""
     pose = look_at((0.6 * away, -0.5 * away, 0.62 * away), (0, 0, 0))
-    return Pinhole.from_fov(45.0, height=SIDE, width=SIDE, world_to_camera=pose)
+    return Camera.from_fov(45.0, height=SIDE, width=SIDE, world_to_camera=pose)
 
 
 def samples() -> Samples:
@@ -107,7 +108,7 @@ def _add_volumes() -> None:
 
 def _inside() -> Any:
     pose = look_at((3, 2, 1), (0, 0, 0))
-    eye = Pinhole.from_fov(70.0, height=SIDE, width=SIDE, world_to_camera=pose)
+    eye = Camera.from_fov(70.0, height=SIDE, width=SIDE, world_to_camera=pose)
     clip = [(0.6, 0.0, 0.8, 3.0)]
     return Resampler()(samples(), eye, height=SIDE, width=SIDE, clip=clip).rgba
 
@@ -158,7 +159,7 @@ def _mesh() -> Any:
     from tests.texture.mesh_shapes import cube, picture
 
     pose = look_at((2.1, 1.7, 2.6), (0.5, 0.5, 0.5))
-    eye = Pinhole.from_fov(45, height=SIDE, width=SIDE, world_to_camera=pose)
+    eye = Camera.from_fov(45, height=SIDE, width=SIDE, world_to_camera=pose)
     return picture(cube(photograph(64)), eye, SIDE).rgba
 
 
@@ -170,8 +171,8 @@ def _add_depth_images() -> None:
 
 
 def _warped(method: str) -> Any:
+    from resample.cameras.models import Camera
     from resample_warp3d import warp
-    from resample_warp3d.cameras.models import Camera
     from resample_warp3d.showing.scenes import generated
 
     scene = generated(64)
@@ -183,7 +184,7 @@ def _warped(method: str) -> Any:
 
 
 def _cloud(scale: float) -> Any:
-    from resample_warp3d.cameras.models import Camera
+    from resample.cameras.models import Camera
     from resample_warp3d.clouds.files import Cloud
     from resample_warp3d.clouds.rendering import render_cloud
 

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.models import Camera, pixel_centers
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.showing.scenes import (
     STANDS,

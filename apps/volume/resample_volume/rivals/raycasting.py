@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.resampler import Projection
 from resample.scene import NO_CLASSIFIER, Progress, check_samples
@@ -111,7 +111,7 @@ DEFAULT = Casting()
 
 def cast_rays(
     samples: Samples | Field,
-    camera: Camera,
+    camera: AnyCamera,
     *,
     height: int,
     width: int,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Pinhole
+from resample.cameras.models import Camera
 from resample.profiles.correction import true_distance
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Footprint, Primitive, Resampler
@@ -116,7 +116,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
 
 def record_of(sphere: Sphere, model: Footprint) -> Record:
     """What the resampler knows about a sphere."""
-    camera, samples = Pinhole(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
+    camera, samples = Camera.from_intrinsics(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
     records = _splatting(model).footprints(samples, camera, height=FRAME, width=FRAME)
     record: Record = records[0]
     return record
@@ -247,7 +247,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     around = np.radians(sphere.azimuth)
     middle = focal * (low + high) / 2 * np.array([np.cos(around), np.sin(around)])
     principal = SIDE / 2 - middle + [0.3, 0.1]  # not in the middle of a pixel
-    camera = Pinhole(focal, focal, *principal)
+    camera = Camera.from_intrinsics(focal, focal, *principal)
     column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
     ray = (np.stack([column, row], axis=-1) - principal) / focal
     truth = line_integral(distance_of(sphere, ray)) / KERNEL.radius**2  # of one voxel's length
@@ -257,7 +257,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     }
 
 
-def _drawn(sphere: Sphere, camera: Pinhole, model: Footprint) -> Doubles:
+def _drawn(sphere: Sphere, camera: Camera, model: Footprint) -> Doubles:
     """Optical depth (SIDE, SIDE) that the resampler gives one splat."""
     frame = _splatting(model)(sphere.samples(), camera, height=SIDE, width=SIDE)
     return np.asarray(-np.log1p(-frame.rgba[..., 3].astype(np.float64)))

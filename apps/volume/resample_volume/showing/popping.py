@@ -9,17 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Sphere
 from resample.colors import from_srgb
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet, shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
-from resample_volume.cameras.framing import Orbit, Sphere, centered, sphere_around
 from resample_volume.files.source import generate
 from resample_volume.rendering import Appearance, lit_samples, visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
+from resample_volume.voxels.framing import centered, sphere_around
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import Voxels
 
@@ -66,7 +67,7 @@ class TurnedVolume(NamedTuple):
     sphere: Sphere
     choices: Turn
 
-    def camera(self, azimuth: float, side: int) -> Camera:
+    def camera(self, azimuth: float, side: int) -> AnyCamera:
         """Camera for a square picture."""
         chosen = self.choices
         return Orbit(azimuth, chosen.elevation, chosen.zoom).around(self.sphere, side, side)

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from resample.cameras.models import Camera, Pinhole
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.viewpoints import Orbit, Sphere
 from resample.measuring.compare import plain
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample.resampler import Primitive, Resampler
 from resample.types import Floats, Samples
-from resample_volume.cameras.framing import Orbit, Sphere, centered, sphere_around
 from resample_volume.files.source import generate
 from resample_volume.looks.presets import load_transfer
 from resample_volume.looks.transfer import TransferFunction, from_points
@@ -25,6 +25,7 @@ from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing.data import Shelf, Subject, missing
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered, sphere_around
 
 NAME = "figure-9"
 THRESHOLD = 1.0  # px, the paper's
@@ -79,7 +80,7 @@ class Case:
     samples: Samples
     sphere: Sphere
 
-    def camera(self, zoom: float, side: int) -> Camera:
+    def camera(self, zoom: float, side: int) -> AnyCamera:
         """Camera for a square picture."""
         return Orbit(zoom=zoom).around(self.sphere, side, side)
 
@@ -94,7 +95,7 @@ class Case:
         )
         view = self.camera(zoom, side).view()
         focal, pose = float(view.focal[0]), np.column_stack([view.rotation, view.translation])
-        wide = Pinhole(focal, focal, HUGE / 2, HUGE / 2, pose)
+        wide = Camera.from_intrinsics(focal, focal, HUGE / 2, HUGE / 2, pose)
         records = _PAPER_FORM.footprints(some, wide, height=HUGE, width=HUGE)
         return np.asarray(records["spacing"], np.float32)
 
@@ -240,7 +241,7 @@ def machine() -> str:
 
 
 def _timed(
-    label: str, resample: Resampler, case: Case, camera: Camera, choices: Effort
+    label: str, resample: Resampler, case: Case, camera: AnyCamera, choices: Effort
 ) -> dict[str, object]:
     """Milliseconds of a frame, and the share of what it painted that were splats."""
     side = choices.side
@@ -253,14 +254,14 @@ def _timed(
     }
 
 
-def _share_of_splats(case: Case, camera: Camera, side: int) -> float:
+def _share_of_splats(case: Case, camera: AnyCamera, side: int) -> float:
     """Share of the samples in the picture, also of those that opaque ones hide."""
     records = _PAPER_FORM.footprints(case.samples, camera, height=side, width=side)
     seen = records["left"] <= records["right"]
     return float((records["spacing"][seen] > THRESHOLD).mean()) if seen.any() else 0.0
 
 
-def _rivals(case: Case, camera: Camera, choices: Effort) -> dict[str, object]:
+def _rivals(case: Case, camera: AnyCamera, choices: Effort) -> dict[str, object]:
     """Milliseconds of each of `RIVALS`."""
     few = replace(choices, frames=choices.rival_frames)
     times: dict[str, object] = {}
@@ -280,7 +281,7 @@ def _peer(case: Case, side: int, remarks: list[str]) -> VtkRenderer | None:
         return None
 
 
-def _vtk_milliseconds(peer: VtkRenderer, camera: Camera, frames: int) -> float:
+def _vtk_milliseconds(peer: VtkRenderer, camera: AnyCamera, frames: int) -> float:
     peer.draw(camera)
     return _milliseconds(lambda: peer.draw(camera), frames)
 

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.cameras.files import read_shots
+from resample.cameras.models import Camera
 from resample.colors import to_srgb
 from resample.files.images import read_image
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.files import read_shots
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.encodings import BareDisparity, PlanarDepth
 from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
 from resample_warp3d.depth.files import read_depth
@@ -180,9 +180,7 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
     numbers = [int(file.stem) for file in colors]
     cameras = [
         Camera.from_intrinsics(
-            *(facts[key] for key in ("fx", "fy", "cx", "cy")),
-            world_to_camera=pose,
-            convention="opencv",
+            facts["fx"], facts["fy"], facts["cx"], facts["cy"], pose, convention="opencv"
         )
         for pose in poses
     ]

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from resample.cameras.models import Camera
 from resample.colors import from_srgb
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
