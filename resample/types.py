@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Records = NDArray[np.void]
+Indices = NDArray[np.int64]
+Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
 Record = Any  # one element of Records
 Single = Any  # a number kept in float32: half the bytes, and twice as many at once
 
@@ -29,6 +31,9 @@ LARGEST_CONE = math.radians(15)
 AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
 NO_PLANES = np.zeros((0, 5))
+
+# Sub-pixels in a row of a tile, with the margins of its filter.
+MOST_COLUMNS = 200
 
 LAST_SHEET = 2e9  # sheets are numbered by 32 bits
 
@@ -43,21 +48,6 @@ class Samples(NamedTuple):
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
     extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
-
-
-class Blocks(NamedTuple):
-    """B blocks of samples that lie together, in the scene and in memory."""
-
-    start: NDArray[np.int64]  # (B + 1,) block b holds the samples from start[b] to start[b + 1]
-    low: Floats  # (B, 3) scene units, corners of the boxes around the samples' centers
-    high: Floats  # (B, 3) scene units
-
-
-class Blocked(NamedTuple):
-    """Samples that can be skipped block by block; see `resample.culling.blocked`."""
-
-    samples: Samples
-    blocks: Blocks
 
 
 class Lamp(NamedTuple):
@@ -154,6 +144,14 @@ RUN = np.dtype(
 )
 
 
+class Runs(NamedTuple):
+    """R runs of samples that follow each other, and what is known of them."""
+
+    samples: Samples
+    start: Indices  # (R + 1,) where each run begins
+    known: Records  # (R,) of RUN
+
+
 class View(NamedTuple):
     """A camera as kernels see it."""
 
@@ -233,6 +231,26 @@ class Profile(NamedTuple):
     p8: Single
 
 
+Ten = tuple[Single, Single, Single, Single, Single, Single, Single, Single, Single, Single]
+
+
+class Pieces(NamedTuple):
+    """A kernel's line integrals at distance d, as sqrt(1 - d²) times two polynomials.
+
+    Each has a half of 0..1, and powers of the distance from that half's middle.
+    """
+
+    near: Ten
+    far: Ten
+
+
+class Formula(NamedTuple):
+    """Line integrals of splats of exact footprint."""
+
+    profile: Profile
+    peak: float  # the largest of them, scene units
+
+
 class Spread(NamedTuple):
     """How points are spread over sub-pixels, and about the most that one adds."""
 
@@ -242,6 +260,7 @@ class Spread(NamedTuple):
     layer: float  # scene units, thickness of a sheet
     opacity: float  # largest opacity times area, sub-pixels
     area: float  # largest area, sub-pixels
+    cells: int  # in a row of the largest tile, with those around it
 
 
 class Tables(NamedTuple):
@@ -277,6 +296,17 @@ class Style(NamedTuple):
     tint_red: float  # color that splats are drawn in; negative: their own
     tint_green: float
     tint_blue: float
+
+
+class Stage(NamedTuple):
+    """All that the painters of a picture share."""
+
+    camera: View
+    ellipsoid: Ellipsoid
+    screen: Screen
+    style: Style
+    tables: Tables
+    layers: Layers
 
 
 class Tiles(NamedTuple):
@@ -324,21 +354,11 @@ class Statistics(NamedTuple):
     hidden: int  # of both, those that every pixel's opacity had covered before their turn
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
-    outside: int = 0  # samples in blocks that lie outside the view
-    occluded: int = 0  # samples in blocks of which nothing could be seen
-    blocks: int = 0  # of samples, if these can be skipped by blocks
-    blocks_outside: int = 0
-    blocks_occluded: int = 0
 
     @property
     def splat_fraction(self) -> float:
         """Share of the painted samples that were splats."""
         return self.splats / max(1, self.points + self.splats)
-
-    @property
-    def skipped_fraction(self) -> float:
-        """Share of the samples that were skipped by blocks, before any were looked at."""
-        return (self.outside + self.occluded) / max(1, self.samples)
 
 
 class Frame(NamedTuple):

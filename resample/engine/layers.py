@@ -13,9 +13,8 @@ from resample.types import LAST_SHEET, Floats, Layers, Single
 @kernel
 def place_of(layers: Layers, world: Vector, center: Vector) -> float:
     """Place of a sample, whose position is given in axes of the scene and of the camera."""
-    if layers.is_around:
-        return math.sqrt(dot(center, center))
-    return layers.offset + dot(layers.axis, world)
+    along = layers.offset + dot(layers.axis, world)
+    return math.sqrt(dot(center, center)) if layers.is_around else along
 
 
 @kernel

@@ -46,7 +46,6 @@ def render(
     picture: Annotated[Picture, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
     color_bar: Annotated[bool, Parameter(negative="")] = False,
-    cull: Annotated[bool, Parameter(negative="")] = False,
     stats: Path | None = None,
 ) -> None:
     """Render a volume to a picture.
@@ -61,8 +60,6 @@ def render(
         Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
-    cull
-        Skip blocks of voxels outside the picture or hidden; it pays where much is opaque.
     stats
         Also write counts and times (.json).
     """
@@ -84,8 +81,6 @@ def render(
     with session.stage("read"):
         scene = source.open(volume)
     subject = session.subject(scene, look.appearance(scene, resampler), resampler)
-    if cull:
-        subject = subject.in_blocks()
     camera = subject.camera(viewpoint, *size)
     seen = session.lit(subject, camera)
     frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)

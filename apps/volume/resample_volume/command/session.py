@@ -10,7 +10,7 @@ from resample.cameras.models import Camera
 from resample.command.console import progress_bar, say
 from resample.profiles.orders import Summing
 from resample.resampler import Footprint, Primitive, Resampler
-from resample.types import Blocked, Doubles, Field, Frame, Samples
+from resample.types import Doubles, Field, Frame, Samples
 from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
 
@@ -38,7 +38,7 @@ class Session:
             say("nothing to see: all voxels are transparent, missing or cut away")
         return subject
 
-    def lit(self, subject: Subject, camera: Camera) -> Samples | Blocked | Field:
+    def lit(self, subject: Subject, camera: Camera) -> Samples | Field:
         """What a camera sees of a subject."""
         with self.stage("shade"):
             return subject.seen_by(camera)
@@ -46,7 +46,7 @@ class Session:
     def paint(
         self,
         resampler: Resampler,
-        samples: Samples | Blocked | Field,
+        samples: Samples | Field,
         camera: Camera,
         size: tuple[int, int],
         threads: int | None = None,
@@ -77,9 +77,6 @@ class Session:
             "splat_fraction": counts.splat_fraction,
             "hidden": counts.hidden,
             "subpixels": counts.subpixels,
-            "outside": counts.outside,
-            "occluded": counts.occluded,
-            "skipped_fraction": counts.skipped_fraction,
             "seconds": {name: round(seconds, 6) for name, seconds in self.seconds.items()},
         }
 
