@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d figures test bench guard lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d figures test test-all bench guard lint wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -19,8 +19,13 @@ figures: $(VENV)/.run
 	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))
 	$(BIN)/resample-texture figures --output figures
 	$(BIN)/resample-warp3d figures --output figures
+# docs/testing.md tells what `test` leaves to `test-all`; WORKERS=1 is one process, ARGS="-k corners" some tests.
+WORKERS ?= auto
+PYTEST  := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 --dist worksteal
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest
+	$(PYTEST) -m "not sweep" $(ARGS)
+test-all: $(VENV)/.dev
+	$(PYTEST) $(ARGS)
 # All of it takes long and wants a quiet machine; GROUPS="volume core" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(GROUPS) --json bench.json --markdown bench.md $(if $(DATA),--data $(DATA)) $(ARGS)

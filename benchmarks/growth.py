@@ -11,14 +11,14 @@ from benchmarks.contest import Options, idle_memory
 from benchmarks.measure import Run, Spread, child, exponent, peak_memory, take_turns
 from benchmarks.scenes import floor_matrix, squares, waves
 from benchmarks.tables import Row, Section
+from resample.cameras.models import Camera
+from resample.cameras.viewpoints import Orbit
 from resample.engine.jit import threads
 from resample_texture import warp
 from resample_texture.methods.forward import Hybrid
-from resample_volume.cameras.framing import Orbit
 from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Appearance, Subject, as_volume
 from resample_volume.types import Volume
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid as HybridWarp

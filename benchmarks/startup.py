@@ -17,10 +17,10 @@ from benchmarks.tables import Row, Section
 IMPORT = "import time; a = time.perf_counter(); import resample; print(time.perf_counter() - a)"
 PICTURE = """
 import numpy as np
-from resample import Pinhole, Resampler, Samples
+from resample import Camera, Resampler, Samples
 position = np.random.default_rng(7).uniform(-4, 4, (500, 3)) + [0, 0, 30]
 samples = Samples(position, np.ones((500, 3)), np.full(500, 0.5), np.eye(3))
-frame = Resampler()(samples, Pinhole(60, 60, 16, 16), height=32, width=32)
+frame = Resampler()(samples, Camera.from_intrinsics(60, 60, 16, 16), height=32, width=32)
 assert frame.rgba.max() > 0.1
 """
 NOTHING = "pass"

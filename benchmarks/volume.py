@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, contest
 from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.resampler import Primitive, Resampler
 from resample.types import Field, Samples
 from resample.types import View as Perspective
@@ -55,7 +55,7 @@ class Shown:
 class Cropped:
     """A camera whose picture begins `offset` px farther right and down."""
 
-    camera: Camera
+    camera: AnyCamera
     offset: float
 
     def view(self) -> Perspective:
@@ -79,7 +79,7 @@ class View:
         return _shown(self.name, self.opacity, self.options)
 
     @cached_property
-    def camera(self) -> Camera:
+    def camera(self) -> AnyCamera:
         """Where from."""
         return self.shown.case.camera(
             _zooms(self.name, self.side, self.options)[self.place], self.side
@@ -100,7 +100,7 @@ class View:
         return self.side if self.side <= WHOLE else PART
 
     @cached_property
-    def part_camera(self) -> Camera:
+    def part_camera(self) -> AnyCamera:
         """Camera of that part."""
         return Cropped(self.camera, (self.side - self.part) / 2)
 
@@ -159,7 +159,7 @@ class View:
 def _case(name: str, options: Options) -> timing.Case:
     folder = options.volumes
     shelf = Shelf(folder if folder.is_dir() else None)
-    choices = timing.QUICK if options.quick else timing.Choices()
+    choices = timing.QUICK if options.quick else timing.Effort()
     case = timing.case_of(name, shelf, choices)
     if case is None:
         raise AbsentError(f"there is no {name}.nhdr in {folder}, and none was fetched")

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera, Orthographic, Pinhole, look_at, orbit
+    from resample.cameras.models import Camera, Orthographic
+    from resample.cameras.poses import look_at, orbit
+    from resample.cameras.viewpoints import Orbit
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
     from resample.types import Frame, Samples
 
@@ -17,13 +19,13 @@ _HOMES = {
     "Footprint": "resampler",
     "Frame": "types",
     "Opacity": "resampler",
+    "Orbit": "cameras.viewpoints",
     "Orthographic": "cameras.models",
-    "Pinhole": "cameras.models",
     "Primitive": "resampler",
     "Resampler": "resampler",
     "Samples": "types",
-    "look_at": "cameras.models",
-    "orbit": "cameras.models",
+    "look_at": "cameras.poses",
+    "orbit": "cameras.poses",
 }
 
 __all__ = [
@@ -31,8 +33,8 @@ __all__ = [
     "Footprint",
     "Frame",
     "Opacity",
+    "Orbit",
     "Orthographic",
-    "Pinhole",
     "Primitive",
     "Resampler",
     "Samples",

@@ -6,11 +6,16 @@ from typing import Any
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """`__getattr__` of a package: `homes` says in which of its modules each public name lives."""
+    """`__getattr__` of a package: `homes` says in which module each public name lives.
+
+    That is one of the package's own, or of the core by its full name.
+    """
 
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{homes[name]}"), name)
+        home = homes[name]
+        whole = home if home.startswith("resample.") else f"{package}.{home}"
+        return getattr(import_module(whole), name)
 
     return get

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.deferred import are_splats_exact, paint_mixture, paint_splats
 from resample.deferred_points import can_defer_points, paint_points
 from resample.layers import layers_of, sheets_of
@@ -177,7 +177,7 @@ class Resampler:
     def __call__(
         self,
         samples: Samples | Field,
-        camera: Camera,
+        camera: AnyCamera,
         *,
         height: int,
         width: int,
@@ -223,7 +223,7 @@ class Resampler:
             return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(
-        self, samples: Samples | Field, camera: Camera, *, height: int, width: int
+        self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
     ) -> Records:
         """Records (N,) of `resample.types.FOOTPRINT`: what the painters get to know of each sample.
 

@@ -10,7 +10,7 @@ Conventions, stated once and kept everywhere:
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -361,12 +361,27 @@ class Statistics(NamedTuple):
         return self.splats / max(1, self.points + self.splats)
 
 
-class Frame(NamedTuple):
-    """A picture with what is known about its pixels."""
+if TYPE_CHECKING:  # what a plain `Frame` counts; Python itself knows no defaults before 3.13
+    from typing_extensions import TypeVar
+
+    Counts = TypeVar("Counts", default=Statistics)
+else:
+    from typing import TypeVar
+
+    Counts = TypeVar("Counts")
+
+
+class Frame(NamedTuple, Generic[Counts]):
+    """A painted scene (volume, cloud, mesh, samples) with what is known about its pixels.
+
+    Its color is multiplied by its opacity, the fourth channel. A picture that was moved, of any
+    channels and types, is an application's `Warped` instead, whose `image` is multiplied by its
+    `coverage`. What both have has one name: `coverage`, `depth`.
+    """
 
     rgba: Floats  # (H, W, 4) premultiplied, linear light
-    depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where nothing is
-    first_depth: Floats  # (H, W) z-depth of the nearest visible sample; inf where nothing is
-    coverage: Floats  # (H, W) share of the pixel that samples cover, however faint, 0..1
-    statistics: Statistics
+    depth: Floats  # (H, W) z-depth weighted by what is seen, scene units; inf where nothing is
+    first_depth: Floats  # (H, W) z-depth of the nearest that is visible; inf where nothing is
+    coverage: Floats  # (H, W) share of the pixel that is covered, however faintly, 0..1
+    statistics: Counts  # what the rendering did
     value: Floats | None = None  # (H, W) what a projection of a field measured; see `Projection`

@@ -1,12 +1,27 @@
-"""What all tests share: where the real data lies, and a generator of random numbers."""
+"""What all tests share: threads, the search for examples, the real data, random numbers."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
+
+# Side by side with other workers, each gets its share of the processors; two threads at least, or
+# tests of threads would show nothing. Before numba is imported; processes of tests inherit it.
+if "PYTEST_XDIST_WORKER_COUNT" in os.environ:
+    share = (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+    os.environ.setdefault("NUMBA_NUM_THREADS", str(max(2, share)))
 
 import numpy as np
 import pytest
 
 DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
+
+with suppress(ImportError):  # tests of the wheel have pytest alone
+    from hypothesis import settings
+
+    # The same examples in every run; `--hypothesis-profile=search` looks for others.
+    settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
+    settings.register_profile("search", deadline=None, print_blob=True)
+    settings.load_profile("fixed")
 
 
 @pytest.fixture

@@ -1,21 +1,32 @@
-"""Cameras and their poses.
+"""Cameras: in perspective with any intrinsics and a lens, or parallel.
 
 A camera looks along +z with x to the right and y down; poses map world to camera. The pixel in
 row i, column j has its center at (j + 0.5, i + 0.5), so the middle of a frame of W pixels is at
 W / 2, not at (W − 1) / 2 as in OpenCV's matrices.
 """
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.cameras.lens import COUNTS
+from resample.cameras.poses import rigid
 from resample.types import Doubles, View
 
 
-class Camera(Protocol):
-    """Role of a camera: it can describe itself to the kernels."""
+class Convention(StrEnum):
+    """Where the first pixel's center lies."""
+
+    CORNER = "corner"  # at (0.5, 0.5): coordinates count from the corner of the picture
+    OPENCV = "opencv"  # at (0, 0): they count from the center of its first pixel
+
+
+class AnyCamera(Protocol):
+    """Role of a camera, in perspective or parallel: it can describe itself to the kernels."""
 
     def view(self) -> View:
         """Pose and projection as arrays and numbers."""
@@ -26,58 +37,166 @@ def _identity() -> Doubles:
 
 
 @dataclass(frozen=True, eq=False)
-class Pinhole:
-    """Perspective camera.
+class Camera:
+    """Camera in perspective: any matrix of intrinsics, a pose, and a lens.
 
     Parameters
     ----------
-    fx, fy
-        Focal lengths, px.
-    cx, cy
-        Principal point, px.
+    matrix
+        (3, 3) intrinsics that take camera axes to px (x, y, 1), pixel centers at + 0.5: upper
+        triangular with 1 last; fx and fy may be negative, skew may be there.
     world_to_camera
-        (4, 4) or (3, 4) rigid pose.
+        (4, 4) or (3, 4) rigid pose. Errors of rounding, as text files have them, are taken out.
+    distortion
+        (4,), (5,), (8,), (12,) or (14,) OpenCV's k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3,
+        s4 [, τx, τy]]]]; None, or all 0, is none.
     near
-        Depth of the near plane, scene units, 0 or more. A sample's kernel that the plane cuts is
-        integrated from the plane on.
+        Depth of the near plane, scene units, 0 or more. What of a sample lies before it is not
+        seen, where scenes are painted; depth images are shown whole.
 
     Raises
     ------
     ValueError
-        A focal length is not above 0, a number is not finite, or the pose is not rigid.
+        The matrix is singular or no intrinsics, a number is not finite, the pose is not rigid (the
+        message says how far it is), or the count of coefficients is another.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    matrix: Doubles
     world_to_camera: Doubles = field(default_factory=_identity)
+    distortion: Doubles | None = None
     near: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self.fx, self.fy, self.cx, self.cy, self.near)
-        if self.near < 0:
+        object.__setattr__(self, "matrix", _intrinsics(self.matrix))
+        object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
+        object.__setattr__(self, "distortion", _coefficients(self.distortion))
+        if not 0 <= self.near < math.inf:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
-        object.__setattr__(self, "world_to_camera", _rigid(self.world_to_camera))
+
+    @classmethod
+    def from_intrinsics(  # noqa: PLR0913 - the numbers are one camera's, as its file lists them
+        cls,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        world_to_camera: ArrayLike | None = None,
+        near: float = 0.0,
+        *,
+        skew: float = 0.0,
+        distortion: ArrayLike | None = None,
+        convention: Convention | str = Convention.CORNER,
+    ) -> "Camera":
+        """Camera of focal lengths, principal point and skew, px.
+
+        Parameters
+        ----------
+        fx, fy, cx, cy, skew
+            Entries of the matrix.
+        world_to_camera, near, distortion
+            As the class takes them.
+        convention
+            Where cx and cy count from.
+
+        Raises
+        ------
+        ValueError
+            As of the class; or the convention is unknown.
+        """
+        if convention not in tuple(Convention):
+            raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
+        offset = 0.5 if convention == Convention.OPENCV else 0.0
+        matrix = np.array([[fx, skew, cx + offset], [0.0, fy, cy + offset], [0.0, 0.0, 1.0]])
+        pose = _identity() if world_to_camera is None else np.asarray(world_to_camera, np.float64)
+        given = None if distortion is None else np.asarray(distortion, np.float64)
+        return cls(matrix, pose, given, near)
+
+    @classmethod
+    def from_opencv(cls, matrix: ArrayLike, distortion: ArrayLike | None = None) -> "Camera":
+        """Camera of what `cv2.calibrateCamera` returns.
+
+        Parameters
+        ----------
+        matrix
+            (3, 3), or the numbers fx, fy, cx, cy; px, with the first pixel's center at (0, 0).
+        distortion
+            As the class takes it.
+        """
+        given = np.array(matrix, np.float64)
+        if given.shape == (4,):
+            fx, fy, cx, cy = given
+            given = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        if given.shape == (3, 3):
+            given[:2, 2] += 0.5
+        return cls(given, distortion=None if distortion is None else np.array(distortion))
 
     @classmethod
     def from_fov(
         cls,
         fov: float,
-        *,
         height: int,
         width: int,
         world_to_camera: ArrayLike | None = None,
         near: float = 0.0,
-    ) -> "Pinhole":
+    ) -> "Camera":
         """Camera with square pixels that sees `fov` degrees along the frame's shorter side."""
         if not 0 < fov < 180:
             raise ValueError(f"a field of view of {fov} degrees is not between 0 and 180")
         focal = min(height, width) / (2 * np.tan(np.radians(fov) / 2))
-        pose = _identity() if world_to_camera is None else np.asarray(world_to_camera, np.float64)
-        return cls(focal, focal, width / 2, height / 2, pose, near)
+        return cls.from_intrinsics(focal, focal, width / 2, height / 2, world_to_camera, near)
+
+    @property
+    def fx(self) -> float:
+        """Focal length along x, px."""
+        return float(self.matrix[0, 0])
+
+    @property
+    def fy(self) -> float:
+        """Focal length along y, px."""
+        return float(self.matrix[1, 1])
+
+    @property
+    def cx(self) -> float:
+        """Principal point's x, px."""
+        return float(self.matrix[0, 2])
+
+    @property
+    def cy(self) -> float:
+        """Principal point's y, px."""
+        return float(self.matrix[1, 2])
+
+    def moved(self, world_to_camera: ArrayLike) -> "Camera":
+        """Camera with another pose."""
+        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
+
+    def resized(self, old_shape: tuple[int, int], new_shape: tuple[int, int]) -> "Camera":
+        """Camera of the same view in a frame of another (height, width), px."""
+        (old_height, old_width), (height, width) = old_shape, new_shape
+        if min(old_height, old_width, height, width) < 1:
+            raise ValueError(f"a camera cannot be resized from {old_shape} to {new_shape} px")
+        scale = np.diag([width / old_width, height / old_height, 1.0])
+        return replace(self, matrix=scale @ self.matrix)
 
     def view(self) -> View:
+        """Pose and projection as arrays and numbers.
+
+        Raises
+        ------
+        ValueError
+            The camera has a lens, skew or a negative focal length, which kernels that paint scenes
+            do not know.
+        """
+        if self.distortion is not None:
+            raise ValueError(
+                f"a lens ({', '.join(f'{k:g}' for k in self.distortion)}) bends what is seen, which"
+                " is not painted; give the camera without it and bend the picture by"
+                " resample-texture warp --lens"
+            )
+        if self.matrix[0, 1] or self.fx < 0 or self.fy < 0:
+            raise ValueError(
+                f"scenes are painted with focal lengths above 0 and without skew, not with fx "
+                f"{self.fx:g}, fy {self.fy:g} and skew {self.matrix[0, 1]:g}"
+            )
         focal, principal = _pair(self.fx, self.fy), _pair(self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=True)
 
@@ -111,100 +230,50 @@ class Orthographic:
     near: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self.sx, self.sy, self.cx, self.cy, self.near)
-        object.__setattr__(self, "world_to_camera", _rigid(self.world_to_camera))
+        numbers = self.sx, self.sy, self.cx, self.cy, self.near
+        if not np.isfinite(numbers).all():
+            raise ValueError(f"a camera's numbers must be finite, not {numbers}")
+        if self.sx <= 0 or self.sy <= 0:
+            raise ValueError(f"a camera's scales must be above 0 px, not {self.sx}, {self.sy}")
+        object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
+
+    def moved(self, world_to_camera: ArrayLike) -> "Orthographic":
+        """Camera with another pose."""
+        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
 
     def view(self) -> View:
         focal, principal = _pair(self.sx, self.sy), _pair(self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=False)
 
 
-def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Doubles:
-    """Pose (4, 4) of a camera at `eye` that looks at `target` with `up` upwards in the picture.
-
-    Raises
-    ------
-    ValueError
-        Eye and target coincide, or a vector is not finite. `up` along the view is replaced by the
-        axis farthest from it.
-    """
-    place = np.asarray(eye, np.float64)
-    forward = np.asarray(target, np.float64) - place
-    upward = np.asarray(up, np.float64)
-    length = np.linalg.norm(forward)
-    if not (np.isfinite(length) and length > 0 and np.isfinite(upward).all()):
-        raise ValueError(f"a camera at {eye!r} cannot look at {target!r}")
-    forward /= length
-    right = np.cross(forward, upward)
-    if np.linalg.norm(right) < 1e-9 * max(1.0, float(np.linalg.norm(upward))):
-        right = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward))])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    pose = _identity()
-    pose[:3, :3] = rotation
-    pose[:3, 3] = -rotation @ place
-    return pose
+def _intrinsics(given: ArrayLike) -> Doubles:
+    """Matrix of intrinsics, checked."""
+    matrix = np.array(given, np.float64)
+    if matrix.shape != (3, 3):
+        raise ValueError(f"intrinsics have shape (3, 3), not {matrix.shape}")
+    if not np.isfinite(matrix).all():
+        raise ValueError(f"intrinsics are finite numbers, not {matrix.tolist()}")
+    if matrix[1, 0] or not np.array_equal(matrix[2], [0.0, 0.0, 1.0]):
+        raise ValueError(
+            f"intrinsics are [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], not {matrix.tolist()}"
+        )
+    if matrix[0, 0] == 0 or matrix[1, 1] == 0:
+        raise ValueError(
+            f"intrinsics with fx {matrix[0, 0]:g} and fy {matrix[1, 1]:g} are singular; neither can"
+            " be 0"
+        )
+    return matrix
 
 
-def orbit(
-    target: ArrayLike, distance: float, azimuth: float, elevation: float, up: str = "z"
-) -> Doubles:
-    """Pose (4, 4) of a camera on a sphere around `target`.
-
-    Parameters
-    ----------
-    target
-        (3,) point in the middle of the picture, scene units.
-    distance
-        Radius of the sphere, scene units, above 0.
-    azimuth, elevation
-        Degrees. At 0, 0 with `up` z the camera stands on the −y side and sees x to the right;
-        growing azimuth walks it toward +x, growing elevation lifts it.
-    up
-        Axis that points upwards in the picture: x, y, z, −x, −y or −z.
-    """
-    upward, aside, front = _axes(up)
-    a, e = np.radians(azimuth), np.radians(elevation)
-    outward = np.cos(e) * (np.sin(a) * aside + np.cos(a) * front) + np.sin(e) * upward
-    if abs(elevation) % 180 == 90:  # straight above: what was beyond comes up
-        upward = -np.sign(np.sin(e)) * (np.sin(a) * aside + np.cos(a) * front)
-    elif np.cos(e) < 0:  # past the pole
-        upward = -upward
-    place = np.asarray(target, np.float64) + distance * outward
-    return look_at(place, target, upward)
-
-
-def _axes(up: str) -> tuple[Doubles, Doubles, Doubles]:
-    """Unit vectors upward, to the right and toward the camera at azimuth 0; right-handed."""
-    name = up.replace("−", "-")
-    if name.removeprefix("-") not in ("x", "y", "z"):
-        raise ValueError(f"up is {up!r}; it can be x, y, z, -x, -y or -z")
-    axis = "xyz".index(name[-1])
-    sign = -1.0 if name.startswith("-") else 1.0
-    upward = sign * np.eye(3)[axis]
-    aside = np.eye(3)[(axis + 1) % 3]
-    return upward, aside, np.cross(aside, upward)
-
-
-def _check_numbers(first: float, second: float, *others: float) -> None:
-    if not np.isfinite([first, second, *others]).all():
-        raise ValueError(f"a camera's numbers must be finite, not {(first, second, *others)}")
-    if first <= 0 or second <= 0:
-        raise ValueError(f"a camera's scales must be above 0 px, not {first}, {second}")
-
-
-def _rigid(pose: ArrayLike) -> Doubles:
-    """Pose as (4, 4), checked to be a rotation and a shift."""
-    given = np.asarray(pose, np.float64)
-    if given.shape not in ((3, 4), (4, 4)):
-        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
-    full = _identity()
-    full[:3] = given[:3]
-    rotation = full[:3, :3]
-    straight = np.isfinite(full).all() and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    if not straight or np.linalg.det(rotation) < 0:
-        raise ValueError("a pose must be a finite rotation and shift; this one scales or mirrors")
-    return full
+def _coefficients(given: ArrayLike | None) -> Doubles | None:
+    """Coefficients of a lens, checked; None if it does nothing."""
+    if given is None:
+        return None
+    coefficients = np.array(given, np.float64).ravel()
+    if coefficients.size not in COUNTS or not np.isfinite(coefficients).all():
+        counts = ", ".join(str(count) for count in COUNTS)
+        raise ValueError(f"a lens has {counts} finite coefficients, not {coefficients.tolist()}")
+    return coefficients if coefficients.any() else None
 
 
 def _pair(first: float, second: float) -> Doubles:

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
+from resample.words import one_line
+
 if TYPE_CHECKING:
     import cyclopts
 
@@ -50,32 +52,10 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     raise SystemExit(status)
 
 
-def one_line(error: BaseException) -> str:
-    """Message of an error without line breaks, for a user's eyes."""
-    cause = error.__cause__
-    if cause is not None and hasattr(cause, "error_count"):  # pydantic's, wrapped by cyclopts
-        error = cause
-    if hasattr(error, "errors") and hasattr(error, "error_count"):  # pydantic.ValidationError
-        return "; ".join(map(_field_error, error.errors()))
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    if isinstance(error, MemoryError):
-        return " ".join(["not enough memory", *str(error).split()])
-    return " ".join(str(error).split()) or type(error).__name__
-
-
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     sys.stdout.flush()  # a full disk must show here, not after the end
     return result if isinstance(result, int) else 0
-
-
-def _field_error(detail: dict[str, object]) -> str:
-    """One field that pydantic refused: `camera.fov: Input should be a valid number (got 'x')`."""
-    place = detail["loc"]
-    field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
-    message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
-    return f"{field}: {message} (got {detail['input']!r:.60})" if field else message
 
 
 def _complain(text: str) -> None:

@@ -4,7 +4,6 @@ One model serves flags, TOML files and checks. Importing this module imports no 
 stays quick.
 """
 
-import math
 import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -29,12 +28,12 @@ class Resampling(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    primitive: Annotated[
+    method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
         Field(
-            description="Points where samples shrink and splats where they grow, or one of them "
-            "(splats alone are not antialiased); paper: as published, threshold 1 px; inflate, "
-            "ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
+            description="How: points where samples shrink and splats where they grow, or one of "
+            "them (splats alone are not antialiased); paper: as published, threshold 1 px; "
+            "inflate, ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
         ),
     ] = "hybrid"
     footprint: Annotated[
@@ -96,7 +95,7 @@ class Resampling(BaseModel):
         thickness = 1 if self.projection == "maximum" else 0.5  # that takes all voxels
         own = f"image-sheets:thickness={thickness}" if is_of_field else "every-sample"
         return Resampler(
-            primitive=Primitive(self.primitive),
+            primitive=Primitive(self.method),
             footprint=None if self.footprint is None else Footprint(self.footprint),
             pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
             reconstruction=registry.build("reconstructions", self.kernel),
@@ -110,20 +109,25 @@ class Resampling(BaseModel):
         )
 
 
-class Picture(BaseModel):
+class PictureFormat(BaseModel):
     """What kind of picture is written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     size: Annotated[
-        str, Field(description="Pixels: 400 for a square, 640x480 for width and height.")
+        str, Field(description="In px: 400 for a square, 640x480 for width and height.")
     ] = "400"
     background: Annotated[
         str | None,
-        Field(description="black, white, #rrggbb or none for transparent. PNG: black, EXR: none."),
+        Field(
+            description="Behind the picture: black, white, #rrggbb or none for transparent. PNG: "
+            "black, EXR: none."
+        ),
     ] = None
     bits: Annotated[
-        Literal[8, 16], BeforeValidator(_number), Field(description="Per channel of a PNG.")
+        Literal[8, 16],
+        BeforeValidator(_number),
+        Field(description="Per channel: 8 or 16 of a PNG."),
     ] = 8
     threads: Annotated[
         int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
@@ -158,7 +162,9 @@ class Written(BaseModel):
 
     background: Annotated[
         str | None,
-        Field(description="Behind the picture: black, white, #rrggbb. None, it is transparent."),
+        Field(
+            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+        ),
     ] = None
     bits: Annotated[
         Literal[8, 16, 32] | None,
@@ -196,49 +202,9 @@ def height_and_width(size: str) -> tuple[int, int]:
     Raises
     ------
     ValueError
-        See `Picture.height_and_width`.
+        See `PictureFormat.height_and_width`.
     """
-    return Picture(size=size).height_and_width()
-
-
-def azimuth_elevation_zoom(text: str) -> tuple[float, float, float]:
-    """Degrees, degrees and a factor of a text like 30/20/1.5; without a third, that is 1.
-
-    Raises
-    ------
-    ValueError
-        There is something else.
-    """
-    try:
-        azimuth, elevation, *more = (float(part) for part in text.split("/"))
-        (zoom,) = more or [1.0]
-    except ValueError:
-        raise ValueError(
-            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5"
-        ) from None
-    return azimuth, elevation, zoom
-
-
-def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
-    """Finite numbers of a text, separated by commas or blanks.
-
-    Raises
-    ------
-    ValueError
-        There is something else, or another count.
-    """
-    try:
-        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
-    except ValueError:
-        numbers = []
-    if (
-        not numbers
-        or not all(map(math.isfinite, numbers))
-        or len(numbers) != (count or len(numbers))
-    ):
-        wanted = "numbers" if count is None else f"{count} numbers"
-        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
-    return numbers
+    return PictureFormat(size=size).height_and_width()
 
 
 def method_names(text: str, least: int = 1) -> list[str]:

@@ -3,7 +3,10 @@
 numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
 kernel in another file, a caller would keep running the old machine code. Here the name of a cache
 file also holds a digest of the engine and of the folders `kernels` of the caller's own package,
-and whether bounds are checked.
+and whether bounds are checked. In a folder that is asked for (NUMBA_CACHE_DIR), files lie by the
+names of modules: a checkout, a copy and an installed wheel of the same sources share them.
+
+Of several processes that want one kernel, the first compiles it and the others wait for its file.
 """
 
 import hashlib
@@ -11,7 +14,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache, wraps
 from pathlib import Path
@@ -21,9 +24,19 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserProvidedCacheLocator,
+)
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
+
+try:
+    import fcntl
+except ImportError:  # Windows: every process compiles for itself
+    fcntl = None  # type: ignore[assignment]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,12 +45,12 @@ Counter = NDArray[np.int64]  # (1,) how many tasks threads have taken
 
 
 def _digest(*folders: Path) -> str:
-    """Fingerprint of the engine's sources and of those in other folders."""
+    """Fingerprint of the engine's sources and of those in other folders, wherever they lie."""
     engine = Path(__file__).parent
-    sources = [*engine.rglob("*.py"), engine.parent / "types.py"]
-    for folder in folders:
-        sources += folder.rglob("*.py")
-    read = b"".join(source.read_bytes() for source in sorted(sources))
+    sources = [engine.parent / "types.py"]
+    for folder in (engine, *folders):
+        sources += sorted(folder.rglob("*.py"))
+    read = b"".join(source.read_bytes() for source in sources)
     return hashlib.sha256(read).hexdigest()
 
 
@@ -60,12 +73,26 @@ def _package_of(source: Path) -> Path:
     return above[-1] if above else source.parent
 
 
+class _ByModule(UserProvidedCacheLocator):  # type: ignore[misc]
+    """A folder that is asked for, in which files lie by modules instead of by paths."""
+
+    def __init__(self, function: Callable[..., Any], source: str) -> None:
+        super().__init__(function, source)
+        self._cache_path = os.path.join(numba.config.CACHE_DIR, function.__module__)
+
+
+class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_ByModule, *CompileResultCacheImpl._locator_classes)
+
+
 class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
     """A cache whose files are those of one version of all kernel sources.
 
     The version stands in the files' names, not only in the keys: an index that mentions a type
     which has since gone could not even be read.
     """
+
+    _impl_class = _Stored
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -78,8 +105,35 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
         )
 
 
+@contextmanager
+def _in_turn(index: str) -> Iterator[None]:
+    """Wait until no other process or thread loads or compiles the kernel of an index file.
+
+    Besides the time, two at once might give one file's name to machine code for different types.
+    """
+    with ExitStack() as held:
+        with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
+            if fcntl is not None:
+                lock = held.enter_context(Path(f"{index}.lock").open("ab"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _store(compiled: Any, function: Callable[..., Any]) -> None:
+    """Keep a kernel's machine code on disk, compiled by one process at a time."""
+    compiled._cache = _SourceAwareCache(function)
+    compile_now, index = compiled.compile, compiled._cache._cache_file._index_path
+
+    def compile_in_turn(signature: Any) -> Any:
+        with _in_turn(index):
+            return compile_now(signature)
+
+    compiled.compile = compile_in_turn
+
+
 # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
-_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+UNCOUNTED = {"_nrt": False}  # no references to arrays are counted
 
 
 def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
@@ -90,16 +144,16 @@ def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """
     if numba.config.DISABLE_JIT:
         return function
-    compiled = numba.njit(function, **_OPTIONS, **options)
+    compiled = numba.njit(function, **OPTIONS, **options)
     with suppress(RuntimeError):  # no folder can be written to: compile in every process
-        compiled._cache = _SourceAwareCache(function)
+        _store(compiled, function)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         return compiled(*args, **kwargs)  # type: ignore[no-any-return]
 
     call.compiled = compiled  # type: ignore[attr-defined]
-    inner = {**_OPTIONS, **options, "no_cpython_wrapper": True}
+    inner = {**OPTIONS, **options, "no_cpython_wrapper": True}
     overload(call, jit_options=inner, strict=False)(lambda *_: function)
     return call
 
@@ -117,6 +171,15 @@ def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
     index needs a look at its sign.
     """
     return _compile(function, fastmath={"contract", "nsz"})
+
+
+def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of arrays that makes none and gives none, to be called by other kernels.
+
+    It counts no references, as its caller holds all arrays: bundles of many are then handed over
+    for nothing. A kernel that needs memory of its own cannot be compiled so.
+    """
+    return _compile(function, **UNCOUNTED)
 
 
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:

@@ -26,7 +26,7 @@ Attribute = str | int | float | Sequence[float]
 
 def write_frame(
     path: str | Path,
-    frame: Frame,
+    frame: Frame[Any],
     *,
     bits: int = 8,
     half: bool = False,
@@ -106,7 +106,7 @@ def write_png(
 
 def write_exr(
     path: str | Path,
-    frame: Frame,
+    frame: Frame[Any],
     *,
     compression: str = "zip",
     half: bool = False,
@@ -192,7 +192,7 @@ def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int]
     return (spec.height, spec.width, channels), _strips(path, source, header, height)
 
 
-def _strips(path: str | Path, source: Any, header: "_Stored", height: int) -> Iterator[Floats]:
+def _strips(path: str | Path, source: Any, header: "_ImageHeader", height: int) -> Iterator[Floats]:
     import OpenImageIO
 
     spec = source.spec()
@@ -212,7 +212,7 @@ def _strips(path: str | Path, source: Any, header: "_Stored", height: int) -> It
     source.close()
 
 
-def _linear(stored: "_Stored") -> Floats:
+def _linear(stored: "_ImageHeader") -> Floats:
     """Picture in linear, premultiplied light, with the channels that `read_image` gives."""
     names, data = stored.names, stored.data
     alpha = names.index("A") if "A" in names else None
@@ -236,7 +236,7 @@ def read_channels(path: str | Path) -> dict[str, Floats]:
     return {name: stored.data[..., n] for n, name in enumerate(stored.names)}
 
 
-class _Stored(NamedTuple):
+class _ImageHeader(NamedTuple):
     """A file's content before it is turned into linear, premultiplied light."""
 
     data: Floats  # (H, W, C)
@@ -246,7 +246,7 @@ class _Stored(NamedTuple):
     levels: int  # largest value of 8 and 16 bits, which data is a fraction of; 0: other types
 
 
-def _open(path: str | Path) -> tuple[Any, _Stored]:
+def _open(path: str | Path) -> tuple[Any, _ImageHeader]:
     """File, open, and what its header says; without data."""
     import OpenImageIO
 
@@ -263,7 +263,7 @@ def _open(path: str | Path) -> tuple[Any, _Stored]:
     spec = source.spec()
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_integer = str(spec.format) not in ("half", "float", "double")
-    header = _Stored(
+    header = _ImageHeader(
         np.zeros((0, 0, 0), np.float32),
         list(spec.channelnames),
         "srgb" in space or (is_integer and "lin" not in space),
@@ -273,7 +273,7 @@ def _open(path: str | Path) -> tuple[Any, _Stored]:
     return source, header
 
 
-def _read(path: str | Path) -> _Stored:
+def _read(path: str | Path) -> _ImageHeader:
     import OpenImageIO
 
     source, header = _open(path)

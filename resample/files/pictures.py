@@ -235,6 +235,12 @@ def _put(path: Path, data: NDArray[Any], kind: Kind, is_light: bool) -> str:
     return ""
 
 
+def coverage_picture(coverage: Floats) -> Picture:
+    """Shares of pixels as a gray picture whose numbers they are, whatever its format."""
+    share = np.clip(coverage, 0.0, 1.0)[..., None]
+    return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
+
+
 def _header(path: Path) -> tuple[int, int, int, Kind]:
     """Height, width, number of stored channels, and what is said about the values."""
     import OpenImageIO

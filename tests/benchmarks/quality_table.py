@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Pinhole, orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Frame, Samples
@@ -49,7 +50,7 @@ def checker_box(alpha: float, crust: int | None = None) -> Samples:
 class Shot(NamedTuple):
     """A camera with its picture's size."""
 
-    camera: Pinhole
+    camera: Camera
     height: int
     width: int
 
@@ -63,7 +64,9 @@ def distant(scale: float, azimuth: float = 30.0, shift: float = 0.0) -> Shot:
     side = int(200 * scale) + 4
     pose = orbit((0, 0, 0), 400, azimuth, 25)
     # No symmetric place of the box among the pixels.
-    camera = Pinhole(400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose)
+    camera = Camera.from_intrinsics(
+        400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose
+    )
     return Shot(camera, side, side)
 
 
@@ -106,7 +109,11 @@ class Place(NamedTuple):
     def shot(self, scale: float) -> Shot:
         """View with `scale` px per voxel in the block's middle; a zoom changes the focal length."""
         pose = orbit((0, 0, 0), self.distance, self.azimuth, self.elevation)
-        return Shot(Pinhole(self.distance * scale, self.distance * scale, 12.4, 12.4, pose), 24, 24)
+        return Shot(
+            Camera.from_intrinsics(self.distance * scale, self.distance * scale, 12.4, 12.4, pose),
+            24,
+            24,
+        )
 
 
 def block_transmittance(shot: Shot) -> tuple[np.ndarray, np.ndarray]:
@@ -200,7 +207,7 @@ def shifted_truths(alpha: float, scale: float, frames: int) -> list[np.ndarray]:
     camera, height, width = distant(scale)
     # A pixel more to the left, from where the box moves in.
     focal, x, y = 16 * camera.fx, 16 * (camera.cx + 1), 16 * camera.cy
-    fine = Pinhole(focal, focal, x, y, camera.world_to_camera)
+    fine = Camera.from_intrinsics(focal, focal, x, y, camera.world_to_camera)
     samples = checker_box(alpha, CRUST[alpha])
     rays = SPLATS(samples, fine, height=16 * height, width=16 * (width + 1)).rgba
     moved = (rays[:, 16 - frame : 16 - frame + 16 * width] for frame in range(frames))

@@ -30,9 +30,9 @@ OURS: list[tuple[str, dict[str, Any]]] = [
     ("hybrid", {}),
     ("hybrid, quality 2", {"quality": 2.0}),
     ("hybrid, quality 3", {"quality": 3.0}),
-    ("hybrid, spline, quality 2", {"quality": 2.0, "reconstruction": "spline"}),
-    ("hybrid, spline, quality 4", {"quality": 4.0, "reconstruction": "spline"}),
-    ("hybrid, bilinear, quality 2", {"quality": 2.0, "reconstruction": "bilinear"}),
+    ("hybrid, spline, quality 2", {"quality": 2.0, "interpolation": "spline"}),
+    ("hybrid, spline, quality 4", {"quality": 4.0, "interpolation": "spline"}),
+    ("hybrid, bilinear, quality 2", {"quality": 2.0, "interpolation": "bilinear"}),
     ("hybrid, splats", {"method": "hybrid:magnified=splats"}),
     ("hybrid, Gaussian, quality 1", {"filter": "gaussian", "quality": 1.0}),
     ("hybrid, Gaussian", {"filter": "gaussian"}),
@@ -40,7 +40,7 @@ OURS: list[tuple[str, dict[str, Any]]] = [
     ("hybrid, Gaussian, quality 3", {"filter": "gaussian", "quality": 3.0}),
     (
         "hybrid, Gaussian, spline, quality 2",
-        {"filter": "gaussian", "quality": 2.0, "reconstruction": "spline"},
+        {"filter": "gaussian", "quality": 2.0, "interpolation": "spline"},
     ),
     ("hybrid, Gaussian, splats", {"method": "hybrid:magnified=splats", "filter": "gaussian"}),
     ("paper", {"method": "paper"}),
@@ -126,7 +126,7 @@ def natural() -> Iterator[Row]:
 
 
 def turned() -> Iterator[Row]:
-    """The texture turned by 30 degrees, and the truth with bilinear reconstruction."""
+    """The texture turned by 30 degrees, and the truth with bilinear interpolation."""
     for title, choices in [*OURS, *RIVALS]:
         yaw = decibels("astronaut", choices, yaw=True)["all"]
         linear = [decibels(name, choices, bilinear=True)["all"] for name in NATURAL]

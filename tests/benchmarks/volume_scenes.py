@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Orthographic, Pinhole, orbit
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Field, Samples
-from resample_volume.cameras.framing import centered
 from resample_volume.files.generated import checker_box
 from resample_volume.files.source import open_volume
 from resample_volume.looks.presets import load_transfer
@@ -22,6 +22,7 @@ from resample_volume.looks.transfer import Transfer, from_points
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import field_voxels, lit_field
+from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light, shade
 from resample_volume.voxels.visible import Voxels, classify
 
@@ -46,7 +47,7 @@ RED, BLUE, WHITE = (0.9, 0.2, 0.1), (0.1, 0.3, 0.9), (1.0, 1.0, 1.0)
 class Shot(NamedTuple):
     """A camera with its picture's size, px."""
 
-    camera: Pinhole | Orthographic
+    camera: Camera | Orthographic
     height: int
     width: int
 
@@ -132,7 +133,9 @@ def distant(scale: float, shift: float = 0.0, turn: float = 0.0, dolly: float = 
     side = int(200 * scale) + 8
     pose = orbit((0, 0, 0), 400 * dolly, 30.0 + turn, 25)
     # No symmetric place of the box among the pixels.
-    camera = Pinhole(400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose)
+    camera = Camera.from_intrinsics(
+        400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose
+    )
     return Shot(camera, side, side)
 
 
@@ -151,7 +154,9 @@ def crust(samples: Samples, thickness: float = 12.0) -> Samples:
 def afar(distance: float, side: int) -> Shot:
     """View of a real volume as on 400 × 400 px, of which `side` px are kept."""
     pose = orbit((0, 0, 0), distance, 30, 30)
-    return Shot(Pinhole(FOCAL, FOCAL, side / 2 + 0.137, side / 2 + 0.21, pose), side, side)
+    return Shot(
+        Camera.from_intrinsics(FOCAL, FOCAL, side / 2 + 0.137, side / 2 + 0.21, pose), side, side
+    )
 
 
 def object_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
@@ -221,7 +226,7 @@ def second_difference(frames: Iterable[np.ndarray]) -> np.ndarray:
 def turned(scene: Scene, form: Resampler, azimuths: np.ndarray) -> np.ndarray:
     """Second differences of a small volume that turns, 72 × 72 px, 1.4 px per voxel."""
     shots = [
-        Shot(Pinhole(180, 180, 36, 36, orbit((0, 0, 0), 128, azimuth, 20)), 72, 72)
+        Shot(Camera.from_intrinsics(180, 180, 36, 36, orbit((0, 0, 0), 128, azimuth, 20)), 72, 72)
         for azimuth in azimuths
     ]
     samples = scene.samples(shots[0])
@@ -311,7 +316,7 @@ def near(scene: Scene) -> Shot:
     size = max(scene.volume.values.shape)
     pose = orbit((0, 0, 0), 4 * size, 30, 25)
     focal = 4 * size * 96 / (1.75 * size)
-    return Shot(Pinhole(focal, focal, 48.137, 48.21, pose), 96, 96)
+    return Shot(Camera.from_intrinsics(focal, focal, 48.137, 48.21, pose), 96, 96)
 
 
 def rays_of(side: int) -> str:

@@ -15,7 +15,8 @@ from functools import partial
 
 import numpy as np
 
-from resample.cameras.models import Pinhole, orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.measuring.quality import largest
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
@@ -251,7 +252,7 @@ def popping() -> None:
 def perspective() -> None:
     """PSNR of footprints, dB, where single voxels are, by their angle off the view axis."""
     side = 240
-    camera = Pinhole.from_fov(100, height=side, width=side)
+    camera = Camera.from_fov(100, height=side, width=side)
     shot = Shot(camera, side, side)
     columns = {}
     for angle in (0, 15, 30, 45):
@@ -262,7 +263,7 @@ def perspective() -> None:
         columns[f"{angle}°"] = _footprints(shot, samples, truth)
     box = scenes.checker(40, 4, 0.3).samples(shot)
     wide = Shot(
-        Pinhole.from_fov(90, height=200, width=200, world_to_camera=orbit((0, 0, 0), 45, 20, 15)),
+        Camera.from_fov(90, height=200, width=200, world_to_camera=orbit((0, 0, 0), 45, 20, 15)),
         200,
         200,
     )

@@ -16,20 +16,23 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import minimum_filter
 
 from resample import registry
+from resample.cameras.models import Camera
 from resample.engine.jit import threads
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera
+from resample.profiles.filters import PixelFilter
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.showing.compare import Case, scene_case, screen_of
 from resample_warp3d.showing.pairs import load_pairs
 from resample_warp3d.showing.scenes import STANDS, generated
@@ -48,6 +51,8 @@ DATA = Path(__file__).parents[2] / "../shared/data/depth"
 RUNS = 5
 FRAMES = 10  # of a dolly
 FLICKER_SIZE = 512
+FILTER_SIZE = 256
+FINE, AROUND = 16, 3  # rays per side of a pixel under a filter; px around it that any reads
 
 # Share of the way from the source to the view, its last part, that a dolly covers: steps as large
 # as those that the goals were set with, where cv2.warpFrame flickered by 44.5, 30.8 and 69.0.
@@ -259,6 +264,66 @@ def flickering(run: Run) -> Iterator[Row]:
         yield row
 
 
+def filters(run: Run) -> Iterator[Row]:
+    """PSNR (dB) against the shared scene's views on 16 × 16 rays per pixel, under each filter.
+
+    At 256², over pixels all of whose surroundings that a filter reads are seen by the source: views
+    side / back4 / in3 / oblique; and CPU time of the first one on one thread.
+    """
+    scene, size = bench().Scene(), (FILTER_SIZE, FILTER_SIZE)
+    matrix = bench().K_for(*size)
+    color, depth, _ = scene.render(matrix, np.eye(4), size)
+    source = source_of(color, depth)
+    truths = {name: fine_truth(scene, matrix, name) for name in bench().CASES}
+    for method in run.methods:
+        chosen = registry.build("warps", method)
+        if getattr(chosen, "is_per_pixel", False):
+            continue
+        row = {"method": method}
+        for name in ("area", *(n for n in registry.names("filters") if n not in ("area", "box"))):
+            pixel_filter = registry.build("filters", name)
+            found, spent = [], ""
+            for truth in truths.values():
+                equation = between(camera_of(matrix, np.eye(4)), truth.camera)
+                warp = partial(filtered, chosen, pixel_filter, source, equation, size)
+                found.append(f"{truth.score(warp().image, pixel_filter):.1f}")
+                spent = spent or f"{milliseconds(warp):.0f}"
+            row[name] = f"{' / '.join(found)}; {spent} ms"
+        yield row
+
+
+class FineTruth(NamedTuple):
+    """A view by 16 × 16 rays per pixel, some pixels around it, and where the source sees it."""
+
+    camera: Camera
+    rays: Any  # ((H + 2 AROUND) FINE, (W + 2 AROUND) FINE, 3)
+    visible: Any  # (H, W)
+
+    def score(self, image: Any, pixel_filter: PixelFilter) -> float:
+        """PSNR of a picture (H, W, 3) against the rays under a filter."""
+        parts = (np.arange((2 * AROUND + 1) * FINE) + 0.5) / FINE - AROUND - 0.5
+        distance, radius = np.abs(parts), pixel_filter.radius
+        weight = np.where(distance <= radius, pixel_filter(np.minimum(distance, radius)), 0.0)
+        weight /= weight.sum()
+        height, width = self.visible.shape
+        down = sum(w * self.rays[k : k + FINE * height : FINE] for k, w in enumerate(weight))
+        truth = sum(w * down[:, k : k + FINE * width : FINE] for k, w in enumerate(weight))
+        mask = minimum_filter(self.visible, 2 * AROUND + 1, mode="constant") > SEEN
+        return psnr(image, truth.astype(np.float32), mask=mask)
+
+
+def fine_truth(scene: Any, matrix: Any, name: str) -> FineTruth:
+    eye, yaw, pitch = bench().CASES[name]
+    pose, size = bench().look(eye, yaw, pitch), (FILTER_SIZE, FILTER_SIZE)
+    visible, _, _ = scene.visible(matrix, pose, matrix, np.eye(4), size, size)
+    # Its pixel centers are whole numbers, on the fine grid, too.
+    shift = FINE * (AROUND + 0.5) - 0.5
+    fine = np.array([[FINE, 0, shift], [0, FINE, shift], [0, 0, 1.0]]) @ matrix
+    side = (FILTER_SIZE + 2 * AROUND) * FINE
+    rays, _, _ = scene.render(fine, pose, (side, side), 1)
+    return FineTruth(camera_of(matrix, pose), rays, visible)
+
+
 def dolly(name: str) -> tuple[list[View], Source]:
     """Views on the way to one of the workload, and their source."""
     scene, size = bench().Scene(), (FLICKER_SIZE, FLICKER_SIZE)
@@ -312,6 +377,7 @@ TABLES: dict[str, tuple[Callable[[Run], Iterator[Row]], Path | None]] = {
     "synthetic": (synthetic, BENCH),
     "flicker": (flickering, BENCH),
     "stored": (stored, BENCH),
+    "filters": (filters, BENCH),
     "identity": (identity, BENCH),
     "generated": (own_scene, None),
     "pairs": (pairs, DATA),

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from resample.files.animations import Shots, check_count, check_film, fingerprint, write_film
+from tests.processes import PATIENCE
 
 COLORS = np.array([(200, 30, 60), (30, 220, 40), (20, 30, 230), (128, 128, 128)], np.uint8)
 
@@ -211,7 +212,7 @@ def test_a_run_killed_at_any_file_operation_is_gone_on_with(tmp_path):
         check=False,
         cwd=tmp_path,
         capture_output=True,
-        timeout=60,
+        timeout=PATIENCE,
     )
     assert ended.returncode == 0, ended.stderr.decode()
     assert all(int(steps) > 15 for steps in ended.stdout.split())

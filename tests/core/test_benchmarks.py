@@ -12,7 +12,8 @@ from benchmarks.core import SPLATS, fragments
 from benchmarks.measure import LEAST, Spread, exponent, machine, ratio, take_turns
 from benchmarks.scenes import floor_matrix
 from benchmarks.tables import Section, as_json, document, markdown, number, shown
-from resample.cameras.models import Pinhole, orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr
 from resample.types import Samples
 from tests.processes import python
@@ -177,7 +178,7 @@ def test_without_the_reference_there_is_no_table():
 def test_an_unknown_group_is_refused_with_the_known_ones(capsys):
     with pytest.raises(SystemExit):
         parsed(["volum"])
-    assert "there are volume, texture" in capsys.readouterr().err
+    assert "there are volume, " in capsys.readouterr().err
 
 
 def test_fragments_leave_the_light_that_the_painter_leaves():
@@ -185,7 +186,7 @@ def test_fragments_leave_the_light_that_the_painter_leaves():
     position = rng.uniform(-4, 4, (300, 3)).astype(np.float32)
     white, dense = np.ones((300, 3), np.float32), np.full(300, 0.8, np.float32)
     samples = Samples(position, white, dense, np.diag([1.0, 1.0, 1.4]))
-    camera = Pinhole(60, 60, 15.3, 16.2, orbit((0, 0, 0), 20, 30, 20))
+    camera = Camera.from_intrinsics(60, 60, 15.3, 16.2, orbit((0, 0, 0), 20, 30, 20))
     found = fragments(samples, camera, 32)
     frame = SPLATS(samples, camera, height=32, width=32)
     assert found.light == pytest.approx(1 - frame.rgba[..., 3], abs=2e-4)  # opaque ends at 1e-4

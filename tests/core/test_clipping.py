@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
@@ -14,11 +15,11 @@ SIDE = 16  # px
 EYE = (6.0, -5.0, 4.0)
 POSE = look_at(EYE, (0, 0, 0))
 CAMERAS = {
-    "narrow": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Pinhole.from_fov(
+    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "inside": Camera.from_fov(
         90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
     ),
-    "near plane": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.4),
+    "near plane": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.4),
     "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
 }
 
@@ -150,7 +151,9 @@ def test_every_footprint_is_cut_alike(model, rng):
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
 def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
     samples = block()
-    camera = Pinhole(90 * scale, 90 * scale, 8.13, 8.21, look_at((70, -50, 30), (0, 0, 0)))
+    camera = Camera.from_intrinsics(
+        90 * scale, 90 * scale, 8.13, 8.21, look_at((70, -50, 30), (0, 0, 0))
+    )
     planes = [(0.3, -0.9, 0.2, 2.3), (-0.7, 0.1, 0.5, 6.1)]
     truth = draw(samples, camera, planes, order=order, subpixels=16).rgba[..., 3]
     hybrid = draw(samples, camera, planes, order=order, primitive=Primitive.HYBRID)
@@ -163,8 +166,8 @@ def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order)
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
     samples, pose = block(13, 0.08), look_at((0, -80, 0), (0, 0, 0))
-    near = Pinhole(15.0, 15.0, 8.13, 8.21, pose, near=78.2)
-    plain = Pinhole(15.0, 15.0, 8.13, 8.21, pose)
+    near = Camera.from_intrinsics(15.0, 15.0, 8.13, 8.21, pose, near=78.2)
+    plain = Camera.from_intrinsics(15.0, 15.0, 8.13, 8.21, pose)
     chosen = {"primitive": Primitive.HYBRID, "order": order}
     cut = draw(samples, near, **chosen).rgba[..., 3]
     clipped = draw(samples, plain, [(0, 1, 0, 1.8)], **chosen).rgba[..., 3]
@@ -182,7 +185,11 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order,
     mixed = rng.permutation(300)
     other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
     resample = Resampler(primitive=primitive, order=order)
-    for camera in (CAMERAS["narrow"], CAMERAS["inside"], Pinhole(3.0, 3.0, 20, 20, POSE)):
+    for camera in (
+        CAMERAS["narrow"],
+        CAMERAS["inside"],
+        Camera.from_intrinsics(3.0, 3.0, 20, 20, POSE),
+    ):
         size = {"height": 40, "width": 40}
         first = resample(samples, camera, **size, threads=1, clip=planes)
         second = resample(other, camera, **size, threads=2, clip=planes[::-1])

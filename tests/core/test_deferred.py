@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample import deferred
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import outlines
 from resample.engine.ellipsoids.pool import ask_for
 from resample.profiles.filters import Gaussian
@@ -16,12 +17,14 @@ from tests.records import from_records
 
 SIZE = {"height": 44, "width": 57}
 ARRAYS = ("rgba", "depth", "first_depth", "coverage")
-CLOSE = Pinhole(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
+CLOSE = Camera.from_intrinsics(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
 CAMERAS = {
     "close": CLOSE,
-    "far": Pinhole(90.0, 90.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
-    "inside": Pinhole(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
-    "near plane": Pinhole(90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0),
+    "far": Camera.from_intrinsics(90.0, 90.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
+    "inside": Camera.from_intrinsics(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
+    "near plane": Camera.from_intrinsics(
+        90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0
+    ),
     "parallel": Orthographic(1.9, 1.7, 26.0, 21.0, look_at((30, 20, -30), (0, 0, 0)), -60.0),
 }
 PLANE = [[0.3, 1.0, 0.2, 2.0]]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample import deferred_points, resampler
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.engine.eights import spread
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
 from resample.profiles.orders import EverySample
@@ -16,12 +17,14 @@ from tests.records import from_records
 SIZE = {"height": 44, "width": 57}
 ARRAYS = ("rgba", "depth", "first_depth", "coverage")
 PIXEL = (26.0, 21.0)
-FAR = Pinhole(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)))
+FAR = Camera.from_intrinsics(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)))
 CAMERAS = {
     "far": FAR,
-    "farther": Pinhole(90.0, 80.0, *PIXEL, look_at((40, -1000, 60), (0, 0, 0))),
-    "wide": Pinhole(20.0, 20.0, *PIXEL, look_at((8, -45, 12), (0, 0, 0))),
-    "at the edge": Pinhole(90.0, 90.0, 0.4, 43.0, look_at((20, -250, 60), (0, 0, 0))),
+    "farther": Camera.from_intrinsics(90.0, 80.0, *PIXEL, look_at((40, -1000, 60), (0, 0, 0))),
+    "wide": Camera.from_intrinsics(20.0, 20.0, *PIXEL, look_at((8, -45, 12), (0, 0, 0))),
+    "at the edge": Camera.from_intrinsics(
+        90.0, 90.0, 0.4, 43.0, look_at((20, -250, 60), (0, 0, 0))
+    ),
     "parallel": Orthographic(0.5, 0.4, *PIXEL, look_at((30, 20, -30), (0, 0, 0)), -60.0),
 }
 PLANE = [[0.3, 1.0, 0.2, 2.0]]
@@ -109,7 +112,10 @@ def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
 @pytest.mark.parametrize("scale", [1.0, 0.02])
 def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
-    samples, camera = box(rng), Pinhole(scale, scale, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
+    samples, camera = (
+        box(rng),
+        Camera.from_intrinsics(scale, scale, *PIXEL, look_at((8, -60, 12), (0, 0, 0))),
+    )
     frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
     assert frame.statistics.points == samples.extinction.size
     assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
@@ -123,9 +129,11 @@ def test_a_plane_cuts_as_it_cuts_records(rng, camera):
 
 
 UNFIT = {
-    "near plane": Pinhole(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)), 252.0),
-    "inside": Pinhole(25.0, 25.0, *PIXEL, look_at((2, -1, 1), (0, 0, 0))),
-    "close": Pinhole(90.0, 80.0, *PIXEL, look_at((8, -30, 12), (0, 0, 0))),
+    "near plane": Camera.from_intrinsics(
+        90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)), 252.0
+    ),
+    "inside": Camera.from_intrinsics(25.0, 25.0, *PIXEL, look_at((2, -1, 1), (0, 0, 0))),
+    "close": Camera.from_intrinsics(90.0, 80.0, *PIXEL, look_at((8, -30, 12), (0, 0, 0))),
 }
 
 
@@ -149,7 +157,7 @@ def test_filters_without_a_formula_are_painted_in_order(rng, pixel):
 
 @pytest.mark.parametrize("choice", [{"subpixels": 32}, {"pixel_filter": Gaussian(1.0, 4.0)}])
 def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
-    camera = Pinhole(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
+    camera = Camera.from_intrinsics(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
     samples, choices = box(rng, side=7), {"primitive": Primitive.POINTS, **choice}
     frame = Resampler(**choices)(samples, camera, **SIZE)
     assert_alike(frame, from_records(samples, camera, **SIZE, **choices), are_counted=False)
@@ -192,7 +200,7 @@ def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
 
 def test_samples_beside_the_view_do_no_harm(rng):
     samples, choice = box(rng, side=40), {"primitive": Primitive.POINTS}
-    camera = Pinhole(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
+    camera = Camera.from_intrinsics(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
     frame = Resampler(**choice)(samples, camera, **SIZE)
     assert 0 < frame.statistics.points < samples.extinction.size
     assert_alike(frame, from_records(samples, camera, **SIZE, **choice))

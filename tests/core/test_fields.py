@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Primitive, Projection, Resampler
@@ -15,11 +16,11 @@ from tests import naive
 SIDE = 16  # px
 POSE = look_at((6, -5, 4), (0, 0, 0))
 CAMERAS = {
-    "narrow": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Pinhole.from_fov(
+    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "inside": Camera.from_fov(
         90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
     ),
-    "near plane": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.6),
+    "near plane": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.6),
     "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
 }
 LATTICES = {
@@ -223,7 +224,9 @@ def test_values_beyond_the_table_look_like_its_ends():
 def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     look = classifier(rng, columns=4)
     field = block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
-    camera = Pinhole(60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0)))
+    camera = Camera.from_intrinsics(
+        60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0))
+    )
     truth = draw(field, camera, subpixels=16).rgba
     hybrid = draw(field, camera, primitive=Primitive.HYBRID)
     assert (hybrid.statistics.points > 0) == (scale < 0.0375)
@@ -249,7 +252,11 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primi
         projection=projection,
         iso=1.0 if projection is Projection.FIRST_HIT else None,
     )
-    for camera in (CAMERAS["narrow"], CAMERAS["inside"], Pinhole(3.0, 3.0, 20, 20, POSE)):
+    for camera in (
+        CAMERAS["narrow"],
+        CAMERAS["inside"],
+        Camera.from_intrinsics(3.0, 3.0, 20, 20, POSE),
+    ):
         first = resample(field, camera, height=40, width=40, threads=1)
         second = resample(other, camera, height=40, width=40, threads=2)
         for name in ("rgba", "depth", "first_depth", "coverage", "value"):

@@ -1,6 +1,8 @@
 import multiprocessing
 import os
 import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 
 from resample import types
 from resample.engine import jit, lookup, paint
+from tests.processes import PATIENCE
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
@@ -147,5 +150,60 @@ def test_parallel_kernels_work_after_a_fork():
         target=counted, args=(np.zeros(9, np.int64),)
     )
     child.start()
-    child.join(60)
+    child.join(PATIENCE)
     assert child.exitcode == 0
+
+
+WANTED = """
+import sys
+import numpy as np
+from resample.engine import jit, lookup
+
+print(jit.__file__, flush=True)
+sys.stdin.readline()
+lookup.unit_lookup(np.ones(4, np.float32), 0.5)
+stats = lookup.unit_lookup.compiled.stats
+print(sum(stats.cache_misses.values()), sum(stats.cache_hits.values()))
+"""
+
+
+def wanting(cache, root=Path(jit.__file__).parents[2]):
+    """A process that is ready to use a kernel, of the sources below `root`."""
+    return subprocess.Popen(
+        [sys.executable, "-c", WANTED],
+        cwd=root,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(root)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def compiled_and_loaded(process):
+    """How often a process compiled the kernel, and took it from the disk."""
+    printed, _ = process.communicate("now\n")
+    return [int(count) for count in printed.split()[-2:]]
+
+
+@compiled_only
+def test_of_processes_that_want_one_kernel_at_once_one_compiles_it(tmp_path):
+    processes = [wanting(tmp_path) for _ in range(3)]
+    for process in processes:
+        process.stdout.readline()
+    for process in processes:
+        process.stdin.write("now\n")
+        process.stdin.flush()
+    counts = [compiled_and_loaded(process) for process in processes]
+    assert sorted(counts) == [[0, 1], [0, 1], [1, 0]]
+
+
+@compiled_only
+def test_copies_of_the_sources_share_the_kernels_of_a_folder_that_is_asked_for(tmp_path):
+    package = Path(jit.__file__).parents[1]
+    copied = shutil.copytree(
+        package, tmp_path / "elsewhere" / "resample", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    assert compiled_and_loaded(wanting(tmp_path / "cache")) == [1, 0]
+    second = wanting(tmp_path / "cache", copied.parent)
+    assert Path(second.stdout.readline().strip()) == copied / "engine" / "jit.py"
+    assert compiled_and_loaded(second) == [0, 1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole
+from resample.cameras.models import Camera, Orthographic
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import FOOTPRINTS, Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
@@ -25,7 +25,9 @@ def draw(samples, camera, **choices):
     return Resampler(**choices)(samples, camera, height=SIDE, width=SIDE)
 
 
-@pytest.mark.parametrize("camera", [Pinhole(8.0, 8.0, 4.1, 3.9), Orthographic(1.5, 1.5, 4.1, 3.9)])
+@pytest.mark.parametrize(
+    "camera", [Camera.from_intrinsics(8.0, 8.0, 4.1, 3.9), Orthographic(1.5, 1.5, 4.1, 3.9)]
+)
 def test_splats_are_the_kernels_along_the_rays(camera):
     samples = two()
     frame = draw(samples, camera, primitive=Primitive.SPLATS)
@@ -38,7 +40,7 @@ def test_splats_are_the_kernels_along_the_rays(camera):
 
 def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
     samples = two()._replace(position=np.array([(0.3, 0, 0.5), (0, 0.2, 1.5)], np.float32))
-    camera = Pinhole(4.0, 4.0, 4.1, 3.9)
+    camera = Camera.from_intrinsics(4.0, 4.0, 4.1, 3.9)
     frame = draw(samples, camera, primitive=Primitive.SPLATS)
     kernel = GaussianKernel()
     integral = naive.all_line_integrals(samples, camera, kernel, height=SIDE, width=SIDE)
@@ -51,7 +53,9 @@ def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
 )
 @pytest.mark.parametrize("focal", [1.0, 6.0])
 def test_every_choice_paints_something_sensible(primitive, model, focal):
-    frame = draw(two(), Pinhole(focal, focal, 4.1, 3.9), primitive=primitive, footprint=model)
+    frame = draw(
+        two(), Camera.from_intrinsics(focal, focal, 4.1, 3.9), primitive=primitive, footprint=model
+    )
     assert 0 <= frame.rgba.min() <= frame.rgba.max() <= 1
     seen = frame.depth[frame.rgba[..., 3] > 1e-3]
     assert ((seen > 5.99) & (seen < 7.01)).all()
@@ -59,7 +63,7 @@ def test_every_choice_paints_something_sensible(primitive, model, focal):
 
 
 def test_the_papers_points_are_those_of_the_obvious_loop():
-    samples, camera = two(), Pinhole(4.0, 4.0, 4.1, 3.9)
+    samples, camera = two(), Camera.from_intrinsics(4.0, 4.0, 4.1, 3.9)
     choices = {"primitive": Primitive.PAPER, "footprint": Footprint.EXACT}
     frame = draw(samples, camera, **choices)
 
@@ -82,14 +86,14 @@ def test_the_order_of_many_samples_does_not_change_a_bit():
     )
     order = rng.permutation(60)
     shuffled = Samples(*(samples[n][order] for n in range(3)), lattice=samples.lattice)
-    camera = Pinhole(30.0, 30.0, 4.1, 3.9)
+    camera = Camera.from_intrinsics(30.0, 30.0, 4.1, 3.9)
     first, again = (draw(one, camera, subpixels=1) for one in (samples, shuffled))
     assert first.rgba.tobytes() == again.rgba.tobytes()
 
 
 def test_linear_opacity_is_linear_in_the_line_integral():
     sample = Samples(*(column[:1] for column in two()[:3]), lattice=np.eye(3))
-    camera = Pinhole(8.0, 8.0, 4.1, 3.9)
+    camera = Camera.from_intrinsics(8.0, 8.0, 4.1, 3.9)
     frame = draw(sample, camera, primitive=Primitive.SPLATS, opacity=Opacity.LINEAR)
     kernel = GaussianKernel()
     integral = naive.all_line_integrals(sample, camera, kernel, height=SIDE, width=SIDE)[0]

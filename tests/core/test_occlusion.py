@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole
+from resample.cameras.models import Camera
 from resample.resampler import Primitive, Resampler
 from resample.types import Frame, Samples
 
@@ -22,7 +22,7 @@ def picture(
 ) -> Frame:
     """The wall at `scale` px per voxel, in front of as many bright samples as asked for."""
     position, color, extinction = wall()
-    camera = Pinhole(WALL_DEPTH * scale, WALL_DEPTH * scale, side / 2, side / 2)
+    camera = Camera.from_intrinsics(WALL_DEPTH * scale, WALL_DEPTH * scale, side / 2, side / 2)
     reach = 0.45 * side / scale
     near, far = [-reach, -reach, WALL_DEPTH + 20], [reach, reach, WALL_DEPTH + 80]
     crowd = rng.uniform(near, far, (behind, 3))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import PATIENCE
+
 PYPROJECT = """
 [build-system]
 requires = ["hatchling"]
@@ -49,7 +51,7 @@ def installed(tmp_path_factory) -> Path:
     if uv.exists() and importlib.util.find_spec("hatchling"):
         command = [uv, "pip", "install", "-q", "--offline", "--no-deps", "--no-build-isolation"]
         command += ["--python", sys.executable, "--target", target, source]
-        subprocess.run(command, check=True, timeout=120)
+        subprocess.run(command, check=True, timeout=PATIENCE)
     else:
         pytest.skip("needs uv and hatchling, as `make test` installs them")
     return target
@@ -61,7 +63,7 @@ def command(installed: Path, *words: str) -> subprocess.CompletedProcess[str]:
         env={**os.environ, "PYTHONPATH": str(installed)},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE,
         check=False,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras.models import Orthographic, Pinhole
+from resample.cameras.models import Camera, Orthographic
 from resample.profiles.filters import CatmullRom, Gaussian, Lanczos, Mitchell
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
@@ -49,7 +49,7 @@ def together(*groups):
 def camera(spacing_px, right=0.0, down=0.0):
     """Samples are that many pixels apart at `DEPTH`; the axis meets a corner of tiles."""
     focal = spacing_px * DEPTH
-    return Pinhole(focal, focal, 8.0 + right, 8.0 + down)
+    return Camera.from_intrinsics(focal, focal, 8.0 + right, 8.0 + down)
 
 
 def draw(samples, seen_by, *, side=SIDE, **choices):
@@ -121,7 +121,7 @@ def test_a_point_off_the_axis_deposits_its_area_times_its_opacity(theta, primiti
     slant = 1 / np.cos(np.radians(theta))
     aside, focal = depth * np.tan(np.radians(theta)), 0.1
     point = one_point((aside, 0, depth), extinction=0.05)
-    seen_by = Pinhole(focal, focal, 12.2 - focal * aside / depth, 11.9)
+    seen_by = Camera.from_intrinsics(focal, focal, 12.2 - focal * aside / depth, 11.9)
     frame = draw(point, seen_by, primitive=primitive)
     assert frame.statistics.points == 1
     expected = (focal / depth) ** 2 * (1 - np.exp(-0.05 * slant))
@@ -135,7 +135,7 @@ def test_the_mass_is_the_sum_of_line_integrals(theta):
     depth = 10.0
     aside = depth * np.tan(np.radians(theta))
     sample, focal = one_point((aside, 0, depth), spacing=0.02), 2500.0
-    seen_by = Pinhole(focal, focal, 32.0 - focal * aside / depth, 32.0)
+    seen_by = Camera.from_intrinsics(focal, focal, 32.0 - focal * aside / depth, 32.0)
     record = Resampler().footprints(sample, seen_by, height=64, width=64)[0]
     expected = 0.02**3 * focal**2 * np.hypot(aside, depth) / depth**3
     assert float(record["mass"]) == pytest.approx(expected, rel=1e-6)  # float32
@@ -172,7 +172,7 @@ THRESHOLD = {Primitive.HYBRID: 0.6, Primitive.POINTS: np.inf, Primitive.PAPER: 1
 @pytest.mark.parametrize("model", list(Footprint))
 def test_points_fall_where_their_samples_project(model, primitive, rng):
     """Not at the middle of the ellipse that they would be as splats."""
-    samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
+    samples, seen_by = points(rng), Camera.from_intrinsics(12.0, 11.0, 12.3, 11.6)
     resample = Resampler(primitive=primitive, footprint=model, subpixels=1)
     record = resample.footprints(samples, seen_by, height=SIDE, width=SIDE)
     points_seen = (record["spacing"] <= THRESHOLD[primitive]) & (record["left"] <= record["right"])
@@ -187,7 +187,7 @@ def test_points_fall_where_their_samples_project(model, primitive, rng):
     "chosen", [None, *(Gaussian(sigma, lowered=True) for sigma in (0.5, 0.8))], ids=repr
 )
 def test_the_papers_points_are_those_of_the_obvious_loop(chosen, model, rng):
-    samples, seen_by = points(rng), Pinhole(12.0, 11.0, 12.3, 11.6)
+    samples, seen_by = points(rng), Camera.from_intrinsics(12.0, 11.0, 12.3, 11.6)
     choices = {"primitive": Primitive.PAPER, "pixel_filter": chosen, "footprint": model}
     frame = draw(samples, seen_by, **choices)
     profile = chosen or Gaussian(0.5, 1.5, lowered=True)
@@ -198,7 +198,7 @@ def test_the_papers_points_are_those_of_the_obvious_loop(chosen, model, rng):
 
 
 def test_the_papers_points_under_a_filter_with_negative_lobes_are_those_of_the_loop(rng):
-    samples, seen_by = points(rng, 200), Pinhole(12.0, 11.0, 12.3, 11.6)
+    samples, seen_by = points(rng, 200), Camera.from_intrinsics(12.0, 11.0, 12.3, 11.6)
     choices = {"primitive": Primitive.PAPER, "pixel_filter": Mitchell()}
     frame = draw(samples, seen_by, footprint=Footprint.EXACT, **choices)
     truth = naive.paper_points(samples, seen_by, Mitchell(), 2.0, height=SIDE, width=SIDE)
@@ -249,7 +249,10 @@ def test_an_even_layer_looks_even(primitive):
 @pytest.mark.parametrize("count", [1, 20, 2000])
 @pytest.mark.parametrize("primitive", list(Primitive))
 def test_negative_lobes_neither_take_light_nor_make_opacity(primitive, count, lobed, rng):
-    samples, seen_by = points(rng, count, extinction=20.0), Pinhole(14.0, 14.0, 12.0, 12.0)
+    samples, seen_by = (
+        points(rng, count, extinction=20.0),
+        Camera.from_intrinsics(14.0, 14.0, 12.0, 12.0),
+    )
     frame = draw(samples, seen_by, primitive=primitive, pixel_filter=lobed)
     assert frame.rgba.min() >= 0.0
     assert frame.rgba[..., 3].max() <= 1.0
@@ -261,7 +264,10 @@ def test_negative_lobes_neither_take_light_nor_make_opacity(primitive, count, lo
 @pytest.mark.parametrize("lobed", LOBED, ids=repr)
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.PAPER])
 def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
-    samples, seen_by = points(rng, 2000, extinction=20.0), Pinhole(14.0, 14.0, 12.0, 12.0)
+    samples, seen_by = (
+        points(rng, 2000, extinction=20.0),
+        Camera.from_intrinsics(14.0, 14.0, 12.0, 12.0),
+    )
     frame = draw(samples, seen_by, primitive=primitive, pixel_filter=lobed)
     plain = frame.rgba[..., 3] > 0.5
     assert plain.sum() > 30

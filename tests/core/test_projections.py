@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import MEASURING, Footprint, Primitive, Projection, Resampler
@@ -16,8 +17,8 @@ from tests import naive
 SIDE = 16  # px
 POSE = look_at((6, -5, 4), (0, 0, 0))
 CAMERAS = {
-    "narrow": Pinhole.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Pinhole.from_fov(
+    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "inside": Camera.from_fov(
         90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
     ),
     "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
@@ -122,7 +123,9 @@ def test_an_x_ray_conserves_mass(scale, primitive, rng):
 @pytest.mark.parametrize("scale", [0.4, 0.15])
 def test_a_minified_projection_comes_near_its_supersampled_splats(projection, scale):
     field = block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), gray(), 21)
-    camera = Pinhole(60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0)))
+    camera = Camera.from_intrinsics(
+        60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0))
+    )
     truth = draw(field, camera, projection, subpixels=8)
     hybrid = draw(field, camera, projection, primitive=Primitive.HYBRID)
     inside = truth.rgba[..., 3] > 0.99
@@ -249,7 +252,7 @@ def test_a_sphere_is_hit_on_its_surface(camera):
     pose = look_at((11, -13, 9), (0, 0, 0))
     shot = Orthographic(1.6, 1.6, 12.0, 12.0, pose, near=-50)
     if camera == "perspective":
-        shot = Pinhole.from_fov(36.0, height=side, width=side, world_to_camera=pose)
+        shot = Camera.from_fov(36.0, height=side, width=side, world_to_camera=pose)
     iso = -(radius**2) - 3 * variance(GaussianKernel())
     frame = hit(field, shot, iso, 0.5, side=side)
     origin, direction = naive.rays(shot, side, side)

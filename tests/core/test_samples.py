@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole
+from resample.cameras.models import Camera
 from resample.resampler import Primitive, Resampler
 from resample.scene import check_samples
 from resample.types import Samples
 
-CAMERA = Pinhole(20.0, 20.0, 8.0, 8.0)
+CAMERA = Camera.from_intrinsics(20.0, 20.0, 8.0, 8.0)
 
 
 def samples(count=3, **changes):

@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from resample.colors import from_srgb
-from resample.command.settings import SPLAT_COLOR, Picture, Resampling, linear_color
+from resample.command.settings import SPLAT_COLOR, PictureFormat, Resampling, linear_color
 from resample.profiles.filters import Gaussian
 from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
@@ -17,7 +17,7 @@ def test_the_defaults_are_the_resamplers_own():
 
 def test_every_choice_arrives():
     chosen = Resampling(
-        primitive="paper",
+        method="paper",
         footprint="small-angle",
         filter="gaussian:sigma=0.6",
         kernel="gaussian:sigma=0.7,radius=2.5",
@@ -39,22 +39,22 @@ def test_every_choice_arrives():
 
 def test_the_names_are_those_of_the_resampler():
     families = {
-        "primitive": Primitive,
-        "footprint": Footprint,
-        "opacity": Opacity,
-        "projection": Projection,
+        ("method", "primitive"): Primitive,
+        ("footprint", "footprint"): Footprint,
+        ("opacity", "opacity"): Opacity,
+        ("projection", "projection"): Projection,
     }
-    for field, family in families.items():
+    for (option, field), family in families.items():
         for member in family:
             iso = 1.0 if member is Projection.FIRST_HIT else None
-            built = Resampling.model_validate({field: member.value, "iso": iso}).resampler()
+            built = Resampling.model_validate({option: member.value, "iso": iso}).resampler()
             assert getattr(built, field) is member
 
 
 @pytest.mark.parametrize(
     "choice",
     [
-        {"primitive": "dots"},
+        {"method": "dots"},
         {"threshold": -1},
         {"threshold": float("nan")},
         {"subpixels": 0},
@@ -77,26 +77,26 @@ def test_an_unknown_plugin_lists_the_known():
     [("400", (400, 400)), ("640x480", (480, 640)), ("640X480", (480, 640)), (" 8 ", (8, 8))],
 )
 def test_a_size_is_width_by_height(text, size):
-    assert Picture(size=text).height_and_width() == size
+    assert PictureFormat(size=text).height_and_width() == size
 
 
 @pytest.mark.parametrize("text", ["", "x", "4x", "x4", "4x4x4", "1e2", "-4", "4.0", "1_0", "٤"])
 def test_a_size_is_whole_numbers(text):
     with pytest.raises(ValueError, match="give 400 or 640x480"):
-        Picture(size=text).height_and_width()
+        PictureFormat(size=text).height_and_width()
 
 
 @pytest.mark.parametrize("text", ["0", "0x4", "4x0", "1000000", "16385x16384"])
 def test_a_size_is_one_that_a_picture_can_have(text):
     with pytest.raises(ValueError, match="both sides must be at least 1 and there can be at most"):
-        Picture(size=text).height_and_width()
+        PictureFormat(size=text).height_and_width()
 
 
 def test_bits_may_come_as_a_word_of_the_command_line():
-    assert Picture(bits="16").bits == Picture(bits=16).bits == 16
+    assert PictureFormat(bits="16").bits == PictureFormat(bits=16).bits == 16
     for wrong in (12, "12", "deep", "²"):
         with pytest.raises(ValidationError, match="bits"):
-            Picture(bits=wrong)
+            PictureFormat(bits=wrong)
 
 
 def test_colors_are_linear():

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at, orbit
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at, orbit
 from resample.layers import layers_of, sheets_of
 from resample.measuring.quality import psnr
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Summing
@@ -25,13 +26,13 @@ LATTICES = {
     "mirrored": TURN @ np.diag([1, -1.2, 0.8]),
 }
 CAMERAS = {
-    "near": Pinhole.from_fov(
+    "near": Camera.from_fov(
         50.0, height=SIDE, width=SIDE, world_to_camera=look_at((6, -5, 4), (0, 0, 0))
     ),
-    "behind": Pinhole.from_fov(
+    "behind": Camera.from_fov(
         50.0, height=SIDE, width=SIDE, world_to_camera=look_at((-5, 4, -7), (0, 0, 0))
     ),
-    "inside": Pinhole.from_fov(
+    "inside": Camera.from_fov(
         80.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.31, -0.23, 0.14), (3, 2, 4))
     ),
     "parallel": Orthographic(2.7, 3.1, 9.2, 8.9, look_at((6, -5, 4), (0, 0, 0)), near=-50.0),
@@ -81,7 +82,7 @@ def test_sheets_along_the_nearest_axis_are_summed_and_composited(camera, lattice
 def test_a_lattice_may_begin_between_whole_numbers(lattice, start, rng):
     samples = lattice_block(rng, LATTICES[lattice], start=start)
     middle = samples.position.mean(axis=0)
-    camera = Pinhole.from_fov(
+    camera = Camera.from_fov(
         50.0,
         height=SIDE,
         width=SIDE,
@@ -98,7 +99,7 @@ def test_sheets_on_both_sides_of_an_eye_stay_whole(offset, rng):
 
     def camera(x):
         pose = look_at((x, 0.2, 0.3), (x + 1, 1.1, 0.3))
-        return Pinhole.from_fov(100.0, height=SIDE, width=SIDE, world_to_camera=pose)
+        return Camera.from_fov(100.0, height=SIDE, width=SIDE, world_to_camera=pose)
 
     drawn = draw(samples, camera(offset), AxisSheets()).rgba
     # Which of two sheets at one distance comes first is open.
@@ -128,7 +129,7 @@ def test_colors_of_a_sheet_do_not_bleed_into_one_another():
     extinction = np.full(len(place), 40.0, np.float32)
     wall = Samples(place.astype(np.float32), color.astype(np.float32), extinction, np.eye(3))
     pose = look_at((3, -40, 0), (0, 0, 0))
-    camera = Pinhole(160.0, 160.0, 9.0, 9.0, pose)
+    camera = Camera.from_intrinsics(160.0, 160.0, 9.0, 9.0, pose)
     sheets = draw(wall, camera, AxisSheets()).rgba[9, 8:10, :2]
     whole = draw(wall, camera, EverySample()).rgba[9, 8:10, :2]
     unfair = [float(np.abs(both.sum(axis=0) / 2 - 0.5).max()) for both in (sheets, whole)]
@@ -147,7 +148,7 @@ def test_samples_are_ordered_by_depth_or_by_distance():
     samples = Samples(
         place, np.eye(3, dtype=np.float32)[:2], np.full(2, 3.0, np.float32), np.eye(3)
     )
-    camera = Pinhole(10.0, 10.0, 9.0 - 7.0, 9.0)
+    camera = Camera.from_intrinsics(10.0, 10.0, 9.0 - 7.0, 9.0)
     integral = naive.all_line_integrals(samples, camera, GaussianKernel(), height=SIDE, width=SIDE)
     alpha = 1 - np.exp(-3.0 * integral)
     for key, nearness in (("depth", place[:, 2]), ("distance", np.linalg.norm(place, axis=1))):
@@ -162,7 +163,7 @@ def test_distance_counts_for_spheres_that_the_near_plane_cuts():
     samples = Samples(
         place, np.eye(3, dtype=np.float32)[:2], np.full(2, 3.0, np.float32), np.eye(3)
     )
-    camera = Pinhole(6.0, 6.0, 2.0, 9.0)
+    camera = Camera.from_intrinsics(6.0, 6.0, 2.0, 9.0)
     integral = naive.all_line_integrals(samples, camera, GaussianKernel(), height=SIDE, width=SIDE)
     alpha = 1 - np.exp(-3.0 * integral)
     truth = naive.composite(alpha, samples.color, np.linalg.norm(place, axis=1))
@@ -207,7 +208,9 @@ def popping(order, azimuths, *, scale=1.5, elevation=0.0):
     frames = []
     for azimuth in azimuths:
         pose = orbit((0, 0, 0), 200, azimuth, elevation)
-        camera = Pinhole(200 * scale, 200 * scale, side / 2 + 0.137, side / 2 + 0.21, pose)
+        camera = Camera.from_intrinsics(
+            200 * scale, 200 * scale, side / 2 + 0.137, side / 2 + 0.21, pose
+        )
         frames.append(draw(samples, camera, order, side=side).rgba)
     second = np.diff(np.array(frames), n=2, axis=0)
     return np.sqrt((second**2).mean(axis=(1, 2, 3)))
@@ -246,7 +249,9 @@ def test_every_sample_by_depth_pops_where_the_lattice_does(largest):
 def block_shot(scale):
     side = int(60 * scale) + 6
     pose = orbit((0, 0, 0), 100, 30, 25)
-    return Pinhole(100 * scale, 100 * scale, side / 2 + 0.137, side / 2 + 0.21, pose), side
+    return Camera.from_intrinsics(
+        100 * scale, 100 * scale, side / 2 + 0.137, side / 2 + 0.21, pose
+    ), side
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import (
     BSplineKernel,
@@ -22,14 +23,14 @@ from tests import naive
 SIDE = 18  # px
 POSE = look_at((6, -5, 4), (0, 0, 0))
 CAMERAS = {
-    "narrow": Pinhole.from_fov(35.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "wide": Pinhole.from_fov(
+    "narrow": Camera.from_fov(35.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "wide": Camera.from_fov(
         110.0, height=SIDE, width=SIDE, world_to_camera=look_at((2.6, -3, 2), (0, 0, 0))
     ),
-    "inside": Pinhole.from_fov(
+    "inside": Camera.from_fov(
         90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
     ),
-    "near plane": Pinhole.from_fov(35.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.6),
+    "near plane": Camera.from_fov(35.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.6),
     "parallel": Orthographic(2.7, 3.1, 9.2, 8.9, POSE, near=-50.0),
     "parallel from inside": Orthographic(2.7, 3.1, 9.2, 8.9, POSE, near=8.6),
 }

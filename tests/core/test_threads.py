@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 
@@ -28,7 +29,7 @@ def scene(count=400):
     )
 
 
-CAMERA = Pinhole(30.0, 30.0, 24.0, 20.0, look_at((0, -6, 1), (0, 0, 0)))
+CAMERA = Camera.from_intrinsics(30.0, 30.0, 24.0, 20.0, look_at((0, -6, 1), (0, 0, 0)))
 
 
 def draw(**choices):
@@ -60,7 +61,8 @@ def test_any_number_of_threads_will_do(threads):
 PLAIN = """
 import sys
 import numpy as np
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 
@@ -71,7 +73,7 @@ samples = Samples(
     rng.uniform(0, 2, 24).astype(np.float32),
     0.6 * np.eye(3),
 )
-camera = Pinhole(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
+camera = Camera.from_intrinsics(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
 arrays = {}
 for primitive in Primitive:
     for model in FOOTPRINTS[primitive]:

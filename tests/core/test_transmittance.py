@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.profiles.filters import Gaussian
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
@@ -11,7 +12,7 @@ from resample.types import Samples
 from tests import naive
 
 SIDE = 32  # px
-CAMERA = Pinhole.from_fov(
+CAMERA = Camera.from_fov(
     40.0, height=SIDE, width=SIDE, world_to_camera=look_at((9, -7, 5), (0, 0, 0))
 )
 SPACING = 0.5  # scene units
@@ -113,7 +114,7 @@ def test_a_denser_lattice_of_the_same_field_looks_the_same(spacing):
     fine = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
     axis = np.arange(-4, 4, 1.0) + 0.5
     coarse = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-    camera = Pinhole(40.0, 40.0, 4.0, 4.0, look_at((0, -20 * spacing, 0), (0, 0, 0)))
+    camera = Camera.from_intrinsics(40.0, 40.0, 4.0, 4.0, look_at((0, -20 * spacing, 0), (0, 0, 0)))
     middle = []
     for place, step in ((fine, 0.5), (coarse, 1.0)):
         samples = Samples(
@@ -133,7 +134,7 @@ def test_a_denser_lattice_of_the_same_field_looks_the_same(spacing):
 def test_a_thousand_thin_samples_are_as_dense_as_one_thick_one(primitive, extinction):
     """1 − exp(−x) keeps its digits where x is small: exp(−x) is not rounded to float32 first."""
     focal = 20.0 if primitive is Primitive.SPLATS else 2.0
-    camera = Pinhole(focal, focal, 8.0, 8.0)
+    camera = Camera.from_intrinsics(focal, focal, 8.0, 8.0)
     energy = []
     for count in (1, 1000):
         samples = Samples(
@@ -194,7 +195,9 @@ def test_coverage_is_one_inside_a_block_and_never_more(primitive, scale):
         pytest.skip("one ray per pixel meets some samples only")
     if primitive in (Primitive.POINTS, Primitive.PAPER) and scale == 1:
         pytest.skip("points are for samples closer than a pixel")
-    camera = Pinhole(40 * scale, 40 * scale, 16.0, 16.0, look_at((9, -7, 5), (0, 0, 0)))
+    camera = Camera.from_intrinsics(
+        40 * scale, 40 * scale, 16.0, 16.0, look_at((9, -7, 5), (0, 0, 0))
+    )
     frame = draw(
         samples._replace(extinction=samples.extinction * 1e-2), camera, primitive=primitive
     )
@@ -221,9 +224,9 @@ def ties(rng):
     return permuted(once, rng.integers(0, len(place), 3 * len(place)))
 
 
-FAR = Pinhole(30.0, 30.0, 16.2, 15.9, look_at((0, -40, 0), (0, 0, 0)))
-CLOSE = Pinhole(30.0, 30.0, 16.2, 15.9, look_at((0, -9, 0), (0, 0, 0)))
-INSIDE = Pinhole(20.0, 20.0, 16.2, 15.9, look_at((0, -1.25, 0), (0, 5, 0)))
+FAR = Camera.from_intrinsics(30.0, 30.0, 16.2, 15.9, look_at((0, -40, 0), (0, 0, 0)))
+CLOSE = Camera.from_intrinsics(30.0, 30.0, 16.2, 15.9, look_at((0, -9, 0), (0, 0, 0)))
+INSIDE = Camera.from_intrinsics(20.0, 20.0, 16.2, 15.9, look_at((0, -1.25, 0), (0, 5, 0)))
 VIEWS = {"far": FAR, "close": CLOSE, "inside": INSIDE}
 
 
@@ -258,7 +261,7 @@ def test_samples_that_look_alike_but_are_not_do_not_change_a_bit_when_swapped(rn
         np.full(count, 0.3, np.float32),
         0.5 * np.eye(3),
     )
-    camera = Pinhole(20.0, 20.0, 16.2, 15.9, look_at((0, 0, 0), (0, 5, 0)))
+    camera = Camera.from_intrinsics(20.0, 20.0, 16.2, 15.9, look_at((0, 0, 0), (0, 5, 0)))
     first = draw(samples, camera, primitive=Primitive.SPLATS)
     for _ in range(5):
         again = permuted(samples, rng.permutation(count))
@@ -291,8 +294,8 @@ def test_a_window_shows_what_the_whole_picture_shows_there(primitive, focal, lef
     """Samples whose centers are off the screen matter where they reach into it."""
     samples = cloud(rng, 300)
     pose = look_at((0, -9, 0), (0, 0, 0))
-    whole = Pinhole(focal, focal, 16.0, 16.0, pose)
-    part = Pinhole(focal, focal, 16.0 - left, 16.0 - top, pose)
+    whole = Camera.from_intrinsics(focal, focal, 16.0, 16.0, pose)
+    part = Camera.from_intrinsics(focal, focal, 16.0 - left, 16.0 - top, pose)
     chosen = {"primitive": primitive, "subpixels": 2, "pixel_filter": Gaussian(0.6)}
     picture, window = draw(samples, whole, **chosen), draw(samples, part, side=12, **chosen)
     expected = picture.rgba[top : top + 12, left : left + 12]

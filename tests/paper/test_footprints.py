@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.engine import lookup
 from resample.profiles.correction import correction_table, true_distance
 from resample.profiles.reconstruction import GaussianKernel
@@ -56,7 +57,7 @@ def close_up(theta, cone, azimuth=25.0):
     focal = (SIDE - 6) / (high - low)
     around = np.radians(azimuth)
     middle = focal * (low + high) / 2 * np.array([np.cos(around), np.sin(around)])
-    return Pinhole(focal, focal, *(SIDE / 2 - middle + [0.3, 0.1]))
+    return Camera.from_intrinsics(focal, focal, *(SIDE / 2 - middle + [0.3, 0.1]))
 
 
 def optical_depth(samples, camera, *, side=SIDE, **choices):
@@ -153,7 +154,7 @@ def test_parallel_rays_have_no_perspective_error(lattice, model):
 
 def test_a_pose_changes_nothing_but_the_place():
     pose = look_at((3, -4, 2), (0.2, 0.1, 0.3))
-    camera = Pinhole(30.0, 40.0, SIDE / 2, SIDE / 2, pose)
+    camera = Camera.from_intrinsics(30.0, 40.0, SIDE / 2, SIDE / 2, pose)
     samples = one_sample((0.1, -0.2, 0.4), 0.5 * LATTICES["sheared"])
     truth = brute_force(samples, camera)
     assert (truth > 0).sum() > 80
@@ -205,7 +206,7 @@ FOCAL, MIDDLE = 1000.0, 4000.0  # px
 
 
 def record_of(samples, model):
-    camera = Pinhole(FOCAL, FOCAL, MIDDLE, MIDDLE)
+    camera = Camera.from_intrinsics(FOCAL, FOCAL, MIDDLE, MIDDLE)
     return Resampler(footprint=model).footprints(samples, camera, height=8000, width=8000)[0]
 
 
@@ -345,7 +346,7 @@ WIDE = 40.0  # px, focal length for 33 pixels: a view of 45 degrees
 
 
 def wide(near=0.0):
-    return Pinhole(WIDE, WIDE, 16.3, 16.7, near=near)
+    return Camera.from_intrinsics(WIDE, WIDE, 16.3, 16.7, near=near)
 
 
 CLOSE = {

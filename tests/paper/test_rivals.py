@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.measuring.quality import rms
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
@@ -69,7 +70,7 @@ def test_a_disc_is_where_rays_meet_the_plane_across_the_ray_to_its_center(theta,
     low, high = np.tan(np.radians([theta - cone, theta + cone]))
     focal = (SIDE - 6) / (high - low)
     middle = focal * (low + high) / 2 * np.array([np.cos(around), np.sin(around)])
-    camera = Pinhole(focal, focal, *(SIDE / 2 - middle + [0.3, 0.1]))
+    camera = Camera.from_intrinsics(focal, focal, *(SIDE / 2 - middle + [0.3, 0.1]))
 
     normal = center / np.linalg.norm(center)
     _, direction = naive.rays(camera, SIDE, SIDE)
@@ -145,7 +146,9 @@ def test_an_ewa_splat_in_perspective_has_the_covariance_of_its_jacobian():
     """J V Jᵀ + V_h, J the projection's derivative at the center."""
     x, y, z = center = np.array([30.0, -20.0, 60.0])
     focal = 50.0
-    camera = Pinhole(focal, focal, SIDE / 2 - focal * x / z + 0.1, SIDE / 2 - focal * y / z)
+    camera = Camera.from_intrinsics(
+        focal, focal, SIDE / 2 - focal * x / z + 0.1, SIDE / 2 - focal * y / z
+    )
     jacobian = focal * np.array([[1 / z, 0, -x / z**2], [0, 1 / z, -y / z**2]])
     expected = variance(KERNEL) * jacobian @ LATTICE @ LATTICE.T @ jacobian.T
     expected += EWA_VARIANCE * np.eye(2)
@@ -185,7 +188,7 @@ def cloud(rng, count=30):
 def test_widened_splats_have_one_transmittance_in_every_order(primitive, scale, rng):
     samples = cloud(rng)
     pose = look_at((16, -15, 14), (0, 0, 0))
-    camera = Pinhole(26 * scale, 26 * scale, 14.0, 14.0, pose)
+    camera = Camera.from_intrinsics(26 * scale, 26 * scale, 14.0, 14.0, pose)
     whole = optical_depth(samples, camera, primitive=primitive, order=EverySample())
     for order in (AxisSheets(), ImageSheets(0.6)):
         parts = optical_depth(samples, camera, primitive=primitive, order=order)

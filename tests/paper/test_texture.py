@@ -6,7 +6,7 @@ import pytest
 
 from resample_texture import Edge, Homography
 from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
-from resample_texture.rivals.backward import Bilinear
+from resample_texture.rivals.opencv import Bilinear
 
 SOURCE = 160  # texels per side
 SHAPE = (60, 120)  # px

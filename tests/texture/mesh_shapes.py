@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.interpolation import CatmullRom
 from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
 
@@ -56,7 +57,7 @@ def from_above(scale, size, turn=0.0):
 
 def oblique(distance, size):
     pose = look_at((0.5 + distance, 0.5 - distance, distance), (0.5, 0.5, 0.0))
-    return Pinhole.from_fov(40, height=size, width=size, world_to_camera=pose)
+    return Camera.from_fov(40, height=size, width=size, world_to_camera=pose)
 
 
 def picture(mesh, camera, size, **style):

@@ -61,7 +61,7 @@ cells_drawn = st.builds(
 )
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(
     numbers=st.tuples(
         number, number, st.floats(-9, 9), number, number, st.floats(-9, 9), tilt, tilt
@@ -77,7 +77,7 @@ def test_any_homography_has_its_transpose(numbers, scale, edge, cells):
     check_transposed(Homography(matrix), edge, cells)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 1000),
     scale=st.floats(0.2, 3.0),

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_texture.command.animation import Flight, Paint, frame, shots, with_alpha
-from resample_texture.rivals.backward import Bilinear
+from resample_texture.command.animation import Flyover, Paint, frame, shots, with_alpha
+from resample_texture.rivals.opencv import Bilinear
 
 SMALL = (24, 40)
 SKY = Paint(Bilinear(), background=(0.0, 0.0, 1.0))
@@ -16,21 +16,21 @@ def red() -> np.ndarray:
 @pytest.mark.parametrize("path", ["fly", "turn"])
 def test_the_picture_is_seen_before_the_background(path, red):
     for n in range(4):
-        seen = frame(with_alpha(red), Flight(path, 4, SMALL), SKY, n)
+        seen = frame(with_alpha(red), Flyover(path, 4, SMALL), SKY, n)
         assert (seen == (255, 0, 0)).all(axis=2).mean() > 0.05
         assert (seen == (0, 0, 255)).all(axis=2).mean() > 0.05
 
 
 @pytest.mark.parametrize("path", ["fly", "turn"])
 def test_the_path_is_closed(path):
-    flight = Flight(path, 6, SMALL)
+    flight = Flyover(path, 6, SMALL)
     first, last = flight.camera(0).view(), flight.camera(6).view()
     assert np.allclose(first.rotation, last.rotation)
     assert np.allclose(first.translation, last.translation)
 
 
 def test_every_frame_of_a_turn_sees_the_whole_picture():
-    flight = Flight("turn", 12, SMALL)
+    flight = Flyover("turn", 12, SMALL)
     corners = np.array([[x, y, 0] for x in (-0.5, 0.5) for y in (-0.34, 0.34)])  # 3 to 2
     for n in range(12):
         view = flight.camera(n).view()
@@ -58,22 +58,22 @@ def test_other_channels_are_refused():
 @pytest.mark.parametrize("count", [0, 10_001])
 def test_a_number_of_frames_is_checked(count):
     with pytest.raises(ValueError, match=f"{count} frames; 1 to 10000 are allowed"):
-        Flight(frames=count)
+        Flyover(frames=count)
 
 
 def test_the_shots_are_the_flights_frames(red):
-    flight, source = Flight(frames=3, size=SMALL), with_alpha(red)
+    flight, source = Flyover(frames=3, size=SMALL), with_alpha(red)
     made = shots(source, flight, SKY)
     assert made.total == 3
     assert np.array_equal(made.frame(1), frame(source, flight, SKY, 1))
 
 
 def test_whatever_changes_the_frames_changes_the_job(red):
-    flight, source = Flight(frames=3, size=SMALL), with_alpha(red)
+    flight, source = Flyover(frames=3, size=SMALL), with_alpha(red)
     job = shots(source, flight, SKY).job
     others = [
         shots(source * 0.5, flight, SKY),
-        shots(source, Flight("turn", 3, SMALL), SKY),
+        shots(source, Flyover("turn", 3, SMALL), SKY),
         shots(source, flight, Paint(Bilinear())),
     ]
     assert job == shots(source.copy(), flight, SKY).job

@@ -165,7 +165,7 @@ def test_quality_comes_closer_to_the_truth():
     truth = fine.reshape(50, 16, 50, 16).mean(axis=(1, 3))
     geometry = of(np.diag([1.25, 1.25, 1.0]), shape)
     errors = [
-        decibel(warp(source, geometry, shape, reconstruction="bilinear", quality=q).image, truth)
+        decibel(warp(source, geometry, shape, interpolation="bilinear", quality=q).image, truth)
         for q in (1.0, 2.0, 4.0, 8.0)
     ]
     assert errors == sorted(errors)
@@ -180,7 +180,7 @@ def test_one_reading_per_pixel_is_cv2_remap():
     x, y = x.astype(np.float32), y.astype(np.float32)
     theirs = cv2.remap(source, x, y, cv2.INTER_LINEAR)
     geometry = BackwardMap.from_opencv(x, y)
-    ours = warp(source, geometry, (50, 60), reconstruction="bilinear", quality=1.0).image
+    ours = warp(source, geometry, (50, 60), interpolation="bilinear", quality=1.0).image
     np.testing.assert_allclose(ours, theirs, atol=TABLE)
 
 
@@ -250,7 +250,7 @@ def test_a_map_may_lead_as_far_as_it_likes(far, edge):
     x, y = np.meshgrid(np.arange(6) + 3.5, np.arange(5) + 2.5)
     x[2, 3] = far
     source = noise(channels=1)
-    warped = warp(source, BackwardMap(x, y), (5, 6), edge=edge, reconstruction="bilinear")
+    warped = warp(source, BackwardMap(x, y), (5, 6), edge=edge, interpolation="bilinear")
     assert np.isfinite(warped.image).all()
     assert warped.image.max() <= source.max()
     elsewhere = warp(source, BackwardMap(x, y), (5, 6), edge=edge, quality=1.0).image

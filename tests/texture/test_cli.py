@@ -13,12 +13,10 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.command.console import say
 from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_texture.command import cli
-from resample_texture.command.session import announce_compilation
-from tests.processes import python
+from tests.processes import PATIENCE, python
 
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
 SAME = ["--matrix", "1,0,0,0,1,0"]
@@ -40,7 +38,8 @@ def folder(tmp_path, monkeypatch, photo):
     """The working folder of every command, with photo.png in it; nothing is announced."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample_texture.command.session.announce_compilation", lambda **_: None)
+    monkeypatch.setattr("resample.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -329,7 +328,7 @@ def test_the_number_of_threads_changes_no_pixel():
         ["--method", "bilinear"],
         ["--method", "opencv-supersample:n=2"],
         ["--filter", "gaussian:sigma=0.7"],
-        ["--reconstruction", "nearest"],
+        ["--interpolation", "nearest"],
         ["--quality", "4"],
         ["--edge", "wrap"],
     ],
@@ -416,7 +415,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         ([*HALF, "--method", "opencv-supersample:n=0"], "opencv-supersample:n=0: "),
         ([*HALF, "--method", "mipmap", "--filter", "area"], "mipmap takes no filter; hybrid does"),
         ([*HALF, "--filter", "sinc"], "known filters: area, box,"),
-        ([*HALF, "--reconstruction", "sinc"], "known interpolations: bilinear,"),
+        ([*HALF, "--interpolation", "sinc"], "known interpolations: bilinear,"),
         ([*HALF, "--quality", "0.1"], "quality lies between 1 and 16"),
         ([*HALF, "--edge", "fade"], "'transparent', 'clamp', 'wrap' or 'mirror'"),
         ([*HALF, "--roi", "1,2,3"], "give left,top,width,height"),
@@ -531,7 +530,7 @@ def test_a_mesh_is_shown_with_its_texture():
         ["--fov", "0"],
         ["--up", "z"],
         ["--texture", "blue.png"],
-        ["--reconstruction", "nearest"],
+        ["--interpolation", "nearest"],
         ["--filter", "gaussian:sigma=0.8"],
     ],
 )
@@ -553,8 +552,8 @@ def test_every_choice_changes_the_meshs_picture(words):
         ("bare.obj", [], "texture"),
         ("square.obj", ["--camera", "left"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
-        ("square.obj", ["--camera", "0/0/0"], "a zoom above 0"),
-        ("square.obj", ["--fov", "180"], "field of view from 0 to below 180"),
+        ("square.obj", ["--camera", "0/0/0"], "a zoom of 0; it must be above 0"),
+        ("square.obj", ["--fov", "180"], "view of 180.0 degrees; 0 to below 180"),
         ("square.obj", ["--texture", "none.png"], "none.png"),
         ("square.obj", ["--up", "w"], "'-x', '-y' or '-z'"),
         ("lost.obj", [], "gone.png"),
@@ -605,7 +604,7 @@ def test_compare_of_a_picture_that_equals_the_truth_is_valid_json(capsys):
         (["--methods", ""], "give methods to compare"),
         (["--scene", "sea"], "unknown scene 'sea'; known: floor,"),
         (["--scene", "1,2,3"], "a matrix has three lines"),
-        (["--truth", "disk"], 'Choose from: "box", "gaussian"'),
+        (["--truth-filter", "disk"], 'Choose from: "box", "gaussian"'),
         (["--size", "0"], "at least 1"),
         (["-o", "sheet.jpg"], "comparisons are written as .png or .html"),
         (["-o", "none/sheet.png"], "cannot be written"),
@@ -687,16 +686,6 @@ def test_a_mistyped_command_or_option_is_put_right(capsys):
     assert "IMAGE requires an argument" in refused(capsys, "warp")
 
 
-def test_what_is_said_goes_to_stderr(capsys, monkeypatch):
-    say("hello")
-    monkeypatch.setattr("resample.engine.jit.is_stored", lambda _: False)
-    announce_compilation()
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.splitlines()[0] == "resample: hello"
-    assert "compiling kernels, once per installation" in error.splitlines()[1]
-
-
 @pytest.mark.parametrize("words", [["--help"], ["warp", "--help"], ["--version"]])
 def test_help_imports_nothing_heavy(words):
     imported = python(
@@ -708,13 +697,15 @@ def test_help_imports_nothing_heavy(words):
 
 
 INTERRUPTIBLE = """
-import contextlib, time
+import contextlib, signal, time
 from resample_texture.command import session
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
 @contextlib.contextmanager
 def watched(what):
     print("warping", flush=True)
-    time.sleep(60)
+    time.sleep(600)
     yield None
 
 session.progress_bar = watched
@@ -732,7 +723,7 @@ def test_ctrl_c_in_mid_warp_leaves_one_line_and_no_file(folder):
         assert process.stdout is not None
         assert process.stdout.readline() == "warping\n"
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
+        _, error = process.communicate(timeout=PATIENCE)
     lines = [line for line in error.splitlines() if "compiling kernels" not in line]
     assert lines == ["resample: interrupted"]
     assert process.returncode == 130

@@ -240,7 +240,7 @@ matrices = st.tuples(
 ).map(lambda n: np.array([*n, 1.0]).reshape(3, 3))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(
     matrix=matrices,
     edge=st.sampled_from(Edge),
@@ -259,7 +259,7 @@ def test_a_picture_stays_within_the_range_of_its_source(matrix, edge, pixel_filt
     assert (warped.image <= most + 1e-5).all()
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(matrix=matrices, edge=st.sampled_from(Edge), name=st.sampled_from(registry.names("filters")))
 def test_a_picture_is_finite(matrix, edge, name):
     assume(np.linalg.cond(matrix) < 1e7)
@@ -345,7 +345,7 @@ def test_thin_sources_are_those_of_the_obvious_loops(shape, edge):
     check_obvious(noise(*shape), MAGNIFIED, edge, Cells(interpolation=Spline()), 1.5e-5)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     height=st.integers(1, 300),
     width=st.integers(1, 300),

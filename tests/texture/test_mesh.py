@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.engine.jit import threads
 from resample_texture.mesh.rendering import Mesh, fitted_camera
 from tests.texture.mesh_shapes import (
@@ -138,7 +139,7 @@ def test_a_hidden_texture_does_not_shine_through_a_seam():
 def test_a_floor_under_the_eye_ends_at_the_horizon():
     wide = (SQUARE - 0.5) * [2000, 2000, 1]
     pose = look_at((0, 0, 1), (0, 1, 1))
-    camera = Pinhole.from_fov(90, height=32, width=32, world_to_camera=pose)
+    camera = Camera.from_fov(90, height=32, width=32, world_to_camera=pose)
     frame = picture(square(even(1, 1, 1), corners=wide), camera, 32)
     np.testing.assert_array_equal(frame.coverage[:16], 0)
     np.testing.assert_array_equal(frame.coverage[17:], 1)
@@ -147,7 +148,7 @@ def test_a_floor_under_the_eye_ends_at_the_horizon():
 def test_a_texture_that_crosses_the_eye_s_plane_is_where_rays_see_it():
     texture = noise(64)
     pose = look_at((0.5, 0.2, 0.1), (0.5, 0.8, 0.0))
-    camera = Pinhole.from_fov(60, height=48, width=48, world_to_camera=pose)
+    camera = Camera.from_fov(60, height=48, width=48, world_to_camera=pose)
     truth = naive(texture, camera, 48)
     inside = truth[..., 3] == 1
     frame = picture(square(texture), camera, 48)
@@ -156,7 +157,7 @@ def test_a_texture_that_crosses_the_eye_s_plane_is_where_rays_see_it():
 
 def test_what_lies_before_the_near_plane_is_not_seen():
     pose = look_at((0.5, 0.5, 5.0), (0.5, 0.5, 0.0), (0, 1, 0))
-    camera = Pinhole.from_fov(20, height=16, width=16, world_to_camera=pose, near=5.5)
+    camera = Camera.from_fov(20, height=16, width=16, world_to_camera=pose, near=5.5)
     assert picture(square(even(1, 1, 1)), camera, 16).coverage.sum() == 0
 
 
@@ -171,7 +172,7 @@ def test_a_closed_cube_has_no_holes(azimuth):
 
 
 def test_from_inside_a_cube_is_everywhere():
-    camera = Pinhole.from_fov(
+    camera = Camera.from_fov(
         100, height=32, width=32, world_to_camera=look_at((0.2, 0.1, 0), (1, 0.4, 0.3))
     )
     frame = picture(cube(noise(32)), camera, 32)

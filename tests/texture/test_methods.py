@@ -14,7 +14,7 @@ from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supe
 NAMES = registry.names("methods")
 VARIANTS = [
     *NAMES,
-    "hybrid:filter=gaussian,reconstruction=spline,quality=3",
+    "hybrid:filter=gaussian,interpolation=spline,quality=3",
     "hybrid:magnified=splats",
     "splats:interpolating=true",
     "paper:threshold=0.5",
@@ -139,12 +139,12 @@ def test_methods_can_be_compared_and_are_known_by_their_choices(method):
 
 
 def test_plugins_are_built_from_their_names():
-    hybrid = Hybrid(filter="gaussian:sigma=0.4", reconstruction="bilinear")
+    hybrid = Hybrid(filter="gaussian:sigma=0.4", interpolation="bilinear")
     assert hybrid.filter == Gaussian(0.4)
-    assert hybrid.reconstruction == Bilinear()
-    assert Hybrid() == Hybrid(filter=Area(), reconstruction=CatmullRom())
+    assert hybrid.interpolation == Bilinear()
+    assert Hybrid() == Hybrid(filter=Area(), interpolation=CatmullRom())
     assert Points().filter == Gaussian(0.5)
-    assert Supersample(reconstruction="catmull-rom").reconstruction == CatmullRom()
+    assert Supersample(interpolation="catmull-rom").interpolation == CatmullRom()
 
 
 @pytest.mark.parametrize("kind", [Hybrid, Points, Supersample])
@@ -158,9 +158,9 @@ def test_an_unknown_filter_is_answered_with_the_known_ones(kind):
 @pytest.mark.parametrize("kind", [Hybrid, Supersample])
 def test_an_unknown_reconstruction_is_answered_with_the_known_ones(kind):
     with pytest.raises(LookupError, match="known interpolations: bilinear"):
-        kind(reconstruction="cubic")
+        kind(interpolation="cubic")
     with pytest.raises(ValueError, match="known interpolations: bilinear"):
-        kind(reconstruction=None)
+        kind(interpolation=None)
 
 
 @pytest.mark.parametrize("quality", [0.0, 0.99, 16.1, math.nan, math.inf, -1.0])

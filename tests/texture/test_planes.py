@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.geometry.planes import plane_seen_by
 
@@ -32,7 +33,7 @@ def on_plane(u, v, texel_size):
 
 def cameras():
     pose = TILTED
-    return [Pinhole(50, 40, 32, 24, pose), Orthographic(30, 25, 32, 24, pose)]
+    return [Camera.from_intrinsics(50, 40, 32, 24, pose), Orthographic(30, 25, 32, 24, pose)]
 
 
 @pytest.mark.parametrize("camera", cameras())
@@ -51,7 +52,7 @@ def test_d_is_the_depth_of_a_perspective():
 
 
 def test_from_above_a_texture_looks_as_it_is():
-    camera = Pinhole(100, 100, 30, 20, high(10.0))
+    camera = Camera.from_intrinsics(100, 100, 30, 20, high(10.0))
     found = plane_seen_by(camera, TEXTURE, texel_size=0.1)
     np.testing.assert_allclose(found.matrix / found.matrix[2, 2], np.eye(3), atol=1e-12)
 
@@ -73,7 +74,7 @@ def test_a_pose_moves_the_plane():
 
 def test_a_floor_whose_center_is_behind_the_eye_is_below_the_horizon():
     eye_past_the_center = look_at((0, 4, 1), (0, 14, 1))
-    camera = Pinhole(40, 40, 32, 24, eye_past_the_center)
+    camera = Camera.from_intrinsics(40, 40, 32, 24, eye_past_the_center)
     homography = plane_seen_by(camera, TEXTURE, texel_size=1.0)
     x, y = source_coordinates(homography, (48, 64), TEXTURE)
     assert np.isnan(x[:24]).all()
@@ -89,7 +90,9 @@ def test_a_parallel_projection_has_nothing_behind_the_eye():
 @pytest.mark.parametrize(
     "camera",
     [
-        Pinhole(50, 50, 32, 24, look_at((0.3, -3, 0), (0.1, 0, 0.5))),  # the eye is in the plane
+        Camera.from_intrinsics(
+            50, 50, 32, 24, look_at((0.3, -3, 0), (0.1, 0, 0.5))
+        ),  # the eye is in the plane
         Orthographic(50, 50, 32, 24, look_at((0, -3, 1), (0.7, 0, 1))),
     ],
 )
@@ -99,7 +102,9 @@ def test_a_plane_seen_edge_on_is_refused(camera):
 
 
 def test_a_plane_may_face_away_from_an_eye_outside_it():
-    camera = Pinhole(50, 50, 32, 24, look_at((0, -3, 1), (0.7, 0, 1)))  # level, above the plane
+    camera = Camera.from_intrinsics(
+        50, 50, 32, 24, look_at((0, -3, 1), (0.7, 0, 1))
+    )  # level, above the plane
     assert np.isfinite(plane_seen_by(camera, TEXTURE).matrix).all()
 
 

@@ -11,21 +11,13 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.rivals.backward import (
-    OIIO_FILTERS,
-    Anisotropic,
-    Area,
-    Bilinear,
-    Cubic,
-    Lanczos4,
-    Mipmap,
-    Supersampled,
-    Warp,
-)
+from resample_texture.rivals.graphics_card import Anisotropic, Mipmap
+from resample_texture.rivals.oiio import OIIO_FILTERS, Warp
+from resample_texture.rivals.opencv import Bilinear, Cubic, InterArea, Lanczos4, Supersampled
 from resample_texture.texels.pyramid import pyramid, shrunk
 from resample_texture.types import Edge
 
-POINTWISE = [Bilinear(), Cubic(), Lanczos4(), Area()]
+POINTWISE = [Bilinear(), Cubic(), Lanczos4(), InterArea()]
 GATHERING = [*POINTWISE, Supersampled(3), Mipmap(), Anisotropic(4)]
 EVERY = [*GATHERING, Warp("mitchell")]
 PERSPECTIVE = np.array([[1.1, 0.2, -4.3], [-0.1, 1.2, -2.1], [0.003, 0.005, 1.0]])
@@ -382,7 +374,7 @@ def test_openimageio_knows_every_filter(name):
         ("bilinear", Bilinear()),
         ("cubic", Cubic()),
         ("lanczos4", Lanczos4()),
-        ("area", Area()),
+        ("area", InterArea()),
         ("opencv-supersample:n=8,kernel=linear", Supersampled(8, "linear")),
         ("mipmap", Mipmap()),
         ("anisotropic:taps=4", Anisotropic(4)),

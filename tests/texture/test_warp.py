@@ -223,9 +223,9 @@ def test_floats_have_premultiplied_opacity():
     expected = warp(image, PERSPECTIVE, FRAME, alpha="none").image
     np.testing.assert_array_equal(warp(image, PERSPECTIVE, FRAME).image, expected)
     straight = np.concatenate([image[..., :3] / image[..., 3:], image[..., 3:]], axis=2)
-    warped = warp(straight, PERSPECTIVE, FRAME, alpha="straight", reconstruction="bilinear").image
+    warped = warp(straight, PERSPECTIVE, FRAME, alpha="straight", interpolation="bilinear").image
     back = np.concatenate([warped[..., :3] * warped[..., 3:], warped[..., 3:]], axis=2)
-    expected = warp(image, PERSPECTIVE, FRAME, reconstruction="bilinear").image
+    expected = warp(image, PERSPECTIVE, FRAME, interpolation="bilinear").image
     np.testing.assert_allclose(back, expected, atol=1e-5)
 
 
@@ -258,7 +258,7 @@ def test_missing_texels_weigh_nothing(dtype, missing):
 def test_a_hole_where_texels_grow_is_a_hole():
     image = np.ones((6, 6, 2), np.float32)
     image[2, 3, 1] = np.nan
-    warped = warp(image, zoom(8), (48, 48), reconstruction="nearest")
+    warped = warp(image, zoom(8), (48, 48), interpolation="nearest")
     expected = np.ones((48, 48))
     expected[16:24, 24:32] = 0.0
     np.testing.assert_allclose(warped.coverage, expected, atol=WIDER)
@@ -340,8 +340,8 @@ def test_there_and_back_is_close():
     v, u = np.mgrid[:60, :70] / 6.0
     image = (0.5 + 0.3 * np.sin(u) * np.cos(v)).astype(np.float32)
     matrix = zoom(2.1) @ [[1, 0.1, 3], [-0.1, 1, 9], [0.0008, 0.0004, 1]]
-    away = warp(image, matrix, (170, 170), reconstruction="spline", quality=3)
-    back = warp(away.image, np.linalg.inv(matrix), (60, 70), reconstruction="spline", quality=3)
+    away = warp(image, matrix, (170, 170), interpolation="spline", quality=3)
+    back = warp(away.image, np.linalg.inv(matrix), (60, 70), interpolation="spline", quality=3)
     error = (back.image - image)[5:-5, 5:-5]
     assert 10 * np.log10(1 / np.mean(error**2)) > 45  # it was blurred by a pixel's area twice
 
@@ -419,7 +419,7 @@ def test_totals_leave_gaps_out_and_show_them(scale):
     image = picture("float64", 8, 8)
     image[2:4, 4:6] = np.nan
     size = int(8 * scale)
-    warped = warp(image, zoom(scale), (size, size), total=True, reconstruction="nearest")
+    warped = warp(image, zoom(scale), (size, size), total=True, interpolation="nearest")
     np.testing.assert_allclose(warped.image.sum(), np.nansum(image), rtol=1e-5)
     expected = np.kron(np.isfinite(image[::2, ::2]), np.ones((size // 4, size // 4)))
     np.testing.assert_allclose(warped.coverage, expected, atol=WIDER)
@@ -484,7 +484,7 @@ def test_any_homography_gives_finite_pixels_within_the_source_s_range(affine, la
     with np.errstate(all="ignore"):
         assume(abs(np.linalg.det(matrix)) > 1e-3)
     image = picture() + np.float32(0.5)
-    warped = warp(image, matrix, FRAME, filter=name, reconstruction="bilinear", edge=edge)
+    warped = warp(image, matrix, FRAME, filter=name, interpolation="bilinear", edge=edge)
     assert np.isfinite(warped.image).all()
     assert warped.coverage.min() >= 0.0
     assert warped.coverage.max() <= 1.0
@@ -568,7 +568,7 @@ def test_a_masked_picture_is_refused():
     [
         ({"method": "hybird"}, "did you mean 'hybrid'.*bilinear.*paper"),
         ({"filter": "gauss"}, "known filters: area, box"),
-        ({"reconstruction": "linear"}, "known interpolations: bilinear"),
+        ({"interpolation": "linear"}, "known interpolations: bilinear"),
     ],
 )
 def test_an_unknown_plugin_is_answered_with_the_known_ones(choice, known):
@@ -583,7 +583,7 @@ def test_an_unknown_plugin_is_answered_with_the_known_ones(choice, known):
         ({"convention": "cv2"}, "'cv2'; known: corner, opencv"),
         ({"alpha": "yes"}, "'yes'; known: straight, premultiplied, none"),
         ({"quality": 0.5}, "between 1 and 16, not at 0.5"),
-        ({"reconstruction": 3}, "known interpolations: bilinear"),
+        ({"interpolation": 3}, "known interpolations: bilinear"),
     ],
 )
 def test_an_unknown_choice_is_answered_with_the_known_ones(choice, known):
@@ -594,7 +594,7 @@ def test_an_unknown_choice_is_answered_with_the_known_ones(choice, known):
 @pytest.mark.parametrize("method", sorted(set(registry.names("methods")) - {"oiio"}))
 def test_a_choice_that_a_method_does_not_know_is_refused(method):
     known = registry.parameters(registry.load("methods", method))
-    choices = {"filter": "gaussian", "reconstruction": "bilinear", "quality": 2.0, "total": True}
+    choices = {"filter": "gaussian", "interpolation": "bilinear", "quality": 2.0, "total": True}
     for name in choices.keys() - known.keys():
         with pytest.raises(ValueError, match=f"{method} takes no {name}; hybrid does"):
             warp(picture(), PERSPECTIVE, FRAME, method, **{name: choices[name]})

@@ -84,7 +84,7 @@ def test_nearest_shows_squares_as_opencv_does():
 
 
 @pytest.mark.parametrize(
-    ("flags", "reconstruction"),
+    ("flags", "interpolation"),
     [
         (cv2.INTER_NEAREST, "nearest"),
         (cv2.INTER_LINEAR, "bilinear"),
@@ -94,9 +94,9 @@ def test_nearest_shows_squares_as_opencv_does():
         (cv2.INTER_CUBIC | cv2.WARP_FILL_OUTLIERS, "catmull-rom"),
     ],
 )
-def test_flags_choose_the_reconstruction(flags, reconstruction):
+def test_flags_choose_the_reconstruction(flags, interpolation):
     image = smooth()
-    expected = warp(image, GROWN, SHAPE, convention="opencv", reconstruction=reconstruction).image
+    expected = warp(image, GROWN, SHAPE, convention="opencv", interpolation=interpolation).image
     np.testing.assert_array_equal(warp_like_opencv(image, GROWN, SIZE, flags=flags), expected)
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from resample.cameras.models import Orthographic, Pinhole
+from resample.cameras.keyframes import Keyframes
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.viewpoints import Orbit, Spot
 from resample.files.animations import write_film
 from resample.files.images import write_png
 from resample.resampler import Primitive, Resampler
-from resample_volume.cameras.framing import Orbit, Spot
-from resample_volume.cameras.keyframes import Keyframes
 from resample_volume.command.animation import (
     FRAMES,
     PATHS,
@@ -85,7 +85,7 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
     volume = vessel_tree(16)._replace(spacing=np.full(3, spacing))
     subject = Subject.of(volume, Appearance())
     first, *_, last = cameras_of(subject, Flight("threshold", 3, Orbit(fov=fov)), SIZE)
-    assert isinstance(first, Pinhole if fov else Orthographic)
+    assert isinstance(first, Camera if fov else Orthographic)
     ends = [spacing * px_between_voxels(subject, camera) for camera in (first, last)]
     assert ends == pytest.approx([2, 0.03])
 
@@ -140,7 +140,7 @@ def test_keyframes_of_places_are_in_the_volumes_own_space(subject):
 @pytest.mark.parametrize(
     ("path", "frames", "complaint"),
     [
-        ("spin", 8, "unknown path 'spin'; known: orbit, zoom, threshold, or a .toml file"),
+        ("spin", 8, "unknown path 'spin'; known: orbit, zoom, threshold, or a file"),
         ("orbit", 0, "0 frames; 1 to 10000 are allowed"),
         ("zoom", 10_001, "10001 frames; 1 to 10000 are allowed"),
     ],
@@ -165,7 +165,7 @@ def test_keyframes_that_cannot_be_read_are_refused(tmp_path):
 @pytest.mark.parametrize("path", PATHS)
 def test_a_camera_that_is_not_around_the_volume_has_no_path(path):
     spot = Spot([0, -9, 0], [0, 0, 0], [0, 0, 1], 30.0, 0.0)
-    with pytest.raises(ValueError, match=r"give its camera as azimuth/elevation/zoom, or a \.toml"):
+    with pytest.raises(ValueError, match=r"give its camera as azimuth/elevation/zoom, or a file"):
         flight_of(path, 8, 24.0, spot)
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
 from resample.profiles.orders import ImageSheets
 from resample.resampler import MEASURING, Resampler
-from resample_volume.cameras.framing import Orbit
 from resample_volume.command.choices import Look, Projecting, Source
 from resample_volume.files.generated import checker_box
 from resample_volume.looks.labels import Rule

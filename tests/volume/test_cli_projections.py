@@ -31,7 +31,7 @@ def ended(*words: object) -> object:
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.session.announce_compilation", lambda _: None)
+    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -221,7 +221,7 @@ def test_a_normal_may_be_of_any_length(capsys):
         (["--iso", 4], "first-hit needs an iso value, and no other"),
         (["--projection", "first-hit"], "first-hit needs an iso value"),
         ([*HIT, "nan"], "iso: Input should be a finite number"),
-        (["--primitive", "ewa", "--footprint", "exact"], "ewa goes with the footprint affine"),
+        (["--method", "ewa", "--footprint", "exact"], "ewa goes with the footprint affine"),
         (["--order", "image-sheets:thickness=0"], "thickness must be above 0"),
         (["--order", "sheets"], "known orders: axis-sheets, every-sample, image-sheets"),
         (["--label", "1:hidden"], "give the labels' volume too"),

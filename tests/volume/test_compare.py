@@ -4,16 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole, look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.colors import to_srgb
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Footprint, Primitive, Resampler
-from resample_volume.cameras.framing import centered
 from resample_volume.command.choices import Look
 from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject
 from resample_volume.showing.compare import Contest, variants
+from resample_volume.voxels.framing import centered
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)
 
@@ -47,13 +48,13 @@ def test_names_show_only_what_differs_and_the_rest_is_kept():
 @pytest.mark.parametrize(
     ("primitives", "footprints", "complaint"),
     [
-        (["dots"], [], "primitive 'dots'; known: hybrid, points, splats, paper, inflate, ewa"),
+        (["dots"], [], "method 'dots'; known: hybrid, points, splats, paper, inflate, ewa"),
         (
             ["points"],
             ["round"],
             "footprint 'round'; known: affine, corrected, small-angle, exact",
         ),
-        ([], [], "give a primitive to compare; known: hybrid, points"),
+        ([], [], "give a method to compare; known: hybrid, points"),
     ],
 )
 def test_unknown_names_list_the_known(primitives, footprints, complaint):
@@ -123,7 +124,7 @@ def test_differences_are_gray_where_there_are_none():
 
 def test_a_view_of_nothing_is_compared():
     made = contest(2)
-    away = Pinhole.from_fov(
+    away = Camera.from_fov(
         30, height=24, width=32, world_to_camera=look_at((0, -90, 0), (0, -99, 0))
     )
     empty = Contest(made.subject, away, SIZE)

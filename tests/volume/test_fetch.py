@@ -1,6 +1,7 @@
 import hashlib
 import io
 import json
+import socket
 import time
 
 import numpy as np
@@ -111,14 +112,12 @@ def test_a_server_that_stays_busy_is_named(httpserver, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_server_that_cannot_be_reached_is_named(httpserver, tmp_path):
-    url = httpserver.url_for("")
-    httpserver.stop()
-    try:
+def test_a_server_that_cannot_be_reached_is_named(tmp_path):
+    with socket.socket() as deaf:  # has a port, which no other can take, and does not listen
+        deaf.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{deaf.getsockname()[1]}/"
         with pytest.raises(ConnectionError, match=r"cannot be reached.*by hand") as caught:
             fetch("tiny", folder=tmp_path, base_url=url)
-    finally:
-        httpserver.start()
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 

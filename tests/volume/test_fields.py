@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from resample.cameras.viewpoints import Orbit
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Projection, Resampler
 from resample.types import Field, Frame
-from resample_volume.cameras.framing import Orbit, centered, sphere_around
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.presets import load_transfer
 from resample_volume.looks.transfer import TransferFunction, from_points
 from resample_volume.rendering import LEVELS
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
+from resample_volume.voxels.framing import centered, sphere_around
 from resample_volume.voxels.shading import Light
 
 SLABS = Resampler(order=ImageSheets(0.5))

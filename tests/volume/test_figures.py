@@ -201,7 +201,7 @@ def test_the_midpoint_is_not_the_projected_center():
 
 @pytest.fixture(scope="module")
 def errors():
-    choices = footprints.Choices((1, 15, 30), (30, 45), (5,), 60)
+    choices = footprints.ErrorGrid((1, 15, 30), (30, 45), (5,), 60)
     rows = footprints.error_rows(choices)
     return {(row["angle_deg"], row["cone_deg"], row["model"]): row for row in rows}
 

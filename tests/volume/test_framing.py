@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole
-from resample_volume.cameras.framing import Orbit, Sphere, Spot, parse_camera, sphere_around
+from resample.cameras.files import read_shot, viewpoint
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample_volume.looks.presets import load_transfer
 from resample_volume.rendering import as_volume
+from resample_volume.voxels.framing import sphere_around
 from resample_volume.voxels.visible import classify
 
 BALL = Sphere(np.array([1.0, 2.0, 3.0]), 2.0)
@@ -106,20 +108,20 @@ def test_a_volume_beyond_all_measure_is_refused():
 
 
 def test_angles_are_read_and_the_zoom_may_be_left_out():
-    assert parse_camera("30/-20/1.5", 40.0, "y") == Orbit(30, -20, 1.5, 40.0, "y")
-    assert parse_camera("-30/20", 40.0, "z") == Orbit(-30, 20, 1.0, 40.0, "z")
-    assert parse_camera(" 1e1 / 2 ", 40.0, "z") == Orbit(10, 2, 1.0, 40.0, "z")
+    assert viewpoint("30/-20/1.5", 40.0, "y") == Orbit(30, -20, 1.5, 40.0, "y")
+    assert viewpoint("-30/20", 40.0, "z") == Orbit(-30, 20, 1.0, 40.0, "z")
+    assert viewpoint(" 1e1 / 2 ", 40.0, "z") == Orbit(10, 2, 1.0, 40.0, "z")
 
 
 @pytest.mark.parametrize("text", ["", "30", "1/2/3/4", "a/b", "30/20/", "30,20"])
 def test_text_that_is_no_camera_is_refused(text):
     with pytest.raises(ValueError, match="give azimuth/elevation/zoom, such as"):
-        parse_camera(text, 30.0, "z")
+        viewpoint(text, 30.0, "z")
 
 
 def written(folder, text):
     (folder / "c.TOML").write_text(text)
-    return parse_camera(str(folder / "c.TOML"), 10.0, "x")
+    return viewpoint(str(folder / "c.TOML"), 10.0, "x")
 
 
 def test_a_file_of_angles_has_its_own_field_of_view_and_up(tmp_path):
@@ -130,7 +132,7 @@ def test_a_file_with_eye_and_target_fits_any_picture(tmp_path):
     spot = written(tmp_path, "eye = [0, -9, 0]\ntarget = [0, 0, 0]\nfov = 60\nnear = 1")
     assert spot == Spot([0, -9, 0], [0, 0, 0], [0, 0, 1], 60, 1)
     camera = spot.sized(100, 300)
-    assert isinstance(camera, Pinhole)
+    assert isinstance(camera, Camera)
     assert camera.near == 1
     assert projected(camera, [0, 0, 0]) == pytest.approx([150, 50])
     edge = 9 * np.tan(np.radians(30))
@@ -141,8 +143,32 @@ def test_a_file_with_eye_and_target_fits_any_picture(tmp_path):
 def test_a_file_with_a_size_keeps_it(tmp_path):
     text = "eye = [0, -9, 0]\ntarget = [0, 0, 0]\nwidth = 40\nheight = 20"
     camera = written(tmp_path, text)
-    assert isinstance(camera, Pinhole)
+    assert isinstance(camera, Camera)
     assert projected(camera, [0, 0, 0]) == pytest.approx([20, 10])
+
+
+def test_a_pose_without_intrinsics_sees_the_field_of_view_asked_for(tmp_path):
+    (tmp_path / "poses.txt").write_text("0 1 2 3 0 0 0 1\n5 1 2 4 0 0 0 1\n")
+    spot = viewpoint(f"{tmp_path / 'poses.txt'}:1", 40.0, "z")
+    camera, expected = spot.sized(30, 50), Camera.from_fov(40.0, 30, 50)
+    np.testing.assert_array_equal(camera.matrix, expected.matrix)
+    np.testing.assert_allclose(
+        camera.world_to_camera[:3], np.eye(4)[:3] - [[0, 0, 0, n] for n in (1, 2, 4)], atol=1e-12
+    )
+
+
+def test_a_calibrated_camera_of_a_size_sees_the_same_in_another(tmp_path):
+    text = "fx = 40\nfy = 40\ncx = 20\ncy = 10\nwidth = 40\nheight = 20\n"
+    text += "world_to_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]"
+    camera = written(tmp_path, text).sized(40, 80)
+    assert (camera.fx, camera.cx, camera.cy) == (80, 40, 20)
+    assert read_shot(str(tmp_path / "c.TOML")).shape == (20, 40)
+
+
+def test_angles_are_no_pose(tmp_path):
+    written(tmp_path, "azimuth = 5")
+    with pytest.raises(ValueError, match="angles go around something"):
+        read_shot(str(tmp_path / "c.TOML"))
 
 
 def test_a_calibrated_camera_is_taken_as_it_is(tmp_path):

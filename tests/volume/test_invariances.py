@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole
+from resample.cameras.models import Camera
 from resample.measuring.quality import largest
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Projection, Resampler
-from resample_volume.cameras.framing import centered
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.presets import load_transfer
 from resample_volume.rivals.raycasting import Casting, cast_rays
+from resample_volume.voxels.framing import centered
 from tests.benchmarks import volume_scenes as scenes
 from tests.benchmarks.volume_scenes import SPLATS, Scene, Shot
 from tests.naive import all_line_integrals, composite, in_camera
@@ -89,7 +89,7 @@ def test_samples_ordered_by_distance_pop_less_than_a_twentieth_of_sheets_along_t
 
 def test_exact_footprints_are_far_above_affine_ones_at_45_degrees():
     side = 120
-    camera = Pinhole.from_fov(100, height=side, width=side)
+    camera = Camera.from_fov(100, height=side, width=side)
     samples = scenes.off_axis(45)
     shot = Shot(camera, side, side)
     integrals = all_line_integrals(samples, camera, GaussianKernel(), height=side, width=side)

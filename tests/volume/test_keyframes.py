@@ -1,11 +1,12 @@
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from resample.cameras.models import Pinhole
-from resample_volume.cameras.framing import Orbit, Spot
-from resample_volume.cameras.keyframes import Keyframes, read_keyframes
+from resample.cameras.keyframes import Keyframes, keyframes_of, read_keyframes
+from resample.cameras.models import Camera
+from resample.cameras.viewpoints import Orbit, Spot
 
 ANGLES = """
 [[camera]]
@@ -52,13 +53,13 @@ def written(folder, text) -> Path:
     return path
 
 
-def turned(azimuth) -> Pinhole:
+def turned(azimuth) -> Camera:
     """A calibrated camera 9 before the origin that was turned about the upward axis, degrees."""
     a = np.radians(azimuth)
     pose = np.eye(4)
     pose[:3, :3] = [[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]]
     pose[2, 3] = 9
-    return Pinhole(100.0 + azimuth, 200.0 + azimuth, 50.0, 60.0, pose, 0.5)
+    return Camera.from_intrinsics(100.0 + azimuth, 200.0 + azimuth, 50.0, 60.0, pose, 0.5)
 
 
 def eye_of(camera):
@@ -160,7 +161,7 @@ def test_a_size_in_the_file_makes_a_calibrated_camera(tmp_path):
     size = "width = 40\nheight = 20\n"
     text = PLACES.replace("fov = 60\nnear = 2\n", "").replace("target", f"{size}target")
     made = read_keyframes(written(tmp_path, text)).between(3)
-    assert all(isinstance(camera, Pinhole) for camera in made)
+    assert all(isinstance(camera, Camera) for camera in made)
 
 
 FIRST = "[[camera]]\ntime = 0\n"
@@ -203,10 +204,43 @@ def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path):
         read_keyframes(tmp_path / "film.toml")
 
 
-@pytest.mark.parametrize("count", [0, 10_001])
-def test_more_frames_than_allowed_are_refused(count):
-    with pytest.raises(ValueError, match=f"{count} frames; 1 to 10000 are allowed"):
-        Keyframes(np.array([0.0, 1.0]), [Orbit(0), Orbit(1)]).between(count)
+POSES = "0 0 -9 0 0 0 0 1\n1 1 -9 0 0 0 0 1\n2 4 -9 0 0 0 0 1\n"  # TUM: time, place, x, y, z, w
+
+
+def test_a_file_of_poses_alone_is_a_way_one_second_apart(tmp_path):
+    (tmp_path / "way.txt").write_text(POSES)
+    way = keyframes_of(tmp_path / "way.txt", 40.0)
+    assert way.duration == 2
+    np.testing.assert_allclose(
+        [spot.eye for spot in way.camera], [[0, -9, 0], [1, -9, 0], [4, -9, 0]]
+    )
+    assert {spot.fov for spot in way.camera} == {40.0}
+
+
+def test_one_pose_is_no_way(tmp_path):
+    (tmp_path / "way.txt").write_text(POSES.splitlines()[0])
+    with pytest.raises(ValueError, match="one pose; a way has two or more"):
+        keyframes_of(tmp_path / "way.txt", 40.0)
+
+
+def test_calibrated_cameras_of_one_size_fit_any_picture(tmp_path):
+    frames = [
+        {"file_path": f"{n}.png", "transform_matrix": np.diag([1, -1, -1, 1]).tolist()}
+        for n in range(2)
+    ]
+    facts = {"w": 40, "h": 20, "fl_x": 30, "cx": 19, "cy": 9, "frames": frames}
+    (tmp_path / "transforms.json").write_text(json.dumps(facts))
+    (middle,) = keyframes_of(tmp_path / "transforms.json", 40.0).between(3)[1:2]
+    camera = middle.sized(40, 80)
+    np.testing.assert_allclose([camera.fx, camera.cx, camera.cy], [60, 38, 18], rtol=1e-12)
+
+
+def test_a_lens_between_keyframes_is_refused(tmp_path):
+    row = "fx = 9\nfy = 9\ncx = 1\ncy = 1\ndistortion = [0.1, 0, 0, 0]\n"
+    row += "world_to_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]\n"
+    text = "".join(f"[[camera]]\ntime = {n}\n{row}" for n in range(2))
+    with pytest.raises(ValueError, match=r"film\.toml: a lens"):
+        read_keyframes(written(tmp_path, text))
 
 
 def test_an_eye_that_meets_its_target_is_refused():

@@ -3,7 +3,8 @@ import builtins
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at, orbit
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at, orbit
 from resample.measuring.quality import psnr
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Classifier, Field, Lamp
@@ -110,12 +111,14 @@ def seen_at(place, focal, eye, target):
     """Camera that looks past the box and has its middle at a place on the screen."""
     pose = look_at(eye, target, (0.4, 0.2, 1))
     x, y, z = pose[:3, :3] @ BOX + pose[:3, 3]
-    return Pinhole(focal, focal, place[0] - focal * x / z, place[1] - focal * y / z, pose)
+    return Camera.from_intrinsics(
+        focal, focal, place[0] - focal * x / z, place[1] - focal * y / z, pose
+    )
 
 
 VIEWS = {
-    "front": Pinhole(100, 100, 40, 30, look_at(beside(0, -60, 0), BOX)),
-    "oblique": Pinhole(100, 100, 40, 30, orbit(BOX, 60, 33, 27)),
+    "front": Camera.from_intrinsics(100, 100, 40, 30, look_at(beside(0, -60, 0), BOX)),
+    "oblique": Camera.from_intrinsics(100, 100, 40, 30, orbit(BOX, 60, 33, 27)),
     "from the side": seen_at((33.3, 27.2), 100, beside(10, -60, 9), beside(3, 0, 2)),
     "window off its center": seen_at((52.1, 20.4), 100, beside(10, -60, 9), BOX),
     "zoomed, off axis": seen_at((40.2, 31.1), 160, beside(40, -70, 9), beside(-25, 0, 12)),
@@ -136,7 +139,7 @@ def test_the_cameras_are_the_same(view):
 
 
 def test_a_near_plane_cuts_both():
-    camera = Pinhole(100, 100, 40, 30, orbit(BOX, 60, 0, 0), near=60.0)
+    camera = Camera.from_intrinsics(100, 100, 40, 30, orbit(BOX, 60, 0, 0), near=60.0)
     theirs = vtk(a_box(), FAINT, camera, step=0.25)[..., 3]
     ours = cast_rays(field_of(a_box(), FAINT), camera, **SIZE).rgba[..., 3]
     # VTK's first sample may lie half a step behind the plane; kernels blur what it cuts off.
@@ -161,7 +164,7 @@ def test_an_even_block_has_the_opacity_of_its_thickness(unit, opacity):
 
 def test_pictures_agree_with_an_obvious_trilinear_ray_caster():
     volume = vessel_tree(32)
-    camera = Pinhole.from_fov(
+    camera = Camera.from_fov(
         30, height=60, width=60, world_to_camera=orbit(middle(volume), 74, 30, 20)
     )
     theirs = vtk(volume, WARM, camera, {"height": 60, "width": 60}, step=0.25, rays=2)
@@ -171,7 +174,7 @@ def test_pictures_agree_with_an_obvious_trilinear_ray_caster():
 
 def test_our_ray_caster_agrees_where_the_kernel_is_as_narrow_as_theirs():
     volume = vessel_tree(32)
-    camera = Pinhole.from_fov(
+    camera = Camera.from_fov(
         30, height=60, width=60, world_to_camera=orbit(middle(volume), 74, 30, 20)
     )
     size = {"height": 60, "width": 60}
@@ -204,7 +207,7 @@ def test_a_slope_is_lit_as_ours_are(light, elevation, expected):
 
 def test_pixels_are_means_of_their_rays():
     camera = VIEWS["oblique"]
-    fine = Pinhole(300, 300, 120, 90, camera.world_to_camera)
+    fine = Camera.from_intrinsics(300, 300, 120, 90, camera.world_to_camera)
     rays = vtk(a_box(), WARM, fine, {"height": 180, "width": 240})
     means = rays.reshape(60, 3, 80, 3, 4).mean(axis=(1, 3))
     np.testing.assert_allclose(vtk(a_box(), WARM, camera, rays=3), means, atol=1e-6)
@@ -213,7 +216,7 @@ def test_pixels_are_means_of_their_rays():
 def test_a_window_is_used_for_many_frames():
     single = vtk(a_box(), WARM, VIEWS["oblique"])
     window = VtkRenderer(a_box(), WARM, **SIZE)
-    away = Pinhole(100, 100, 40, 30, look_at(beside(0, -60, 0), beside(0, -120, 0)))
+    away = Camera.from_intrinsics(100, 100, 40, 30, look_at(beside(0, -60, 0), beside(0, -120, 0)))
     assert window.render(VIEWS["front"]).any()
     assert not window.render(away).any()  # and nothing is left of the frame before
     assert np.array_equal(window.render(VIEWS["oblique"]), single)
@@ -259,7 +262,7 @@ def test_volumes_that_vtk_would_draw_wrongly_are_refused():
 
 def test_pixels_that_are_not_square_are_refused():
     with pytest.raises(ValueError, match="VTK's are square"):
-        vtk(a_box(), WARM, Pinhole(100, 120, 40, 30, VIEWS["front"].world_to_camera))
+        vtk(a_box(), WARM, Camera.from_intrinsics(100, 120, 40, 30, VIEWS["front"].world_to_camera))
 
 
 @pytest.mark.parametrize(("height", "rays"), [(0, 1), (5000, 4)])

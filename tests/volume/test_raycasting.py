@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.resampler import Primitive, Projection, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
@@ -35,7 +36,7 @@ def some_samples(rng, size=6, share=0.6):
 
 def a_camera(height=20, width=30, near=0.0):
     pose = look_at([4, -8, 5], [4.0, 4.5, 1.0])
-    return Pinhole.from_fov(45, height=height, width=width, world_to_camera=pose, near=near)
+    return Camera.from_fov(45, height=height, width=width, world_to_camera=pose, near=near)
 
 
 def classifier(low=0.0, high=1.0, table=((1, 1, 1, 0), (1, 1, 1, 1)), lamp=UNLIT, **more):
@@ -187,7 +188,7 @@ def test_transmittance_is_that_of_exact_splats(rng, kind):
     inside = look_at([4.0, 4.0, 1.0], [5.0, 9.0, 0.0])
     camera = {
         "perspective": a_camera(),
-        "inside": Pinhole.from_fov(60, height=20, width=30, world_to_camera=inside),
+        "inside": Camera.from_fov(60, height=20, width=30, world_to_camera=inside),
         "near plane": a_camera(near=12.0),
         "parallel": Orthographic(2, 3, 15, 10, pose, 11.0),
     }[kind]
@@ -262,7 +263,7 @@ def ramp(count=12, slope=0.1):
 def test_the_first_hit_of_a_linear_ramp_lies_where_it_should(tilt):
     # Slope 0.1 per voxel, 0.55 is reached at z = 0.5.
     pose = look_at([20 * tilt, 0, -20.0], [0, 0, 0.5], (0, 1, 0))
-    camera = Pinhole(40, 40, 0.5, 0.5, pose)
+    camera = Camera.from_intrinsics(40, 40, 0.5, 0.5, pose)
     look = Casting(rays=1, projection=Projection.FIRST_HIT, iso=0.55)
     seen = cast_rays(field_of(ramp(12)), camera, **ONE, look=look)
     distance = np.linalg.norm([20 * tilt, 0, 20.5])

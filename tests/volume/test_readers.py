@@ -311,7 +311,9 @@ def test_raw_takes_options(shape, values, tmp_path):
 
 
 def test_compressed_raw_is_unpacked(values, tmp_path):
-    path = put(tmp_path / "a_12x11x10_uint16.raw.gz", gzip.compress(b"head" + values.tobytes()))
+    path = put(
+        tmp_path / "a_12x11x10_uint16.raw.gz", gzip.compress(b"head" + values.tobytes(), mtime=0)
+    )
     assert np.array_equal(Raw(offset=4)(path).values, values)
 
 
@@ -354,7 +356,7 @@ def test_missing_files_are_named(reader, tmp_path):
     refused(reader(), tmp_path / f"a{EVERY[reader]}", "no such file", FileNotFoundError)
 
 
-@pytest.mark.parametrize("reader", EVERY.keys() - {Raw})
+@pytest.mark.parametrize("reader", [reader for reader in EVERY if reader is not Raw])
 @pytest.mark.parametrize("content", [b"", b"neither fish nor flesh\n" * 50])
 def test_other_files_are_refused(reader, content, tmp_path):
     if reader is Vti:
@@ -395,12 +397,12 @@ def test_corrupt_gzip_is_refused(form, at, values, tmp_path):
 
 def packed(folder: Path, form: str, values: np.ndarray, harm) -> tuple:
     """Reader and path of a compressed volume that has come to harm."""
-    data = harm(gzip.compress(values.tobytes()))
+    data = harm(gzip.compress(values.tobytes(), mtime=0))
     if form == "raw.gz":
         return Raw(), put(folder / "a_12x11x10_uint16.raw.gz", data)
     if form == "nii.gz":
         content = gzip.decompress(write(folder / "a.nii.gz", values).read_bytes())
-        return Nifti(), put(folder / "b.nii.gz", harm(gzip.compress(content)))
+        return Nifti(), put(folder / "b.nii.gz", harm(gzip.compress(content, mtime=0)))
     if form == "nhdr":
         put(folder / "a.raw.gz", data)
         return Nrrd(), nrrd(folder / "a.nhdr", data="a.raw.gz", encoding="gzip")
@@ -412,7 +414,7 @@ def packed(folder: Path, form: str, values: np.ndarray, harm) -> tuple:
 def test_detached_data_of_another_size_is_refused(given, values, tmp_path):
     data = (values.tobytes() + bytes(100))[:given]
     put(tmp_path / "a.raw", data)
-    put(tmp_path / "a.raw.gz", gzip.compress(data))
+    put(tmp_path / "a.raw.gz", gzip.compress(data, mtime=0))
     sizes = f"{given} bytes, 2640 are wanted"
     refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw"), sizes)
     refused(MetaImage(), meta(tmp_path / "a.mhd"), sizes)

@@ -6,9 +6,10 @@ import pytest
 
 import resample
 import resample_volume
-from resample.cameras.models import Orthographic, Pinhole, look_at
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
+from resample.cameras.viewpoints import Orbit
 from resample.resampler import Primitive, Resampler
-from resample_volume.cameras.framing import Orbit
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.looks.presets import PRESETS, load_transfer
 from resample_volume.looks.transfer import from_points
@@ -102,7 +103,7 @@ def test_what_is_no_volume_is_refused(shape):
 
 def test_a_size_that_is_none_is_refused():
     with pytest.raises(ValueError, match="both sides must be at least 1"):
-        render(TREE, camera=Pinhole(9, 9, 5, 5), height=0, width=10)
+        render(TREE, camera=Camera.from_intrinsics(9, 9, 5, 5), height=0, width=10)
 
 
 def test_progress_is_told_to_the_end_and_may_stop_the_work():
@@ -130,7 +131,7 @@ def half_missing(missing):
 def look_from(azimuth, center=(11.5, 11.5, 11.5), distance=70.0):
     a = np.radians(azimuth)
     eye = np.array(center) + distance * np.array([np.sin(a), -np.cos(a), 0.3])
-    return Pinhole.from_fov(30, **SIZE, world_to_camera=look_at(eye, center))
+    return Camera.from_fov(30, **SIZE, world_to_camera=look_at(eye, center))
 
 
 DATA_UNITS = from_points([(0, (0, 0, 0), 0), (255, (1, 0.5, 0.2), 0.6)])
@@ -178,7 +179,7 @@ def test_a_turned_volume_looks_the_same_to_a_camera_turned_with_it(primitive, lo
     camera = look_from(30, (14.5, 7.5, 11.5))
     pose = camera.world_to_camera.copy()
     pose[:3, :3] = pose[:3, :3] @ rotation.T
-    moved = Pinhole(camera.fx, camera.fy, camera.cx, camera.cy, pose)
+    moved = Camera.from_intrinsics(camera.fx, camera.fy, camera.cx, camera.cy, pose)
     straight = picture(volume, look, camera, primitive=primitive).rgba
     other = picture(turned(rotation, volume), look, moved, primitive=primitive).rgba
     assert straight[..., 3].max() > 0.3
@@ -252,7 +253,7 @@ def test_a_camera_within_or_beside_the_volume_sees_something_finite(primitive):
     box = as_volume(np.full((8, 8, 8), 1, np.uint8))
     look = Appearance(from_points([(0, (1, 1, 1), 0.3)]), light=None)
     for eye in ((3.5, 3.5, 3.5), (3.5, -0.5, 3.5), (3.0, 3.0, 3.0)):
-        camera = Pinhole.from_fov(90, **SIZE, world_to_camera=look_at(eye, (3.5, 9.0, 3.6)))
+        camera = Camera.from_fov(90, **SIZE, world_to_camera=look_at(eye, (3.5, 9.0, 3.6)))
         frame = picture(box, look, camera, primitive=primitive)
         assert np.isfinite(frame.rgba).all()
         assert frame.rgba[24, 24, 3] > 0.5
@@ -261,7 +262,7 @@ def test_a_camera_within_or_beside_the_volume_sees_something_finite(primitive):
 
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 def test_a_camera_that_looks_away_sees_nothing(primitive):
-    camera = Pinhole.from_fov(30, **SIZE, world_to_camera=look_at((11, -90, 11), (11, -100, 11)))
+    camera = Camera.from_fov(30, **SIZE, world_to_camera=look_at((11, -90, 11), (11, -100, 11)))
     frame = picture(TREE, LIT, camera, primitive=primitive)
     assert not frame.rgba.any()
     assert np.isinf(frame.depth).all()
@@ -302,7 +303,9 @@ def test_a_volume_far_from_the_origin_looks_as_it_does_near_it():
         render(
             volume,
             "checker",
-            Pinhole(40, 40, 16, 16, look_at(volume.origin + eye, volume.origin + target)),
+            Camera.from_intrinsics(
+                40, 40, 16, 16, look_at(volume.origin + eye, volume.origin + target)
+            ),
             height=32,
             width=32,
         )

@@ -6,9 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera, Orthographic, Pinhole, look_at
+from resample.cameras.models import AnyCamera, Camera, Orthographic
+from resample.cameras.poses import look_at
+from resample.cameras.viewpoints import Sphere
 from resample.types import Doubles, Floats
-from resample_volume.cameras.framing import Shifted, Sphere
+from resample_volume.voxels.framing import Shifted
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade
 from resample_volume.voxels.visible import Voxels
 
@@ -208,9 +210,9 @@ def test_an_impossible_light_is_refused(choice: dict, match: str) -> None:
 
 POSE = look_at((1.0, 2.0, -10.0), (0.0, 0.5, 1.0), (0.0, -1.0, 0.0))
 CAMERAS = {
-    "perspective": Pinhole(100, 100, 50, 50, POSE),
+    "perspective": Camera.from_intrinsics(100, 100, 50, 50, POSE),
     "parallel": Orthographic(10, 10, 50, 50, POSE),
-    "shifted": Shifted(Pinhole(100, 100, 50, 50, POSE), np.array([3.0, -1.0, 2.0])),
+    "shifted": Shifted(Camera.from_intrinsics(100, 100, 50, 50, POSE), np.array([3.0, -1.0, 2.0])),
 }
 
 
@@ -233,17 +235,19 @@ def test_light_fades_with_depth_as_the_obvious_loop_has_it(
 @pytest.mark.parametrize(("share", "darkest"), [(0.0, 1.0), (1.0, 0.0)])
 def test_a_depth_cue_takes_nothing_or_all(share: float, darkest: float) -> None:
     samples = shade(with_gradients([[0, 0, 1]]), None)
-    found = cued(samples, Pinhole(9, 9, 5, 5), DepthCue(share), -2.0, -1.0)
+    found = cued(samples, Camera.from_intrinsics(9, 9, 5, 5), DepthCue(share), -2.0, -1.0)
     np.testing.assert_allclose(found.color, darkest * samples.color)
 
 
 def test_cueing_reaches_over_what_is_visible() -> None:
-    camera: Camera = Pinhole(9, 9, 5, 5, look_at((0, 0, -10), (0, 0, 0), (0, -1, 0)))
+    camera: AnyCamera = Camera.from_intrinsics(
+        9, 9, 5, 5, look_at((0, 0, -10), (0, 0, 0), (0, -1, 0))
+    )
     assert cue_range(camera, Sphere(np.array([4.0, 0, 1]), 3.0)) == pytest.approx((8, 14))
 
 
 def test_cueing_begins_where_one_can_see() -> None:
-    camera = Pinhole(9, 9, 5, 5, near=0.5)
+    camera = Camera.from_intrinsics(9, 9, 5, 5, near=0.5)
     assert cue_range(camera, Sphere(np.array([0, 0, 1.0]), 3.0)) == pytest.approx((0.5, 4))
     assert cue_range(camera, Sphere(np.array([0, 0, -9.0]), 3.0)) == pytest.approx((0.5, 3.5))
 

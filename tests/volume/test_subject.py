@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Orthographic
+from resample.cameras.viewpoints import Orbit
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.resampler import Projection, Resampler
 from resample.types import Field, Samples
-from resample_volume.cameras.framing import Orbit
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.rendering import Appearance, Classification, Subject, render

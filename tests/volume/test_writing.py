@@ -10,7 +10,6 @@ from resample_volume.files.source import open_volume
 from resample_volume.files.writing import (
     SUFFIXES,
     check_color_bar,
-    check_memory,
     with_bar,
     write_volume,
 )
@@ -68,15 +67,6 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, name):
     with pytest.raises((OSError, RuntimeError)):
         write_volume(tmp_path / name, volume)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_picture_larger_than_the_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("resample.memory.physical_memory", lambda: 100 << 20)
-    check_memory(1000, 1000)
-    with pytest.raises(ValueError, match=r"a picture of 3000 x 1000 pixels needs 0.3 GiB"):
-        check_memory(1000, 3000)
-    monkeypatch.setattr("resample.memory.physical_memory", lambda: None)
-    check_memory(10**6, 10**6)
 
 
 # Color bars

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample_warp3d.cameras.models import Camera, pixel_centers
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, DepthImage
 
 EMPTY = np.empty((0, 0, 2))

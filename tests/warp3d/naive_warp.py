@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from resample_warp3d.cameras.models import Camera
+from resample.cameras.models import Camera
 from resample_warp3d.depth.equation import between, places
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Equation, Rendered

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from resample.cameras.models import Camera
+from resample.cameras.poses import camera_to_world
 from resample.files.animations import write_film
-from resample_warp3d.cameras.models import Camera, camera_to_world
 from resample_warp3d.command.animation import (
     PATHS,
-    Flight,
+    NearbyPath,
     Range,
     check_path,
     on_screen,
@@ -50,7 +51,7 @@ def test_turns_follow_moves():
 
 @pytest.mark.parametrize("path", PATHS)
 def test_paths_are_closed_and_stay_near(path):
-    flight = Flight(path, 12)
+    flight = NearbyPath(path, 12)
     places = np.array([eye(flight.pose(n, HERE, ROOM)) for n in range(13)])
     assert np.allclose(places[0], places[12])
     assert np.abs(places).max() <= 0.3 * ROOM.near + 1e-12
@@ -59,7 +60,7 @@ def test_paths_are_closed_and_stay_near(path):
 
 @pytest.mark.parametrize("path", ["sway", "orbit"])
 def test_what_is_in_the_middle_stays_in_the_middle(path):
-    flight = Flight(path, 12)
+    flight = NearbyPath(path, 12)
     for n in range(12):
         pose = flight.pose(n, HERE, ROOM)
         seen = pose[:3, :3] @ (0, 0, ROOM.middle) + pose[:3, 3]
@@ -69,12 +70,12 @@ def test_what_is_in_the_middle_stays_in_the_middle(path):
 
 def test_a_path_begins_at_the_pictures_own_pose():
     start = stepped((1, 2, 3), (40, 0, 0))
-    here = Flight("dolly", 4).pose(2, HERE, ROOM)
-    assert np.allclose(Flight("dolly", 4).pose(2, start, ROOM), here @ start)
+    here = NearbyPath("dolly", 4).pose(2, HERE, ROOM)
+    assert np.allclose(NearbyPath("dolly", 4).pose(2, start, ROOM), here @ start)
 
 
 def test_the_amount_is_a_share_of_what_is_near():
-    right = eye(Flight("sway", 4, 0.25).pose(1, HERE, ROOM))
+    right = eye(NearbyPath("sway", 4, 0.25).pose(1, HERE, ROOM))
     assert right[0] == pytest.approx(0.25 * ROOM.near)
 
 

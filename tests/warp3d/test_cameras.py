@@ -4,17 +4,11 @@ import sys
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.lens import fold
-from resample_warp3d.cameras.models import (
-    Camera,
-    Convention,
-    camera_to_world,
-    distorted_places,
-    from_opengl,
-    pixel_centers,
-    undistorted_places,
-)
-from resample_warp3d.depth.equation import between, warp_places
+from resample.cameras.lens import distortion
+from resample.cameras.models import Camera, Convention, Orthographic
+from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
+from resample.cameras.poses import camera_to_world, from_opengl
+from resample_warp3d.depth.equation import between, lens_places, warp_places
 
 MATRIX = np.array([[90.0, 2.0, 49.0], [0.0, -85.0, 41.0], [0.0, 0.0, 1.0]])
 SHAPE = (80, 100)
@@ -182,7 +176,7 @@ def camera(request):
 
 def test_undistorted_places_go_back_through_opencv_s_lens(camera):
     cv2 = pytest.importorskip("cv2")
-    place = undistorted_places(camera, SHAPE).reshape(-1, 2)
+    place = undistorted_places(camera, pixel_centers(SHAPE)).reshape(-1, 2)
     ray = np.column_stack([place, np.ones(len(place))]) @ np.linalg.inv(camera.matrix).T
     bent = cv2.projectPoints(ray, np.zeros(3), np.zeros(3), np.eye(3), camera.distortion)[0][:, 0]
     found = bent @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
@@ -195,18 +189,21 @@ def test_undistorted_places_agree_with_opencv_s_where_it_converges():
     matrix, weak = np.array([[90.0, 0, 49], [0, 85, 41], [0, 0, 1]]), np.array([-0.05, 0.01, 0, 0])
     centers = pixel_centers(SHAPE).reshape(-1, 1, 2)
     expected = cv2.undistortPoints(centers, matrix, weak, P=matrix)
-    found = undistorted_places(Camera(matrix, distortion=weak), SHAPE).reshape(-1, 1, 2)
+    found = undistorted_places(Camera(matrix, distortion=weak), pixel_centers(SHAPE)).reshape(
+        -1, 1, 2
+    )
     np.testing.assert_allclose(found, expected, atol=1e-3)  # OpenCV takes five steps
 
 
 def test_distorting_leads_back(camera):
-    place = distorted_places(camera, undistorted_places(camera, SHAPE))
+    place = distorted_places(camera, undistorted_places(camera, pixel_centers(SHAPE)))
     np.testing.assert_allclose(place, pixel_centers(SHAPE), atol=2e-7)
 
 
 def test_a_lens_that_does_nothing_is_none():
     camera = Camera(MATRIX, distortion=np.zeros(5))
-    assert undistorted_places(camera, SHAPE).shape == (0, 0, 2)
+    assert camera.distortion is None
+    assert lens_places(camera, SHAPE).shape == (0, 0, 2)
 
 
 def test_places_that_no_light_reaches_are_not_numbers():
@@ -214,7 +211,7 @@ def test_places_that_no_light_reaches_are_not_numbers():
     camera = Camera(camera.matrix, distortion=np.array(FOLDING))
     radius = np.hypot(*np.moveaxis((pixel_centers(SHAPE) - [50, 40]) / 40, 2, 0))
     farthest = np.sqrt(2 / 3) * (1 - 1 / 3)
-    is_lost = np.isnan(undistorted_places(camera, SHAPE)).any(axis=2)
+    is_lost = np.isnan(undistorted_places(camera, pixel_centers(SHAPE))).any(axis=2)
     np.testing.assert_array_equal(is_lost, radius > farthest)
 
 
@@ -224,7 +221,7 @@ def test_places_beyond_the_fold_are_not_distorted_back_into_the_picture():
 
 
 def test_the_fold_is_where_the_radius_stops_to_grow():
-    assert fold(np.array(FOLDING)) == pytest.approx(np.sqrt(2 / 3))
+    assert distortion(np.array(FOLDING)).fold == pytest.approx(2 / 3)  # its square
 
 
 @pytest.mark.parametrize("given", [[0.1], [0.1, 0, 0, np.nan], [0.1] * 6])
@@ -233,9 +230,26 @@ def test_other_counts_of_coefficients_are_refused(given):
         Camera(MATRIX, distortion=np.array(given))
 
 
+@pytest.mark.parametrize(
+    ("camera", "complaint"),
+    [
+        (Camera(np.diag([5.0, 5.0, 1.0]), distortion=np.array(FOLDING)), "a lens .* bends"),
+        (Camera(MATRIX), "without skew, not with fx 90, fy -85 and skew 2"),
+    ],
+)
+def test_what_painters_of_scenes_do_not_know_of_a_camera_is_refused(camera, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        camera.view()
+
+
+def test_a_parallel_camera_is_none_of_depth_images():
+    with pytest.raises(ValueError, match="not by Orthographic"):
+        between(Camera(MATRIX), Orthographic(5, 5, 1, 1))
+
+
 def test_importing_cameras_and_files_of_poses_loads_nothing_heavy():
     code = (
-        "import sys, resample_warp3d.cameras.poses, resample_warp3d.depth.files\n"
+        "import sys, resample.cameras.files, resample_warp3d.depth.files\n"
         "heavy = {'numba', 'cv2', 'OpenImageIO', 'scipy', 'trimesh', 'matplotlib', 'PIL'}\n"
         "print(*sorted(heavy & set(sys.modules)))"
     )

@@ -16,6 +16,7 @@ from resample.files.images import read_channels, read_image
 from resample_warp3d.command import cli
 from resample_warp3d.types import Hole
 from tests.conftest import DATA
+from tests.processes import PATIENCE
 
 EYE = ["--intrinsics", "20,20,16,12"]
 FAST = ["--method", "mcmillan-zbuffer"]
@@ -41,7 +42,7 @@ def folder(tmp_path, monkeypatch):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[8:16, 12:20] = 1000
     cv2.imwrite("depth.png", depth)
-    monkeypatch.setattr("resample_warp3d.command.session.announce_compilation", lambda: None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -145,14 +146,14 @@ def test_a_picture_has_as_many_bits_as_asked_for():
 def test_labels_are_not_mixed(method, rng):
     labels = rng.integers(1, 7, (24, 32), np.uint16) * 1000 + 7
     cv2.imwrite("names.png", labels)
-    words = [*RIGHT, "--labels", "--method", method, "-o", "out.png"]
+    words = [*RIGHT, "--unmixed", "--method", method, "-o", "out.png"]
     assert ended(*render(*words, color="names.png")) == 0
     assert set(np.unique(cv2.imread("out.png", -1))) <= {0, *np.unique(labels)}
 
 
 def test_labels_refuse_what_mixes(capsys):
-    words = render(*RIGHT, "--labels", "-o", "out.png")
-    assert "leave out one of --labels and --fill" in refused(capsys, *words, "--fill")
+    words = render(*RIGHT, "--unmixed", "-o", "out.png")
+    assert "leave out one of --unmixed and --fill" in refused(capsys, *words, "--fill")
     assert "mesh mixes colors; for labels take hybrid" in refused(
         capsys, *words, "--method", "mesh"
     )
@@ -263,8 +264,23 @@ def test_another_size_shows_the_same_view():
 
 
 def test_a_lens_bends_the_picture():
-    bent = moved(*FAST, *STAY, "--distortion", "-0.2,0.05,0,0")
-    assert not np.array_equal(bent, moved(*FAST, *STAY))
+    words = [
+        "render",
+        "color.png",
+        "depth.png",
+        "--depth-scale",
+        1000,
+        *FAST,
+        *STAY,
+        "-o",
+        "out.exr",
+    ]
+    bent = []
+    for lens in ("20,20,15.5,11.5,0,0,0,0", "20,20,15.5,11.5,-0.2,0.05,0,0"):
+        assert ended(*words, "--lens", lens) == 0
+        bent.append(read_image("out.exr"))
+    assert np.array_equal(bent[0], moved(*FAST, *STAY))
+    assert not np.array_equal(bent[1], bent[0])
 
 
 def test_further_views_cover_more():
@@ -320,7 +336,7 @@ def test_pictures_of_one_pixel_are_rendered():
         ([*RIGHT, "--pose", "none.txt"], "none.txt"),
         ([*RIGHT, "--size", "0"], "both sides must be at least 1"),
         ([*RIGHT, "--target-intrinsics", "1,2,3"], "give fx,fy,cx,cy"),
-        ([*RIGHT, "--distortion", "1,2,3"], "4, 5, 8, 12, 14"),
+        ([*RIGHT, "--lens", "1,1,0,0,1,2,3,4"], "not both"),
         ([*RIGHT, "--fov", "60"], "give one of --intrinsics and --fov"),
         ([*RIGHT, "--method", "magic"], "unknown warp 'magic'"),
         ([*RIGHT, "--noise", "-1"], "greater than or equal to 0"),
@@ -352,8 +368,9 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeyp
 
 def test_intrinsics_are_asked_for(capsys):
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, "-o", "out.png"]
-    assert "give --intrinsics fx,fy,cx,cy or, where they are unknown, --fov 60" in refused(
-        capsys, *words
+    assert (
+        "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
+        in refused(capsys, *words)
     )
     assert "singular" in refused(capsys, *words, "--intrinsics", "0,20,16,12")
 
@@ -395,7 +412,7 @@ def test_damaged_files_are_one_line(which, capsys):
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.command.session.prepare", None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.prepare", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 
@@ -554,7 +571,7 @@ main()
 @pytest.mark.slow
 def test_a_killed_run_is_gone_on_with():
     words = [str(word) for word in film("-o", "a.gif")]
-    killed = subprocess.run([sys.executable, "-c", KILLED, *words], check=False, timeout=120)
+    killed = subprocess.run([sys.executable, "-c", KILLED, *words], check=False, timeout=PATIENCE)
     assert killed.returncode == -signal.SIGKILL
     assert not Path("a.gif").exists()
     assert len(list(Path(".a.gif.frames").glob("frame-*.png"))) == 2
@@ -679,8 +696,8 @@ def test_figures_take_ones_own_pictures(capsys):
 
 @pytest.mark.slow
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
-    monkeypatch.setattr("resample_warp3d.command.session.DEMO_SIZE", 48)
-    monkeypatch.setattr("resample_warp3d.command.session.DEMO_FRAMES", 2)
+    monkeypatch.setattr("resample_warp3d.command.compare.DEMO_SIZE", 48)
+    monkeypatch.setattr("resample_warp3d.command.compare.DEMO_FRAMES", 2)
     assert ended("demo", "-o", "demo") == 0
     assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
     assert {"figure-6.png", "sway.gif"} <= {path.name for path in Path("demo").iterdir()}
@@ -697,3 +714,37 @@ def test_a_file_is_refused_as_a_folder(command, capsys):
 
 def test_a_mistyped_command_is_put_right(capsys):
     assert 'Did you mean "render"' in refused(capsys, "rendr", "color.png")
+
+
+# Pixel filters
+
+
+def test_a_filter_blurs_or_sharpens_what_is_rendered():
+    usual = moved(*RIGHT)
+    given = moved(*RIGHT, "--filter", "gaussian:sigma=0.6")
+    inner = slice(2, 6), slice(4, 24)
+    assert given[inner][..., :3].std() < 0.8 * usual[inner][..., :3].std()
+    np.testing.assert_array_equal(moved(*RIGHT, "--filter", "area"), usual)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--filter", "gausian"], "gaussian"),
+        (["--filter", "tent", *FAST], "copies samples to whole pixels"),
+        (["--filter", "tent", "--unmixed"], "leave out one of --unmixed and --filter"),
+    ],
+)
+def test_filters_that_cannot_be_are_refused(words, message, capsys):
+    assert message in refused(capsys, *render(*RIGHT, *words, "-o", "out.png"))
+
+
+def test_a_cloud_takes_a_filter_too():
+    rng = np.random.default_rng(3)
+    np.savez("scan.npz", position=rng.random((400, 3)), color=rng.random((400, 3)))
+    words = ["cloud", "scan.npz", "--size", "32x24", "-o", "cloud.exr"]
+    pictures = []
+    for more in ([], ["--filter", "gaussian"]):
+        assert ended(*words, *more) == 0
+        pictures.append(read_image("cloud.exr"))
+    assert np.abs(pictures[1] - pictures[0]).max() > 0.02

@@ -5,14 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from resample.cameras.models import look_at
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.engine.jit import threads
 from resample.types import Frame
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.clouds.files import Cloud, read_cloud
+from resample_warp3d.clouds.framing import framed
 from resample_warp3d.clouds.kernels.discs import REACH
 from resample_warp3d.clouds.kernels.painting import AMPLE
-from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Light, framed, render_cloud
+from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Light, render_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
 from tests.conftest import DATA
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.models import Camera, directions, pixel_centers, undistorted_places
+from resample.cameras.models import Camera
+from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample_warp3d.depth.encodings import (
     ENCODINGS,
     BareDisparity,
@@ -24,7 +25,7 @@ NEAR, FAR = 1.0, 8.0
 
 def plane_and_sphere(camera):
     """Nearness of a slanted plane with a sphere before it; a corner is unknown."""
-    lens = undistorted_places(camera, SHAPE)
+    lens = undistorted_places(camera, pixel_centers(SHAPE))
     place = lens if lens.size else pixel_centers(SHAPE)
     x, y = np.moveaxis(directions(camera, place), 2, 0)
     nearness = (1.0 + 0.3 * x + 0.2 * y) / 4.0  # z + 0.3 x + 0.2 y = 4
@@ -114,7 +115,7 @@ def test_the_quantum_of_stretched_levels_is_their_distance():
 def test_ray_lengths_follow_the_lens():
     camera = Camera(CAMERA.matrix, distortion=np.array([-0.2, 0.05, 1e-3, 0]))
     truth = plane_and_sphere(camera)
-    x, y = np.moveaxis(directions(camera, undistorted_places(camera, SHAPE)), 2, 0)
+    x, y = np.moveaxis(directions(camera, undistorted_places(camera, pixel_centers(SHAPE))), 2, 0)
     with np.errstate(divide="ignore"):
         ray = np.sqrt(1 + x * x + y * y) / truth
     np.testing.assert_allclose(RayLength(camera).nearness(ray), truth, rtol=2e-7)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.models import Camera
+from resample.cameras.models import Camera
 from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
 from resample_warp3d.types import DepthImage
 from tests.warp3d.naive_sheet import EMPTY, camera_at

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.models import Camera, distorted_places, pixel_centers
+from resample.cameras.models import Camera
+from resample.cameras.pixels import distorted_places, pixel_centers
 from resample_warp3d.depth.equation import between, inverse, warp_places
 from resample_warp3d.sheet.holes import bridged
 from resample_warp3d.types import Hole, Rendered

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import resample_texture.warping
+from resample.cameras.models import Camera
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.equation import between, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview
@@ -452,9 +452,9 @@ def test_what_is_behind_the_eye_is_not_seen(depth):
 def test_right_before_a_surface_it_finishes_quickly(gap):
     source = picture(np.array([0.5]), 0.5)
     rendered(source, VIEWS["in3"])  # compiled
-    before = time.perf_counter()
+    before = time.process_time()
     given = rendered(source, camera_at((0.001, 0.0003, 2 - gap)))
-    assert time.perf_counter() - before < 1.0  # 0.1 s; cells are up to 1e6 px large
+    assert time.process_time() - before < 10  # CPU s; 0.1 measured; cells are up to 1e6 px wide
     assert np.isfinite(given.image).all()
 
 

@@ -4,15 +4,11 @@ import json
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.files import KINDS, from_quaternion, read_shots
-from resample_warp3d.cameras.models import Camera, camera_to_world, directions, pixel_centers
-from resample_warp3d.cameras.poses import (
-    looks_inverted,
-    read_camera,
-    read_pose,
-    read_poses,
-    read_shot,
-)
+from resample.cameras.files import KINDS, read_camera, read_pose, read_poses, read_shot, read_shots
+from resample.cameras.models import Camera
+from resample.cameras.pixels import directions, pixel_centers
+from resample.cameras.poses import camera_to_world, from_quaternion
+from resample_warp3d.depth.agreement import looks_inverted
 from resample_warp3d.depth.encodings import PlanarDepth
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.depth.files import read_depth

@@ -3,12 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.cameras.models import Camera, pixel_centers
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.showing.scenes import (
     STANDS,
     Ball,
-    Look,
+    Material,
     Scene,
     Sheet,
     Stand,
@@ -18,7 +19,7 @@ from resample_warp3d.showing.scenes import (
 )
 from resample_warp3d.types import DepthImage
 
-PLAIN = Look("checker", 1.0, "#ffffff", "#ffffff")
+PLAIN = Material("checker", 1.0, "#ffffff", "#ffffff")
 SHAPE = (12, 16)
 CAMERA = Camera.from_fov(60.0, *SHAPE)
 
@@ -176,7 +177,7 @@ def test_colors_are_light_between_none_and_white(small):
 
 @pytest.mark.parametrize("pattern", ["photo", "checker", "stripes", "text", "cloth"])
 def test_patterns_have_contrast(pattern):
-    look = Look(pattern, 4.0, "#101010", "#e0e0e0")
+    look = Material(pattern, 4.0, "#101010", "#e0e0e0")
     page = Sheet((-50.0, -50.0, 3.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), look)
     color, _ = scene_of(page).render(CAMERA, (48, 64), rays=1)
     assert color.std() > 0.05

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from resample import registry
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers, undistorted_places
 from resample.measuring.quality import psnr
-from resample_warp3d.cameras.models import Camera, undistorted_places
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid
@@ -399,7 +400,7 @@ def test_opencv_refuses_a_lens():
 def test_a_lens_that_is_undone_by_hand_shows_the_same():
     wall = [plane((0, 0, 1), 4.0, pattern(1.0))]  # one depth, with a lens or without one
     lens = Camera.from_intrinsics(32, 32, 16, 12, distortion=(0.08, 0.01, 0.0, 0.0))
-    place = undistorted_places(lens, SHAPE)
+    place = undistorted_places(lens, pixel_centers(SHAPE))
     point = 4.0 * np.concatenate([(place - (16, 12)) / 32, np.ones((*SHAPE, 1))], axis=2)
     color = wall[0].color(point).astype(np.float32)
     given = warp(color, np.full(SHAPE, 4.0), lens, TARGET)

@@ -82,8 +82,8 @@ def warp_like_opencv(  # noqa: PLR0913 - the parameters of cv2.warpPerspective
     shape = height, width
     check_shape(shape)
     chosen = method_named(method)
-    if hasattr(chosen, "reconstruction"):
-        chosen = method_named(chosen, reconstruction=INTERPOLATIONS[kind])
+    if hasattr(chosen, "interpolation"):
+        chosen = method_named(chosen, interpolation=INTERPOLATIONS[kind])
     texels, encoding = decoded(src, linear_light=linear_light, alpha="none")
     image = np.asarray(src)
     geometry = homography(M, convention="opencv", inverse=bool(flags & WARP_INVERSE_MAP))

@@ -28,7 +28,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     method: str | Method = "hybrid",
     *,
     filter: Any = None,  # noqa: A002
-    reconstruction: Any = None,
+    interpolation: Any = None,
     quality: float | None = None,
     total: bool | None = None,
     edge: str = "transparent",
@@ -55,7 +55,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object with that role.
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`...
-    reconstruction
+    interpolation
         Interpolation between texels: `nearest`, `bilinear`, `catmull-rom`, `spline`, `gaussian`.
     quality
         Parts that texels are cut into per px of the target; 1 is fastest.
@@ -95,7 +95,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")
     chosen = method_named(
-        method, filter=filter, reconstruction=reconstruction, quality=quality, total=total
+        method, filter=filter, interpolation=interpolation, quality=quality, total=total
     )
     part = np.s_[:, :]
     if roi is not None:

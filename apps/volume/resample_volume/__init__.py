@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_volume.cameras.framing import Orbit
+    from resample.cameras.viewpoints import Orbit
     from resample_volume.files.source import open_volume
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Appearance": "rendering",
     "Light": "voxels.shading",
-    "Orbit": "cameras.framing",
+    "Orbit": "resample.cameras.viewpoints",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
     "as_volume": "rendering",

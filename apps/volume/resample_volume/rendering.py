@@ -8,25 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.profiles.orders import Summing
 from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import Doubles, Field, Frame, Samples, View
-from resample_volume.cameras.framing import (
-    Orbit,
-    Shifted,
-    Sphere,
-    Spot,
-    Viewpoint,
-    centered,
-    sphere_around,
-)
 from resample_volume.looks.presets import transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.transfer import Transfer, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
+from resample_volume.voxels.framing import Shifted, centered, sphere_around
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify
 
@@ -179,7 +172,7 @@ def field_of(volume: Volume, appearance: Appearance, resampler: Resampler) -> Fi
     return field_voxels(volume, transfer, resampler, gradient)
 
 
-def lit_samples(voxels: Voxels, light: Light | None, camera: Camera) -> Samples:
+def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Samples:
     """Samples that carry the light which voxels send to a camera."""
     view = camera.view()
     if view.perspective:
@@ -223,13 +216,10 @@ class Subject:
         shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
 
-    def camera(self, viewpoint: Viewpoint, height: int, width: int) -> Camera:
+    def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
-        if isinstance(viewpoint, Orbit):
-            return viewpoint.around(self.sphere, height, width)
-        if isinstance(viewpoint, Spot):
-            viewpoint = viewpoint.sized(height, width)
-        return Shifted(viewpoint, self.middle)
+        camera = camera_from(viewpoint, self.sphere, height, width)
+        return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
 
     @property
     def is_empty(self) -> bool:
@@ -248,7 +238,7 @@ class Subject:
             "depth cue": repr(self.appearance.cue),
         }
 
-    def seen_by(self, camera: Camera) -> Samples | Field:
+    def seen_by(self, camera: AnyCamera) -> Samples | Field:
         """What a renderer takes: samples or a field with the light that a camera sees."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
@@ -263,7 +253,7 @@ class Subject:
 def render(
     volume: Volume | NDArray[np.generic],
     appearance: Appearance | str = "auto",
-    camera: Camera | Orbit | None = None,
+    camera: Viewpoint | None = None,
     *,
     height: int = 400,
     width: int = 400,
@@ -279,7 +269,7 @@ def render(
     appearance
         What voxels look like; a name stands for a transfer function.
     camera
-        Any camera, or one that is placed around the volume; None is `Orbit()`.
+        Any camera, or where one is to be placed, around the volume for one; None is `Orbit()`.
     height, width
         Of the picture, px.
     resampler

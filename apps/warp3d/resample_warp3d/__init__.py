@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_warp3d.cameras.models import Camera
+    from resample.cameras.models import Camera
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.merging import merge
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from resample_warp3d.warping import render, warp, warp_disparity
 
 _HOMES = {
-    "Camera": "cameras.models",
+    "Camera": "resample.cameras.models",
     "DepthImage": "types",
     "Equation": "types",
     "Hole": "types",

@@ -103,7 +103,10 @@ class Method(Protocol):
     """Role of a way to warp.
 
     A plugin is a class whose constructor takes the user's choices by name and refuses bad ones with
-    a `ValueError`; its entry point stands in the group `resample.warps`.
+    a `ValueError`; its entry point stands in the group `resample.warps`. Under a pixel filter it is
+    asked for a frame of sub-pixels. A method that can only fill whole pixels has an attribute
+    `is_per_pixel` that is True, and takes no filter; one with `is_whole` True covers a pixel wholly
+    as soon as anything is in it.
     """
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
+from resample.cameras.models import Camera
+from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera, undistorted_places
-from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.equation import between, lens_places, of_rectified
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.holes import explained
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
@@ -25,6 +27,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     target: Camera,
     method: str | Method = "hybrid",
     *,
+    filter: str | PixelFilter | None = None,  # noqa: A002
     size: tuple[int, int] | None = None,
     noise: float | None = None,
     step: float | None = None,
@@ -44,6 +47,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Cameras; the target's distortion is not applied.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object with that role.
+    filter
+        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The
+        method's own, which is the mean over a pixel's square.
     size
         Height and width of the target, px. The source's.
     noise
@@ -68,11 +74,11 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     """
     nearness = nearness_of(depth)
     height, width = nearness.shape
-    place = undistorted_places(source, (height, width))
+    place = lens_places(source, (height, width))
     prepared = prepare(DepthImage(as_light(color), nearness, place), noise=noise, step=step)
     shape = (height, width) if size is None else size
     chosen = registry.build("warps", method) if isinstance(method, str) else method
-    warped = render(prepared, between(source, target), shape, chosen, threads)
+    warped = render(prepared, between(source, target), shape, chosen, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 
 
@@ -82,6 +88,7 @@ def warp_disparity(
     fraction: float = 1.0,
     method: str | Method = "hybrid",
     *,
+    filter: str | PixelFilter | None = None,  # noqa: A002
     fill: bool = False,
     threads: int | None = None,
 ) -> Warped:
@@ -95,7 +102,7 @@ def warp_disparity(
         (H, W) px, larger is nearer; 0 and what is not finite are unknown.
     fraction
         1 leads from the left picture to the right one, −1 from the right to the left, 0.5 half way.
-    method, fill, threads
+    method, filter, fill, threads
         As in `warp`.
 
     Returns
@@ -106,7 +113,7 @@ def warp_disparity(
     prepared = prepare(DepthImage(as_light(color), nearness, np.empty((0, 0, 2))))
     chosen = registry.build("warps", method) if isinstance(method, str) else method
     shape = nearness.shape[0], nearness.shape[1]
-    warped = render(prepared, of_rectified(fraction), shape, chosen, threads)
+    warped = render(prepared, of_rectified(fraction), shape, chosen, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 
 
@@ -158,6 +165,8 @@ def render(
     shape: tuple[int, int],
     method: Method,
     threads: int | None = None,
+    *,
+    filter: str | PixelFilter | None = None,  # noqa: A002
 ) -> Warped:
     """Warp a prepared source by McMillan's equation.
 
@@ -169,13 +178,13 @@ def render(
         Of `equation.between` or `equation.of_rectified`.
     shape
         Height and width of the target, px.
-    method, threads
+    method, threads, filter
         As in `warp`.
 
     Raises
     ------
     ValueError
-        The shape or the equation cannot be worked with.
+        The method takes no filter, or the shape or the equation cannot be worked with.
     """
     from resample.engine import jit
 
@@ -190,8 +199,12 @@ def render(
     shape = height, width
     if not callable(method):
         raise ValueError(f"method {method!r}; give a name or an object that warps")
+    chosen = registry.build("filters", filter) if isinstance(filter, str) else filter
     with jit.threads(threads):
-        rendered = method(source, equation, shape)
+        if chosen is None:
+            rendered = method(source, equation, shape)
+        else:
+            rendered = filtered(method, chosen, source, equation, shape)
         holes = explained(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)

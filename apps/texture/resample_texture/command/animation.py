@@ -5,7 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from resample.cameras.models import Camera, Pinhole, look_at
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.poses import look_at
 from resample.colors import over
 from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
@@ -18,7 +19,7 @@ FOV = 50.0  # degrees along the frame's shorter side
 
 
 @dataclass(frozen=True)
-class Flight:
+class Flyover:
     """A closed path of a camera; the picture's longer side has length 1.
 
     Parameters
@@ -43,12 +44,12 @@ class Flight:
     def __post_init__(self) -> None:
         check_count(self.frames)
 
-    def camera(self, n: int) -> Camera:
+    def camera(self, n: int) -> AnyCamera:
         """Camera of a frame."""
         eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
         height, width = self.size
         pose = look_at(eye, target)
-        return Pinhole.from_fov(FOV, height=height, width=width, world_to_camera=pose)
+        return Camera.from_fov(FOV, height=height, width=width, world_to_camera=pose)
 
     def _fly(self, n: int) -> tuple[Doubles, Doubles]:
         phase = 2.0 * np.pi * n / self.frames
@@ -71,7 +72,7 @@ class Paint:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
 
 
-def shots(source: Floats, flight: Flight, paint: Paint) -> Shots:
+def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
     """Frames of a flight over a picture as `frame` takes it."""
     job = {
         **asdict(flight),
@@ -83,7 +84,7 @@ def shots(source: Floats, flight: Flight, paint: Paint) -> Shots:
     return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
 
 
-def frame(source: Floats, flight: Flight, paint: Paint, n: int) -> Levels:
+def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
     """Frame (H, W, 3) as a screen takes it.
 
     Parameters

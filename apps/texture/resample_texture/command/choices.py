@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.command.settings import azimuth_elevation_zoom, height_and_width
+from resample.command.settings import height_and_width
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera
+    from resample.cameras.models import AnyCamera
+    from resample.cameras.viewpoints import Viewpoint
     from resample_texture.geometry.mappings import Geometry
     from resample_texture.mesh.rendering import Mesh
 
@@ -43,8 +44,8 @@ class Place(BaseModel):
         str | None,
         Hyphen,
         Field(
-            description="Where the picture's corners go: x,y of the top left, top right, bottom "
-            "right and bottom left; or four points of the source -> four of the target."
+            description="x,y of four corners: where the picture's top left, top right, bottom "
+            "right and bottom left go; or four points of the source -> four of the target."
         ),
     ] = None
     map: Annotated[
@@ -62,13 +63,15 @@ class Place(BaseModel):
         str | None,
         Hyphen,
         Field(
-            description="Lens whose distortion is taken out: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or "
-            "a .yml, .xml, .json or .toml file of OpenCV's calibration."
+            description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
+            "file of OpenCV's calibration. Its distortion is taken out."
         ),
     ] = None
     convention: Annotated[
         Literal["corner", "opencv"],
-        Field(description="Opencv: matrix, corners and map count from pixel centers."),
+        Field(
+            description="Opencv counts from the first pixel's center: in matrix, corners and map."
+        ),
     ] = "corner"
     inverse: Annotated[
         bool,
@@ -78,8 +81,8 @@ class Place(BaseModel):
     size: Annotated[
         str | None,
         Field(
-            description="Target in px: 400 for a square, 640x480 for width and height. The "
-            "source's; that of the map; what holds the corners."
+            description="In px: 400 for a square, 640x480 for width and height. The source's; that "
+            "of the map; what holds the corners."
         ),
     ] = None
 
@@ -163,10 +166,11 @@ class Place(BaseModel):
         return Target(flow, self._size() or source_shape)
 
     def _by_lens(self, text: str, source_shape: tuple[int, int]) -> Target:
-        from resample_texture.geometry.lens_files import read_lens
+        from resample.cameras.lens_files import read_lens
+        from resample_texture.geometry.lenses import distorting, undistorting
 
-        lens, shape = read_lens(text), self._size() or source_shape
-        return Target(lens.distorting(shape) if self.inverse else lens.undistorting(shape), shape)
+        camera, shape = read_lens(text), self._size() or source_shape
+        return Target((distorting if self.inverse else undistorting)(camera, shape), shape)
 
 
 class Warping(BaseModel):
@@ -176,14 +180,14 @@ class Warping(BaseModel):
 
     method: Annotated[
         str,
-        Field(description="Such as hybrid, paper, bilinear or opencv-supersample:n=8."),
+        Field(description="How: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
     ] = "hybrid"
     filter: Annotated[
         str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
     ] = None
-    reconstruction: Annotated[
+    interpolation: Annotated[
         str | None,
-        Field(description="Between pixels: nearest, bilinear, catmull-rom, spline, gaussian."),
+        Field(description="Between texels: nearest, bilinear, catmull-rom, spline, gaussian."),
     ] = None
     quality: Annotated[
         float | None,
@@ -217,17 +221,22 @@ class Warping(BaseModel):
         registry.build("methods", self.method)
         if self.filter is not None:
             registry.build("filters", self.filter)
-        if self.reconstruction is not None:
-            registry.build("interpolations", self.reconstruction)
+        if self.interpolation is not None:
+            registry.build("interpolations", self.interpolation)
 
 
-class View(BaseModel):
+class MeshView(BaseModel):
     """How a mesh is seen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     camera: Annotated[
-        str, Hyphen, Field(description="azimuth/elevation/zoom, such as 30/20/1.5.")
+        str,
+        Hyphen,
+        Field(
+            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
+            "cameras."
+        ),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
@@ -237,9 +246,9 @@ class View(BaseModel):
         Hyphen,
         Field(description="Axis that points upwards."),
     ] = "y"
-    shading: Annotated[bool, Field(description="Darken what is turned away from the eye.")] = False
+    shading: Annotated[bool, Field(description="Light surfaces: from the eye.")] = False
 
-    def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "Camera":
+    def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
         """Camera for a picture (height, width) of a mesh.
 
         Raises
@@ -247,20 +256,22 @@ class View(BaseModel):
         ValueError
             These are not a camera's numbers.
         """
-        from resample_texture.mesh.rendering import fitted_camera
+        from resample.cameras.viewpoints import camera_from
+        from resample_texture.mesh.rendering import ball_around
 
-        azimuth, elevation, zoom = self.angles()
-        return fitted_camera(mesh, azimuth, elevation, zoom, self.fov, self.up, size)
+        return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
-    def angles(self) -> tuple[float, float, float]:
-        """Azimuth and elevation in degrees, and zoom.
+    def viewpoint(self) -> "Viewpoint":
+        """Where the mesh is seen from.
 
         Raises
         ------
-        ValueError
-            There is something else.
+        ValueError, LookupError, OSError
+            The camera is none; see `resample.cameras.files.viewpoint`.
         """
-        return azimuth_elevation_zoom(self.camera)
+        from resample.cameras.files import viewpoint
+
+        return viewpoint(self.camera, self.fov, self.up)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:

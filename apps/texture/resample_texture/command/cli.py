@@ -12,9 +12,9 @@ from resample.command.settings import Written, height_and_width, method_names
 from resample_texture.command.choices import (
     Edges,
     Hyphen,
+    MeshView,
     Place,
     Target,
-    View,
     Warping,
     region,
 )
@@ -30,7 +30,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), View()
+PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
 PAGE = Warping(edge="clamp")  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
@@ -59,17 +59,25 @@ def warp(
     image
         Any picture; float files are linear light, the others sRGB.
     output
-        .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
     roi
         Write only this part of the target: left,top,width,height in px.
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     stats
-        Also write sizes and times (.json).
+        Also write sizes, counts and times (.json).
     """
-    from resample.files.pictures import Look, check_output, look_of, read_picture, write_picture
+    from resample.command.session import Session
+    from resample.files.pictures import (
+        Look,
+        check_output,
+        coverage_picture,
+        look_of,
+        read_picture,
+        write_picture,
+    )
     from resample.files.writing import check_targets, write_json
-    from resample_texture.command.session import Session, coverage_picture
+    from resample_texture.command.rendering import report, warped
 
     place.check()
     warping.check()
@@ -82,13 +90,13 @@ def warp(
     with session.stage("read"):
         picture = read_picture(image)
         target = place.target((picture.data.shape[0], picture.data.shape[1]))
-    result, share = session.warped(picture, target, warping, part)
+    result, share = warped(session, picture, target, warping, part)
     with session.stage("write"):
         write_picture(output, result, look)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), Look(is_light=False))
     if stats is not None:
-        write_json(stats, session.report(picture, result, warping))
+        write_json(stats, report(session, picture, result, warping))
 
 
 @app.command
@@ -111,15 +119,17 @@ def rectify(
     photo
         Any picture.
     corners
-        x,y of the page's four corners in px of the photo, in any order.
+        x,y of four corners: the page's in px of the photo, in any order.
     output
         As in warp.
     size
-        Of the page in px, 640x480. What the page's sides have in the photo.
+        In px: 400 for a square, 640x480 for width and height. What the page's sides have in the
+        photo.
     """
+    from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
     from resample.files.writing import check_targets
-    from resample_texture.command.session import Session
+    from resample_texture.command.rendering import warped
     from resample_texture.geometry.corners import (
         from_corners,
         order_corners,
@@ -135,7 +145,7 @@ def rectify(
     check_output(output, look, transparent=warping.edge == "transparent")
     check_targets(output)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    page, _ = Session().warped(read_picture(photo), target, warping)
+    page, _ = warped(Session(), read_picture(photo), target, warping)
     write_picture(output, page, look)
 
 
@@ -145,10 +155,10 @@ def mesh(
     /,
     *,
     output: Output,
-    view: Annotated[View, Flat] = VIEW,
+    view: Annotated[MeshView, Flat] = VIEW,
     size: str = "512",
     texture: Path | None = None,
-    reconstruction: str = "catmull-rom",
+    interpolation: str = "catmull-rom",
     filter: str = "box",  # noqa: A002
     background: str | None = None,
     bits: Literal[8, 16] = 8,
@@ -162,34 +172,35 @@ def mesh(
     model
         OBJ with its MTL, GLB, glTF or PLY.
     output
-        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     size
-        Pixels: 400 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     texture
         Picture to use in place of the textures that the file names.
-    reconstruction
-        Interpolation between texels.
+    interpolation
+        Between texels: nearest, bilinear, catmull-rom, spline, gaussian.
     filter
-        Pixel filter, such as gaussian:sigma=0.5.
+        Pixel filter, such as gaussian:sigma=0.6.
     background
-        black, white, #rrggbb or none for transparent.
+        Behind the picture: black, white, #rrggbb or none for transparent.
     bits
-        Per channel of a PNG.
+        Per channel: 8 or 16 of a PNG.
     """
     from resample import registry
-    from resample.command.console import progress_bar
+    from resample.command.session import Session, announce_compilation
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.session import announce_compilation, check_memory, framed
+    from resample_texture.command.rendering import check_memory
+    from resample_texture.mesh.kernels.painting import paint
     from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
 
     check_suffix(output)
     height, width = height_and_width(size)
-    view.angles()
+    view.viewpoint()
     behind = None if background is None else linear_color(background)
     style = MeshStyle(
-        interpolation=registry.build("interpolations", reconstruction),
+        interpolation=registry.build("interpolations", interpolation),
         pixel_filter=registry.build("filters", filter),
         shading=view.shading,
     )
@@ -197,10 +208,10 @@ def mesh(
     check_memory((height, width), 16)
     shape = load_mesh(model, texture)
     camera = view.placed(shape, (height, width))
-    announce_compilation(mesh=True)
-    with progress_bar("painting"):
+    announce_compilation(paint)
+    with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, height=height, width=width, style=style)
-    write_frame(output, framed(frame), bits=bits, background=behind)
+    write_frame(output, frame, bits=bits, background=behind)
 
 
 @app.command
@@ -212,7 +223,7 @@ def compare(
     methods: str = COMPARED,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    truth: Literal["box", "gaussian"] = "box",
+    truth_filter: Literal["box", "gaussian"] = "box",
     linear: bool = True,
     edge: Edges = "transparent",
     size: str | None = None,
@@ -228,29 +239,33 @@ def compare(
     image
         A picture; a small one is tiled with its mirror images.
     scene
-        floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes it.
+        What is looked at: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
+        it.
     methods
-        Separated by commas; parameters as in opencv-supersample:n=8,kernel=linear.
+        Separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
-        A page with sliders (.html), or all pictures side by side with details enlarged (.png).
+        Written to: a page with sliders (.html), or all pictures side by side with details enlarged
+        (.png).
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
-    truth
+    truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
         Filter light; otherwise values as they are encoded.
     edge
-        What the methods are told lies beyond the picture; it is not measured.
+        What lies beyond the picture's edges. It is not measured.
     size
-        Of the views in px, 640x480. Half of the (tiled) picture's; for a matrix the picture's.
+        In px: 400 for a square, 640x480 for width and height. Half of the (tiled) picture's; for a
+        matrix the picture's.
     """
     from resample import registry
+    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import plain
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.compare import Judge, sheet, source_values
     from resample_texture.showing.scenes import check_scene, scene_of
+    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
     names = method_names(methods)
@@ -263,9 +278,9 @@ def compare(
     picture = flattened(read_picture(image), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
         raise ValueError(f"{image} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
-    announce_compilation()
+    announce_compilation(paint_blocks)
     values = source_values(picture.data, linear=linear)
-    judge = Judge(truth, Edge(edge), linear)
+    judge = Judge(truth_filter, Edge(edge), linear)
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
@@ -301,40 +316,42 @@ def animate(
     image
         Any picture.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
-        fly: low over the picture, forth and back; turn: around its middle.
+        The camera's way: fly, low over the picture, forth and back; or turn, around its middle.
     frames
         How many.
     fps
         Frames per second.
     size
-        Of a frame in px.
+        In px: 400 for a square, 640x480 for width and height.
     method
         As in warp.
     edge
         What lies beyond the picture's edges.
     background
-        Behind the picture.
+        Behind the picture: black, white or #rrggbb.
     resume
         Keep the frames that a run which ended early has made.
     """
     from resample import registry
     from resample.command.console import progress_bar
+    from resample.command.session import announce_compilation
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
-    from resample_texture.command.session import announce_compilation, check_memory
+    from resample_texture.command.rendering import check_memory
+    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
-    flight = animation.Flight(path, frames, height_and_width(size))
+    flight = animation.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
     check_film(output, fps)
     check_memory(flight.size, flight.frames)
     picture = animation.with_alpha(read_picture(image).data)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     with progress_bar("flying") as progress:
         shots = animation.shots(picture, flight, paint)
         write_film(output, shots, fps, resume=resume, progress=progress)
@@ -347,14 +364,15 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     Parameters
     ----------
     output
-        Folder for figure5.png, the single pictures and table.txt; created if missing.
+        Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
     image
         Picture to show beside the checkerboard. A generated wall of bricks.
     """
+    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.figures import FIGURE, SHEET, compare_floors, write_figures
     from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.texels.kernels.painting import paint_blocks
 
     subjects = {"checker": checker()}
     if image is None:
@@ -362,7 +380,7 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
     else:
         subjects["picture"] = flattened(read_picture(image), (0.0, 0.0, 0.0)).data
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     comparisons = compare_floors(subjects, list(FIGURE))
     sys.stdout.write(write_figures(output, comparisons, FIGURE, SHEET))
 
@@ -374,25 +392,26 @@ def demo(*, output: Output = DEMO) -> None:
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
     from resample import registry
     from resample.command.console import progress_bar
+    from resample.command.session import announce_compilation
     from resample.files.animations import write_film
     from resample_texture.command import animation
-    from resample_texture.command.session import announce_compilation
     from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
     from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.texels.kernels.painting import paint_blocks
 
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation()
+    announce_compilation(paint_blocks)
     wall = bricks()
     subjects = {"checker": checker(), "bricks": wall}
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
     with progress_bar("flying") as progress:
-        flight = animation.Flight(frames=24, size=(180, 320))
+        flight = animation.Flyover(frames=24, size=(180, 320))
         shots = animation.shots(animation.with_alpha(wall), flight, paint)
         write_film(output / "flight.gif", shots, 12, progress=progress)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")

@@ -78,7 +78,9 @@ def order_corners(corners: ArrayLike) -> Doubles:
     Parameters
     ----------
     corners
-        (4, 2) px in any order. The page is taken to be turned by less than 45 degrees.
+        (4, 2) px in any order. The page's top side lies above its bottom side, and its left side to
+        the left of its right one, as the means of their ends tell; if two orders have that, the
+        page is taken to be turned by less than 45 degrees.
 
     Raises
     ------
@@ -90,16 +92,16 @@ def order_corners(corners: ArrayLike) -> Doubles:
     clockwise = np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))
     ring = given[clockwise]
     _check_convex(ring)
-    direction = page_corners((2, 2)) - 1.0
     starts = [np.roll(ring, -start, axis=0) for start in range(4)]
-    likeness = [float(np.sum((ring - ring.mean(axis=0)) * direction)) for ring in starts]
-    first, second = np.argsort(likeness)[::-1][:2]
-    if likeness[first] - likeness[second] < LEAST_LEAD * likeness[first]:
+    upright = [start for start in starts if min(_spans(start)) > 0]  # one or two: the ring has area
+    ordered, *others = sorted(upright, key=lambda start: -sum(_spans(start)))
+    lead = sum(_spans(ordered)) - sum(sum(_spans(start)) for start in others)
+    if lead < LEAST_LEAD * sum(_spans(ordered)):
         raise ValueError(
             "the page is turned by 45 degrees, so either of two corners may be its top left;"
             " give top left, top right, bottom right, bottom left"
         )
-    return np.asarray(starts[first], np.float64)
+    return np.asarray(ordered, np.float64)
 
 
 def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
@@ -133,6 +135,14 @@ def _checked(points: ArrayLike, name: str) -> Doubles:
         if abs(_cross(sides[0], sides[1])) <= NEARLY_STRAIGHT * np.max(np.sum(sides**2, axis=1)):
             raise ValueError(f"three of the {name}'s points lie on a line or coincide")
     return given
+
+
+def _spans(ring: Doubles) -> tuple[float, float]:
+    """How far the second side lies to the right of the fourth, and the third below the first."""
+    top_left, top_right, bottom_right, bottom_left = ring
+    rightward = top_right + bottom_right - top_left - bottom_left
+    downward = bottom_left + bottom_right - top_left - top_right
+    return float(rightward[0]) / 2, float(downward[1]) / 2
 
 
 def _check_convex(ring: Doubles) -> None:

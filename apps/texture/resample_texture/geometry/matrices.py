@@ -1,12 +1,12 @@
 """Homographies from what users write: numbers, files, OpenCV's convention, the inverse."""
 
 import re
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.cameras.models import Convention
 from resample.types import Doubles
 from resample_texture.geometry.mappings import Homography
 from resample_texture.geometry.maps import read_arrays
@@ -14,13 +14,6 @@ from resample_texture.geometry.maps import read_arrays
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 SHAPES = {(3, 3): (3, 3), (2, 3): (2, 3), (1, 9): (3, 3), (1, 6): (2, 3)}  # lines × numbers
 LARGEST_FILE = 1 << 16  # bytes; nobody writes nine numbers longer
-
-
-class Convention(StrEnum):
-    """Where the first pixel's center lies."""
-
-    CORNER = "corner"  # at (0.5, 0.5): coordinates count from the corner of the picture
-    OPENCV = "opencv"  # at (0, 0): they count from the center of its first pixel
 
 
 def homography(

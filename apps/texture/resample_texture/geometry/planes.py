@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.types import Doubles
 from resample_texture.geometry.mappings import Homography
 
 
 def plane_seen_by(
-    camera: Camera,
+    camera: AnyCamera,
     source_shape: tuple[int, int],
     *,
     texel_size: float = 1.0,

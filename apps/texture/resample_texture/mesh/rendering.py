@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Camera, Orthographic, Pinhole, orbit
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
-from resample.types import Doubles, Floats, View
+from resample.types import Doubles, Frame, View
 from resample_texture.mesh.files import Mesh, load_mesh
 from resample_texture.mesh.kernels.painting import Picture, paint
 from resample_texture.mesh.kernels.surfaces import Lens, Surfaces, see
@@ -24,7 +25,6 @@ from resample_texture.mesh.skin import skin
 
 __all__ = [
     "Mesh",
-    "MeshFrame",
     "MeshStatistics",
     "MeshStyle",
     "fitted_camera",
@@ -98,16 +98,6 @@ class MeshStatistics(NamedTuple):
     seconds: float
 
 
-class MeshFrame(NamedTuple):
-    """A picture with what is known about its pixels."""
-
-    rgba: Floats  # (H, W, 4) premultiplied, linear light
-    depth: Floats  # (H, W) mean z-depth of what the pixel's square shows, scene units; inf: nothing
-    first_depth: Floats  # (H, W) least z-depth there; inf: nothing
-    coverage: Floats  # (H, W) share of the pixel filter's mass that is covered, 0..1
-    statistics: MeshStatistics
-
-
 def fitted_camera(
     mesh: Mesh,
     azimuth: float = 30.0,
@@ -116,7 +106,7 @@ def fitted_camera(
     fov: float = 30.0,
     up: str = "y",
     size: tuple[int, int] = (512, 512),
-) -> Camera:
+) -> AnyCamera:
     """Camera on a sphere around a mesh.
 
     Parameters
@@ -124,7 +114,7 @@ def fitted_camera(
     mesh
         What is looked at.
     azimuth, elevation, up
-        As `resample.cameras.models.orbit` takes them.
+        As `resample.cameras.poses.orbit` takes them.
     zoom
         At 1 the ball around the mesh just fits the picture; at 2 the camera is at half the
         distance, and a parallel one shows everything at twice the size.
@@ -138,27 +128,20 @@ def fitted_camera(
     ValueError
         A number is out of range.
     """
-    if not (0.0 < zoom < np.inf and 0.0 <= fov < 180.0 and np.isfinite([azimuth, elevation]).all()):
-        raise ValueError(
-            f"azimuth {azimuth}, elevation {elevation}, zoom {zoom}, field of view {fov}; finite "
-            "angles, a zoom above 0 and a field of view from 0 to below 180 are allowed"
-        )
-    height, width = _checked_size(*size)
+    return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *_checked_size(*size))
+
+
+def ball_around(mesh: Mesh) -> Sphere:
+    """Ball around all corners of a mesh's triangles."""
     used = mesh.position[np.unique(mesh.triangle)]
     center = (used.min(axis=0) + used.max(axis=0)) / 2
     radius = float(np.sqrt(((used - center) ** 2).sum(axis=1).max())) or 1.0
-    if fov == 0.0:
-        scale = min(height, width) / (2 * radius) * zoom
-        pose = orbit(center, 2 * radius, azimuth, elevation, up)
-        return Orthographic(scale, scale, width / 2, height / 2, pose)
-    distance = radius / np.sin(np.radians(fov) / 2) / zoom
-    pose = orbit(center, distance, azimuth, elevation, up)
-    return Pinhole.from_fov(fov, height=height, width=width, world_to_camera=pose)
+    return Sphere(center, radius)
 
 
 def render_mesh(
-    mesh: Mesh, camera: Camera, *, height: int, width: int, style: MeshStyle | None = None
-) -> MeshFrame:
+    mesh: Mesh, camera: AnyCamera, *, height: int, width: int, style: MeshStyle | None = None
+) -> Frame[MeshStatistics]:
     """Picture of a mesh.
 
     Parameters
@@ -174,7 +157,8 @@ def render_mesh(
 
     Returns
     -------
-    Premultiplied linear RGBA with depth and coverage. A pixel is the mean of its sub-pixels.
+    Premultiplied linear RGBA with depth (the mean of what the pixel's square shows) and coverage
+    (the share of the pixel filter's mass). A pixel is the mean of its sub-pixels.
 
     Raises
     ------
@@ -200,7 +184,7 @@ def render_mesh(
     seconds = time.perf_counter() - begin
     statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, looked_up, seconds)
     coverage = picture.rgba[..., 3].copy()
-    return MeshFrame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
+    return Frame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
 
 
 def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:

@@ -29,13 +29,13 @@ class Hybrid:
     ----------
     filter
         Pixel filter, by name or as an object; `area` knows each part's extent.
-    reconstruction
+    interpolation
         Interpolation between texels, by name or as an object.
     quality
         Parts per px, 1 to 16.
     magnified
         `cells` or `splats`: what magnified texels become. Splats are interpolating elliptical
-        Gaussians, which take no other reconstruction and no other filter than a Gaussian.
+        Gaussians, which take no other interpolation and no other filter than a Gaussian.
     total
         A texel's value is a total, such as a flux: sums are kept, not means.
     clamp
@@ -48,7 +48,7 @@ class Hybrid:
     """
 
     filter: Any = "area"
-    reconstruction: Any = "catmull-rom"
+    interpolation: Any = "catmull-rom"
     quality: float = 1.5
     magnified: str = "cells"
     total: bool = False
@@ -56,7 +56,7 @@ class Hybrid:
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
-        _build(self, "reconstruction", "interpolations")
+        _build(self, "interpolation", "interpolations")
         _check_quality(self.quality)
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
@@ -81,7 +81,7 @@ class Hybrid:
     def _cells(self) -> "Cells":
         from resample_texture.texels.forward import Cells
 
-        return Cells(self.filter, self.reconstruction, self.quality, is_sum=self.total)
+        return Cells(self.filter, self.interpolation, self.quality, is_sum=self.total)
 
     def _splatted(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -132,13 +132,13 @@ class Supersample:
     """
 
     filter: Any = "gaussian"
-    reconstruction: Any = "bilinear"
+    interpolation: Any = "bilinear"
     quality: float = 1.0
     total: bool = False
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
-        _build(self, "reconstruction", "interpolations")
+        _build(self, "interpolation", "interpolations")
         _check_quality(self.quality)
 
     def __call__(
@@ -146,7 +146,7 @@ class Supersample:
     ) -> Warped:
         from resample_texture.texels.forward import Cells
 
-        cells = Cells(self.filter, self.reconstruction, self.quality, joined=0.0, is_sum=self.total)
+        cells = Cells(self.filter, self.interpolation, self.quality, joined=0.0, is_sum=self.total)
         return _project(source, geometry, shape, edge, cells)
 
 

@@ -20,13 +20,12 @@ from resample_texture.texels.forward import (
     borders,
     moved,
     needs_totals,
-    profile_table,
+    spread_of,
     tap_table,
     widened,
 )
 from resample_texture.texels.kernels.adjoint import gather_blocks, give_back, patch_offsets
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.placing import Spread
 from resample_texture.types import Edge
 
 BATCH = 1 << 24  # numbers that patches may hold at a time
@@ -93,21 +92,19 @@ def _texel_gradients(
     """Gradients (K, H, W, C) of texels, as `give_back` keeps them apart."""
     channels = weighted.shape[2]
     taps = tap_table(cells.interpolation)
-    profile = profile_table(cells.pixel_filter, cells.taps)
     kinds = 1 if prefilter(cells.interpolation).size == 1 else 4
     texels = np.zeros((kinds, *source_shape, channels))
     height, width = source_shape
     sums = min(kinds, 3) if needs_totals(blocks.axes, source_shape, edge) else 0
     totals = np.zeros((sums, height + 1, width + 1, channels))
-    spread = Spread(cells.taps, cells.is_sum)
+    spread = spread_of(cells)
     for batch in _batches(blocks.axes, taps.shape[0], channels):
         axes = blocks.axes[batch]
         start = patch_offsets(axes, taps.shape[0], channels)
         patches = np.empty(start[-1])
         gather_blocks(
-            weighted, blocks.matrix, blocks.x, blocks.y, axes, blocks.bounds[batch], taps, profile,
-            spread, start, patches,
-        )  # fmt: skip
+            weighted, blocks.places, axes, blocks.bounds[batch], taps, spread, start, patches
+        )
         give_back(patches, start, axes, EDGES[edge], taps.shape[0], totals, texels)
     for kind in range(sums):
         texels[kind] += _summed_back(totals[kind])

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from resample.engine.cells.sums import collect
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.texels.forward import (
@@ -10,13 +12,12 @@ from resample_texture.texels.forward import (
     Cells,
     Sums,
     batches,
+    parts_of,
     texels,
     widened,
 )
-from resample_texture.texels.kernels.blocks import BOTTOM, LEFT, RIGHT, TOP, Integers
-from resample_texture.texels.kernels.gathering import gather_tiles
-from resample_texture.texels.kernels.painting import collect, offsets
-from resample_texture.texels.kernels.placing import Spread
+from resample_texture.texels.kernels.blocks import Integers
+from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
@@ -44,17 +45,15 @@ def collect_from(
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
     tiles = _tiles((shape[0] + 2 * around, shape[1] + 2 * around))
     bounds = tiles + np.array([-reach, -reach, reach, reach])
-    spread = Spread(cells.taps, cells.is_sum)
     quality = cells.quality if cells.cut else 1.0
-    for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
-        for batch in batches(bounds, count + 1):
-            start = offsets(bounds[batch], count + 1)
-            space = np.empty(start[-1], np.float32)
-            gather_tiles(
-                ready, EDGES[edge], (first, count), map_u, map_v, tiles[batch], bounds[batch],
-                quality, sums.taps, sums.profile, spread, start, space,
-            )  # fmt: skip
-            collect(bounds[batch] - around, start, space, picture)
+    for channels, picture in zip(sums.groups, sums.pictures, strict=True):
+        for batch in batches(bounds, channels[1] + 1):
+            pixels = Pixels(
+                ready, EDGES[edge], channels, sums.taps, map_u, map_v, tiles[batch], quality
+            )
+            parts = parts_of(bounds[batch], channels[1] + 1)
+            gather_tiles(pixels, sums.spread, parts)
+            collect(bounds[batch] - around, parts.start, parts.sums, picture)
     nowhere = np.array([[0.0, 0.0, -1.0]])
     return sums.warped(nowhere, NEARLY_FULL)
 

@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.cells.parts import Parts
+from resample.engine.cells.sums import Border, Means, collect, finish, offsets
+from resample.engine.cells.taps import PHASES, Spread
 from resample.profiles.filters import Area, PixelFilter
 from resample.profiles.interpolation import CatmullRom, Interpolation, prefilter, taps
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.texels.kernels.adding import PHASES
 from resample_texture.texels.kernels.blocks import (
     LENGTH,
     LEVEL,
@@ -27,8 +29,8 @@ from resample_texture.texels.kernels.blocks import (
     split_map,
     split_plane,
 )
-from resample_texture.texels.kernels.painting import collect, finish, offsets, paint_blocks
-from resample_texture.texels.kernels.placing import Spread
+from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
+from resample_texture.texels.kernels.placing import Placement
 from resample_texture.texels.kernels.texels import CLAMP, DENSE, EXACT, MIRROR, TRANSPARENT, WRAP
 from resample_texture.types import Edge, Warped
 
@@ -86,15 +88,6 @@ class Cells:
         return max(1, math.ceil(2.0 * self.pixel_filter.radius))
 
 
-class Texels(NamedTuple):
-    """A source, ready to be interpolated along u, along v or both."""
-
-    plain: Floats  # (H, W, C)
-    along_u: Floats
-    along_v: Floats
-    both: Floats
-
-
 class Blocks(NamedTuple):
     """Parts of a source and where they show."""
 
@@ -103,6 +96,11 @@ class Blocks(NamedTuple):
     matrix: Doubles  # (3, 3) source to target
     x: Doubles  # (H + 2, W + 2) places of texels' centers; empty under a homography
     y: Doubles
+
+    @property
+    def places(self) -> Placement:
+        """Where texels go, as kernels take it."""
+        return Placement(self.matrix, self.x, self.y)
 
 
 def texels(source: Floats, interpolation: Interpolation, edge: Edge) -> Texels:
@@ -309,7 +307,7 @@ class Sums:
         self.shape = shape
         self.cells = cells
         self.taps = tap_table(cells.interpolation)
-        self.profile = profile_table(cells.pixel_filter, cells.taps)
+        self.spread = spread_of(cells)
         self.groups = _groups(channels)
         self.pictures = [np.zeros((*shape, count + 1), np.float32) for _, count in self.groups]
 
@@ -317,26 +315,36 @@ class Sums:
         """Add blocks of a source (H, W, C)."""
         ready = texels(source, self.cells.interpolation, edge)
         totals = _totals(ready, blocks.axes, edge)
-        spread = Spread(self.cells.taps, self.cells.is_sum)
-        for (first, count), picture in zip(self.groups, self.pictures, strict=True):
-            for batch in batches(blocks.bounds, count + 1):
-                bounds = blocks.bounds[batch]
-                start = offsets(bounds, count + 1)
-                sums = np.empty(start[-1], np.float32)
-                paint_blocks(
-                    *ready, totals, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
-                    blocks.axes[batch], bounds, self.taps, self.profile, spread, start, sums,
+        for channels, picture in zip(self.groups, self.pictures, strict=True):
+            for batch in batches(blocks.bounds, channels[1] + 1):
+                texture = Texture(
+                    ready, totals, EDGES[edge], channels, self.taps, blocks.axes[batch],
+                    blocks.places,
                 )  # fmt: skip
-                collect(bounds, start, sums, picture)
+                parts = parts_of(blocks.bounds[batch], channels[1] + 1)
+                paint_blocks(texture, self.spread, parts)
+                collect(*parts, picture)
 
     def warped(self, lines: Doubles, full: float) -> Warped:
         """Picture of all that was added; see `borders`."""
         image = np.empty((*self.shape, sum(count for _, count in self.groups)), np.float32)
         coverage = np.empty(self.shape, np.float32)
         radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
+        border = Border(lines, radius, full)
         for (first, _), picture in zip(self.groups, self.pictures, strict=True):
-            finish(picture, lines, radius, full, self.cells.is_sum, image, coverage, first)
+            finish(picture, border, self.cells.is_sum, Means(image, coverage, first))
         return Warped(image, coverage)
+
+
+def spread_of(cells: Cells) -> Spread:
+    """How cells are spread over pixels, as kernels take it."""
+    return Spread(cells.taps, cells.is_sum, profile_table(cells.pixel_filter, cells.taps))
+
+
+def parts_of(bounds: Integers, lanes: int) -> Parts:
+    """Room for the sums of parts that meet the pixels `bounds` (B, 4)."""
+    start = offsets(bounds, lanes)
+    return Parts(bounds, start, np.empty(start[-1], np.float32))
 
 
 def batches(bounds: Integers, lanes: int) -> Iterator[slice]:

@@ -6,7 +6,7 @@ downloads the second volume::
     CheckerBox          animate checker-box --path orbit -o CheckerBox.mp4
     Aneurism            animate aneurism.nhdr --transfer paper-aneurism --path orbit -o a.mp4
     AneurismZoom        animate aneurism.nhdr --transfer paper-aneurism --path threshold -o a.mp4
-    AneurismZoom-Color  the same with --color-by primitive, and --primitive paper, under which
+    AneurismZoom-Color  the same with --color-by primitive, and --method paper, under which
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Camera
+from resample.cameras.keyframes import Keyframes, keyframes_of
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles
-from resample_volume.cameras.framing import Orbit, Viewpoint
-from resample_volume.cameras.keyframes import Keyframes, read_keyframes
 from resample_volume.rendering import Subject
 
 PATHS = ("orbit", "zoom", "threshold")
@@ -48,7 +48,7 @@ class Flight:
     frames
         How many, 1 to `resample.files.animations.MOST_FRAMES`.
     start
-        Camera of the first frame, but for the zoom of `threshold`.
+        AnyCamera of the first frame, but for the zoom of `threshold`.
 
     Raises
     ------
@@ -63,8 +63,8 @@ class Flight:
     def __post_init__(self) -> None:
         if self.path not in PATHS:
             raise ValueError(
-                f"unknown path {self.path!r}; known: {', '.join(PATHS)}, or a .toml file of "
-                "keyframes"
+                f"unknown path {self.path!r}; known: {', '.join(PATHS)}, or a file of "
+                "keyframes or poses"
             )
         check_count(self.frames)
 
@@ -109,8 +109,7 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     Parameters
     ----------
     path
-        One of `PATHS`, or a .toml file as
-        `resample_volume.cameras.keyframes.read_keyframes` takes it.
+        One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
     frames
         How many; None are `FRAMES`, or as many as the keyframes' times ask for, in seconds.
     fps
@@ -126,30 +125,31 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     OSError
         The file cannot be read.
     """
-    if path.lower().endswith(".toml"):
-        return _tour(Path(path), frames, fps)
+    if path not in PATHS and (path.lower().endswith(".toml") or Path(path).exists()):
+        return _tour(Path(path), frames, fps, getattr(start, "fov", Orbit.fov))
     if path in PATHS and not isinstance(start, Orbit):
         raise ValueError(
             f"the path {path} goes around the volume or away from it; give its camera as "
-            "azimuth/elevation/zoom, or a .toml file of keyframes as the path"
+            "azimuth/elevation/zoom, or a file of keyframes or poses as the path"
         )
     around = start if isinstance(start, Orbit) else Orbit()
     return Flight(path, FRAMES if frames is None else frames, around)
 
 
-def _tour(path: Path, frames: int | None, fps: float) -> Tour:
+def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
     """Path through the keyframes of a file, all of whose frames can be seen."""
-    keyframes = read_keyframes(path)
+    keyframes = keyframes_of(path, fov)
     if frames is None:
         frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
     try:
+        check_count(frames)
         keyframes.between(frames)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return Tour(keyframes, frames)
 
 
-def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[Camera]:
+def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
     """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
     viewpoints = flight.viewpoints(_spacing(subject, flight, size))
     return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
@@ -167,7 +167,7 @@ class Paint:
 
 def shots(
     subject: Subject,
-    cameras: Sequence[Camera],
+    cameras: Sequence[AnyCamera],
     paint: Paint,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
@@ -197,7 +197,7 @@ def shots(
     return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
 
 
-def frame(subject: Subject, camera: Camera, paint: Paint) -> Levels:
+def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
     """Frame (H, W, 3) as a screen takes it."""
     height, width = paint.size
     image = paint.resampler(
@@ -221,6 +221,6 @@ def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> 
     return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
 
 
-def _numbers(camera: Camera) -> Doubles:
+def _numbers(camera: AnyCamera) -> Doubles:
     """Everything that tells a camera from others."""
     return np.concatenate([np.ravel(part) for part in camera.view()])

@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.command.settings import Resampling
 
 if TYPE_CHECKING:
+    from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
-    from resample_volume.cameras.framing import Viewpoint
     from resample_volume.rendering import Appearance
     from resample_volume.types import Volume
 
@@ -87,7 +87,10 @@ class Look(BaseModel):
     camera: Annotated[
         str,
         Hyphen,
-        Field(description="azimuth/elevation/zoom, such as 30/20/1.5, or a .toml file."),
+        Field(
+            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
+            "cameras."
+        ),
     ] = "30/20/1"
     fov: Annotated[
         float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
@@ -97,11 +100,11 @@ class Look(BaseModel):
         Hyphen,
         Field(description="Axis that points upwards."),
     ] = "z"
-    shading: Annotated[bool, Field(description="Light the voxels.")] = True
+    shading: Annotated[bool, Field(description="Light surfaces: from where light says.")] = True
     light: Annotated[
         str,
         Hyphen,
-        Field(description="Toward the light: eye, or a scene direction such as 1/-1/2."),
+        Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
@@ -209,12 +212,12 @@ class Look(BaseModel):
 
         Raises
         ------
-        ValueError, OSError
-            The camera is none; see `resample_volume.cameras.framing.parse_camera`.
+        ValueError, LookupError, OSError
+            The camera is none; see `resample.cameras.files.viewpoint`.
         """
-        from resample_volume.cameras.framing import parse_camera
+        from resample.cameras.files import viewpoint
 
-        return parse_camera(self.camera, self.fov, self.up)
+        return viewpoint(self.camera, self.fov, self.up)
 
 
 class Projecting(BaseModel):
@@ -224,7 +227,10 @@ class Projecting(BaseModel):
 
     projection: Annotated[
         Literal["composite", "maximum", "average", "additive", "first-hit"],
-        Field(description="As in render."),
+        Field(
+            description="What a pixel shows: light through what lies in front, the largest, mean "
+            "or sum of the values, or the surface of the iso value."
+        ),
     ] = "composite"
     iso: Annotated[
         float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")

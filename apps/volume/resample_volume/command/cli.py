@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command.options import run
-from resample.command.settings import Picture, Resampling, linear_color, method_names
+from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
 from resample_volume.command.choices import Look, Projecting, Source
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
@@ -23,7 +23,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), Picture(), Source()
+LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING = Projecting()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
@@ -43,7 +43,7 @@ def render(
     output: Output,
     look: Annotated[Look, Flat] = LOOK,
     resampling: Annotated[Resampling, Flat] = RESAMPLING,
-    picture: Annotated[Picture, Flat] = PICTURE,
+    picture: Annotated[PictureFormat, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
     color_bar: Annotated[bool, Parameter(negative="")] = False,
     stats: Path | None = None,
@@ -57,16 +57,17 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     output
-        Picture: .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
     stats
-        Also write counts and times (.json).
+        Also write sizes, counts and times (.json).
     """
+    from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_color_bar, check_memory, with_bar
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
+    from resample_volume.files.writing import check_color_bar, with_bar
 
     check_suffix(output)
     size = picture.height_and_width()
@@ -76,21 +77,21 @@ def render(
     resampler = look.renderer(resampling)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
-    check_memory(*size)
+    require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
         scene = source.open(volume)
-    subject = session.subject(scene, look.appearance(scene, resampler), resampler)
+    subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
     camera = subject.camera(viewpoint, *size)
-    seen = session.lit(subject, camera)
-    frame = session.paint(resampler, seen, camera, size, picture.threads, subject.clip)
+    seen = lit(session, subject, camera)
+    frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)
     with session.stage("write"):
         drawn = frame
         if color_bar:
             drawn = with_bar(frame, scene, subject.appearance, resampler, background)
         write_frame(output, drawn, bits=picture.bits, background=background)
     if stats is not None:
-        write_json(stats, session.report(frame))
+        write_json(stats, report(session, frame))
 
 
 @app.command
@@ -98,9 +99,9 @@ def compare(
     volume: str,
     /,
     *,
-    primitive: str = "points,splats,hybrid",
-    footprint: Annotated[str, Unshown] = "",
-    order: Annotated[str, Unshown] = "",
+    methods: str = "points,splats,hybrid",
+    footprints: Annotated[str, Unshown] = "",
+    orders: Annotated[str, Unshown] = "",
     peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
     reference: Literal["splats", "rays"] = "splats",
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
@@ -112,26 +113,26 @@ def compare(
     size: str = "96",
     source: Annotated[Source, Flat] = SOURCE,
 ) -> None:
-    """Render a volume by several primitives, footprints, orders and peers, and measure them.
+    """Render a volume by several methods, footprints, orders and peers, and measure them.
 
-    Example: resample-volume compare checker-box --primitive points,splats,hybrid -o compare.png
+    Example: resample-volume compare checker-box --methods points,splats,hybrid -o compare.png
 
     Parameters
     ----------
     volume
         As in render.
-    primitive
-        Some of hybrid, points, splats, paper, inflate, ewa.
-    footprint
-        Some of exact, corrected, small-angle, affine, disc. Each primitive's own.
-    order
-        Some of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
+    methods
+        Separated by commas; of hybrid, points, splats, paper, inflate, ewa.
+    footprints
+        Separated by commas; of exact, corrected, small-angle, affine, disc. Each method's own.
+    orders
+        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
     reference
         Made of exact splats in the first order, or of rays through the field (slow).
     output
-        All pictures side by side (.png).
+        Written to: all pictures side by side (.png).
     difference
         Show the errors, too, enlarged.
     rays
@@ -139,18 +140,18 @@ def compare(
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     size
-        In px: 96 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     """
+    from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
-    from resample_volume.cameras.framing import centered
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_memory
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
     from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
+    from resample_volume.voxels.framing import centered
 
-    pixels = Picture(size=size).height_and_width()
+    pixels = PictureFormat(size=size).height_and_width()
     first = look.renderer(projection.resampling())
-    choice = variants(first, _words(primitive), _words(footprint), method_names(order, least=0))
+    choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
     if output is not None:
@@ -159,13 +160,13 @@ def compare(
         raise ValueError("differences are shown in a picture; give its name by --output")
     viewpoint = look.viewpoint()
     check_targets(output)
-    check_memory(*pixels)
+    require_picture(pixels, BYTES_PER_PIXEL)
     scene = source.open(volume)
     appearance = look.appearance(scene, first)
     if peer is not None:
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = Session().subject(scene, appearance, thickest(choice))
+    subject = subject_of(Session(), scene, appearance, thickest(choice))
     contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
     for name, resampler in choice.items():
@@ -207,38 +208,38 @@ def animate(
     volume
         As in render.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
-        orbit: once around; zoom: from the camera to 16 times as far; threshold: from voxels that
-        are splats to voxels that are points; or a .toml file of keyframes with cameras of its own.
+        The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
+        from voxels that are splats to voxels that are points; or a file of keyframes or poses.
     frames
         How many. 96, or as many as the keyframes' times ask for.
     fps
         Frames per second.
     size
-        Of a frame in px: 400 or 640x480.
+        In px: 400 for a square, 640x480 for width and height.
     background
-        black, white or #rrggbb.
+        Behind the picture: black, white or #rrggbb.
     threads
-        At most this many; frames do not depend on it.
+        At most this many; pixels do not depend on it.
     resume
         Keep the frames that a run which ended early has made.
     """
     from resample.command.console import progress_bar
+    from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
     from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
-    from resample_volume.command.session import Session
-    from resample_volume.files.writing import check_memory
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
 
     check_film(output, fps)
     flight = flight_of(path, frames, fps, look.viewpoint())
-    shape = Picture(size=size, threads=threads).height_and_width()
+    shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)
-    check_memory(*shape)
+    require_picture(shape, BYTES_PER_PIXEL)
     scene = source.open(volume)
-    subject = Session().subject(scene, look.appearance(scene, resampler), resampler)
+    subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
     with progress_bar("filming") as progress:
@@ -265,7 +266,7 @@ def info(
     bins
         Of the histogram.
     as_json
-        Print JSON.
+        Print JSON instead of a table.
     """
     from resample_volume.files.source import describe
 
@@ -284,7 +285,7 @@ def generate(name: str, /, *, output: Output) -> None:
     name
         checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
     output
-        .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
+        Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample.files.writing import check_targets
     from resample_volume.files.source import generate as generated
@@ -333,7 +334,7 @@ def figures(
     Parameters
     ----------
     output
-        Folder for .png, .csv and .json files; created if missing.
+        Written to: folder for .png, .csv and .json files; created if missing.
     figure
         1-2, 3-4, 7, 8 or 9. All of them.
     data
@@ -346,32 +347,33 @@ def figures(
 
 @app.command
 def demo(*, output: Output = DEMO_FOLDER) -> None:
-    """Render the generated volumes by all three primitives.
+    """Render the generated volumes by all three methods.
 
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
     from resample.command.console import say
+    from resample.command.session import Session
     from resample.files.images import write_frame
     from resample.measuring.compare import contact_sheet
-    from resample_volume.command.session import Session
+    from resample_volume.command.rendering import painted, subject_of
     from resample_volume.files.source import generate as generated
 
     output.mkdir(parents=True, exist_ok=True)
     for name, (camera_angles, side) in DEMO.items():
         session, size, pictures = Session(), (side, side), {}
         volume, look = generated(name), Look(camera=camera_angles)
-        subject = session.subject(volume, look.appearance(volume), Resampling().resampler())
+        subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
         camera = subject.camera(look.viewpoint(), *size)
-        for primitive in ("hybrid", "points", "splats"):
-            resampler = Resampling(primitive=primitive).resampler()
-            frame = session.paint(resampler, subject.seen_by(camera), camera, size)
-            path = output / f"{name}-{primitive}.png"
+        for method in ("hybrid", "points", "splats"):
+            resampler = Resampling(method=method).resampler()
+            frame = painted(session, resampler, subject.seen_by(camera), camera, size)
+            path = output / f"{name}-{method}.png"
             write_frame(path, frame, background=(0.0, 0.0, 0.0))
             say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
-            pictures[primitive] = frame.rgba
+            pictures[method] = frame.rgba
         contact_sheet(pictures, output / f"{name}.png", columns=3)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 

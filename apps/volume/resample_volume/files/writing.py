@@ -7,14 +7,12 @@ import numpy as np
 from resample.colors import to_srgb
 from resample.command.settings import Color
 from resample.files.writing import replacing
-from resample.memory import require_memory
 from resample.resampler import Projection, Resampler
 from resample.types import Frame
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
 from resample_volume.rendering import Appearance, transfer_of
 from resample_volume.types import Volume
 
-BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 
 
@@ -49,12 +47,6 @@ def check_suffix(path: Path) -> str:
     if not suffix:
         raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
     return suffix
-
-
-def check_memory(height: int, width: int) -> None:
-    """Refuse a picture that this machine cannot hold, before any work is done."""
-    needed = BYTES_PER_PIXEL * height * width
-    require_memory(needed, f"a picture of {width} x {height} pixels", "take a smaller size")
 
 
 def check_color_bar(path: Path, height: int) -> None:

@@ -2,7 +2,7 @@
 
 What is matched, and how:
 
-Camera
+AnyCamera
     VTK's camera has the same pose (its y points up, so "up" is our −y). The view angle is vertical,
     2 atan(H / 2f); a principal point off the middle is VTK's window center, (W − 2 cx) / W and
     (2 cy − H) / H. A parallel camera has the parallel scale H / 2s. Both cast rays through the
@@ -31,9 +31,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.types import Doubles, Floats, View
-from resample_volume.files.quiet import quiet
+from resample_volume.files.suppression import suppressed_output
 from resample_volume.looks.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
@@ -132,7 +132,7 @@ class VtkRenderer:
         ends = np.stack(np.meshgrid(*np.stack([last * 0, last], axis=1)), axis=-1).reshape(-1, 3)
         self._corners: Doubles = volume.origin + ends * volume.spacing
         try:
-            with quiet():  # VTK complains about the lack of a display, and does without
+            with suppressed_output():  # VTK complains about the lack of a display, and does without
                 self._stage = _staged(volume, transfer, look)
                 self._stage.window.SetSize(width * look.rays, height * look.rays)
         except ImportError as error:
@@ -140,7 +140,7 @@ class VtkRenderer:
                 f"VTK is not installed ({error}); pip install 'hybrid-resample[peers]'"
             ) from None
 
-    def draw(self, camera: Camera) -> None:
+    def draw(self, camera: AnyCamera) -> None:
         """Let VTK draw a frame into its window: what is to be timed.
 
         Raises
@@ -151,10 +151,10 @@ class VtkRenderer:
         window, renderer, mapper, _ = self._stage
         _aim(renderer, camera.view(), self._size, self._corners)
         mapper.GetRayCastImage().ClearImage()  # one outside the view would leave the last frame
-        with quiet():
+        with suppressed_output():
             window.Render()
 
-    def render(self, camera: Camera) -> Floats:
+    def render(self, camera: AnyCamera) -> Floats:
         """Picture (H, W, 4), premultiplied RGBA in linear light; errors as of `draw`."""
         self.draw(camera)
         fine = _read(self._stage.mapper.GetRayCastImage(), self._size, self._rays)
@@ -166,7 +166,7 @@ class VtkRenderer:
 def vtk_picture(
     volume: Volume,
     transfer: Transfer,
-    camera: Camera,
+    camera: AnyCamera,
     *,
     height: int,
     width: int,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.resampler import Projection
 from resample.scene import NO_CLASSIFIER, Progress, check_samples
@@ -24,7 +24,7 @@ from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, Vi
 from resample_volume.files.memory import require_memory
 
 if TYPE_CHECKING:
-    from resample_volume.rivals.kernels.raycasting import Grid, Look, Plan
+    from resample_volume.rivals.kernels.raycasting import FieldLook, Grid, Plan
 
 TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
@@ -111,7 +111,7 @@ DEFAULT = Casting()
 
 def cast_rays(
     samples: Samples | Field,
-    camera: Camera,
+    camera: AnyCamera,
     *,
     height: int,
     width: int,
@@ -337,11 +337,11 @@ def _plan(matter: _Matter, view: View, look: Casting) -> "Plan":
     )
 
 
-def _look(classifier: Classifier) -> "Look":
-    from resample_volume.rivals.kernels.raycasting import Look
+def _look(classifier: Classifier) -> "FieldLook":
+    from resample_volume.rivals.kernels.raycasting import FieldLook
 
     table = np.ascontiguousarray(classifier.table, np.float32)
-    return Look(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
+    return FieldLook(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
 
 
 def _lamp(lamp: Lamp) -> Lamp:

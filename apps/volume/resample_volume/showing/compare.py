@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
 from resample.colors import from_srgb
+from resample.command.session import Session
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
 from resample.resampler import Footprint, Primitive, Projection, Resampler
 from resample.types import Floats
-from resample_volume.command.session import Session
+from resample_volume.command.rendering import painted
 from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
@@ -27,7 +28,7 @@ Row = dict[str, object]
 
 def variants(
     resampler: Resampler,
-    primitives: Sequence[str],
+    methods: Sequence[str],
     footprints: Sequence[str] = (),
     orders: Sequence[str] = (),
 ) -> dict[str, Resampler]:
@@ -36,17 +37,19 @@ def variants(
     Raises
     ------
     ValueError, LookupError
-        A name is no primitive's, footprint's or order's, there is none, or two do not go together.
+        A name is no method's, footprint's or order's, there is none, or two do not go together.
     """
-    if not primitives:
-        raise ValueError(f"give a primitive to compare; known: {', '.join(Primitive)}")
+    if not methods:
+        raise ValueError(f"give a method to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
-    for primitive, footprint, order in product(primitives, footprints or [""], orders or [""]):
-        name = " ".join(filter(None, [primitive, footprint, order]))
+    for method, footprint, order in product(methods, footprints or [""], orders or [""]):
+        name = " ".join(filter(None, [method, footprint, order]))
         choice[name] = replace(
             resampler,
-            primitive=_member(Primitive, primitive),
-            footprint=_member(Footprint, footprint) if footprint else resampler.footprint,
+            primitive=_member("method", Primitive, method),
+            footprint=_member("footprint", Footprint, footprint)
+            if footprint
+            else resampler.footprint,
             order=registry.build("orders", order) if order else resampler.order,
         )
     return choice
@@ -73,9 +76,9 @@ def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
         raise ValueError(f"VTK is not told of {', '.join(chosen)}; leave out either it or these")
 
 
-def _member(family: Any, name: str) -> Any:
+def _member(role: str, family: Any, name: str) -> Any:
     if name not in list(family):
-        raise ValueError(f"{family.__name__.lower()} {name!r}; known: {', '.join(family)}")
+        raise ValueError(f"{role} {name!r}; known: {', '.join(family)}")
     return family(name)
 
 
@@ -84,7 +87,7 @@ class Contest:
     """A view that renderers draw, and what they should come to."""
 
     subject: Subject
-    camera: Camera
+    camera: AnyCamera
     size: tuple[int, int]  # height and width, px
     rows: list[Row] = field(default_factory=list)
     pictures: dict[str, Floats] = field(default_factory=dict)  # the reference first
@@ -162,5 +165,5 @@ class Contest:
     def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
         """Picture, and the share of splats in it."""
         seen = self.subject.seen_by(self.camera)
-        frame = Session().paint(resampler, seen, self.camera, self.size, clip=self.subject.clip)
+        frame = painted(Session(), resampler, seen, self.camera, self.size, clip=self.subject.clip)
         return frame.rgba, frame.statistics.splat_fraction

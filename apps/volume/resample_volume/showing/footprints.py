@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Pinhole
+from resample.cameras.models import Camera
 from resample.profiles.correction import true_distance
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Footprint, Primitive, Resampler
@@ -39,7 +39,7 @@ COLORS = {
 
 
 @dataclass(frozen=True)
-class Choices:
+class ErrorGrid:
     """Where errors are measured, degrees."""
 
     cones: Sequence[float] = (0.2, 0.5, 1, 2, 5, 10, 15, 20, 30)  # on the axis
@@ -48,7 +48,7 @@ class Choices:
     rays: int = 200  # distances from the center; 180 rays at each
 
 
-QUICK = Choices((1, 15), (0, 30), (5,), 40)
+QUICK = ErrorGrid((1, 15), (0, 30), (5,), 40)
 
 
 class Sphere(NamedTuple):
@@ -88,7 +88,7 @@ class Ellipse(NamedTuple):
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     del shelf  # nothing but one sphere is shown
-    rows = error_rows(QUICK if quick else Choices())
+    rows = error_rows(QUICK if quick else ErrorGrid())
     sphere = Sphere(TILT, CONE, 0.0)
     ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     touched = tangent_rays(sphere)
@@ -116,7 +116,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
 
 def record_of(sphere: Sphere, model: Footprint) -> Record:
     """What the resampler knows about a sphere."""
-    camera, samples = Pinhole(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
+    camera, samples = Camera.from_intrinsics(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
     records = _splatting(model).footprints(samples, camera, height=FRAME, width=FRAME)
     record: Record = records[0]
     return record
@@ -200,7 +200,7 @@ def model_distances(sphere: Sphere, ray: Doubles) -> dict[str, Doubles]:
     }
 
 
-def error_rows(choices: Choices) -> list[Row]:
+def error_rows(choices: ErrorGrid) -> list[Row]:
     """A row for each sphere and model."""
     on = [(0.0, cone) for cone in choices.cones]
     off = [(angle, cone) for cone in choices.cones_off for angle in choices.angles]
@@ -247,7 +247,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     around = np.radians(sphere.azimuth)
     middle = focal * (low + high) / 2 * np.array([np.cos(around), np.sin(around)])
     principal = SIDE / 2 - middle + [0.3, 0.1]  # not in the middle of a pixel
-    camera = Pinhole(focal, focal, *principal)
+    camera = Camera.from_intrinsics(focal, focal, *principal)
     column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
     ray = (np.stack([column, row], axis=-1) - principal) / focal
     truth = line_integral(distance_of(sphere, ray)) / KERNEL.radius**2  # of one voxel's length
@@ -257,7 +257,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     }
 
 
-def _drawn(sphere: Sphere, camera: Pinhole, model: Footprint) -> Doubles:
+def _drawn(sphere: Sphere, camera: Camera, model: Footprint) -> Doubles:
     """Optical depth (SIDE, SIDE) that the resampler gives one splat."""
     frame = _splatting(model)(sphere.samples(), camera, height=SIDE, width=SIDE)
     return np.asarray(-np.log1p(-frame.rgba[..., 3].astype(np.float64)))

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from resample.cameras.viewpoints import Orbit
 from resample.command.settings import SPLAT_COLOR
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet
 from resample.resampler import Primitive, Resampler
 from resample.types import Frame
-from resample_volume.cameras.framing import Orbit
 from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Appearance, render
 from resample_volume.showing.data import Shelf, Subject, missing

@@ -9,17 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Sphere
 from resample.colors import from_srgb
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet, shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
-from resample_volume.cameras.framing import Orbit, Sphere, centered, sphere_around
 from resample_volume.files.source import generate
 from resample_volume.rendering import Appearance, lit_samples, visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
+from resample_volume.voxels.framing import centered, sphere_around
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import Voxels
 
@@ -40,7 +41,7 @@ MEASURE = (
 
 
 @dataclass(frozen=True)
-class Choices:
+class Turn:
     """What is turned, and how finely."""
 
     volume: str = "checker-box:size=40,block=8"
@@ -56,17 +57,17 @@ class Choices:
     zoom: float = 0.95
 
 
-QUICK = Choices("checker-box:size=12,block=3", side=24, large=48, step=0.5)
+QUICK = Turn("checker-box:size=12,block=3", side=24, large=48, step=0.5)
 
 
-class Scene(NamedTuple):
+class TurnedVolume(NamedTuple):
     """Voxels that a camera goes round."""
 
     voxels: Voxels
     sphere: Sphere
-    choices: Choices
+    choices: Turn
 
-    def camera(self, azimuth: float, side: int) -> Camera:
+    def camera(self, azimuth: float, side: int) -> AnyCamera:
         """Camera for a square picture."""
         chosen = self.choices
         return Orbit(azimuth, chosen.elevation, chosen.zoom).around(self.sphere, side, side)
@@ -89,7 +90,7 @@ class Curve(NamedTuple):
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     del shelf  # the box is generated
-    choices = QUICK if quick else Choices()
+    choices = QUICK if quick else Turn()
     scene = scene_of(choices)
     orders = {
         name: Resampler(order=registry.build("orders", spec)) for name, spec in ORDERS.items()
@@ -121,15 +122,15 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return "\n".join(["figure 7: largest second difference of a rotation", *lines])
 
 
-def scene_of(choices: Choices) -> Scene:
+def scene_of(choices: Turn) -> TurnedVolume:
     """Box with its looks."""
     volume, _ = centered(generate(choices.volume))
     look = Appearance(choices.transfer, LIGHT)
     voxels = visible_voxels(volume, look)
-    return Scene(voxels, sphere_around(voxels, volume), choices)
+    return TurnedVolume(voxels, sphere_around(voxels, volume), choices)
 
 
-def popping(scene: Scene, resample: Resampler) -> Curve:
+def popping(scene: TurnedVolume, resample: Resampler) -> Curve:
     """Second differences along a rotation, as `MEASURE` says."""
     chosen = scene.choices
     count = round((chosen.last - chosen.first) / chosen.step)
@@ -165,7 +166,7 @@ def _screen(rgba: Floats) -> Floats:
     return np.asarray(LEVELS * shown(rgba), np.float32)
 
 
-def _write_views(folder: Path, scene: Scene, orders: Mapping[str, Resampler]) -> None:
+def _write_views(folder: Path, scene: TurnedVolume, orders: Mapping[str, Resampler]) -> None:
     """Write both views of each order, 1 : 1, and a sheet with their differences."""
     chosen = scene.choices
     cells: dict[str, Floats] = {}

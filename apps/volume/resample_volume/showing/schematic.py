@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Pinhole, orbit
+from resample.cameras.models import Camera
+from resample.cameras.poses import orbit
 from resample.layers import layers_of, sheets_of
 from resample.profiles.orders import EverySample
 from resample.resampler import LITERAL_FILTER, Primitive, Resampler
 from resample.types import Doubles, Records, Samples, Sheets
-from resample_volume.cameras.framing import centered
 from resample_volume.files.source import generate
 from resample_volume.rendering import Appearance, visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,17 +32,17 @@ FINE = 160  # steps of the grid on which the boundary is found, per side
 
 
 @dataclass(frozen=True)
-class Choices:
+class SceneSizes:
     """How large the scenes are."""
 
     few: int = 14  # voxels of the box of Figure 1, per side
     many: int = 48  # voxels of the volume of Figure 2, about, along its longest side
 
 
-QUICK = Choices(few=8, many=16)
+QUICK = SceneSizes(few=8, many=16)
 
 
-class Cut(NamedTuple):
+class LayerCut(NamedTuple):
     """One layer of a volume's visible voxels, seen by a camera in the plane of that layer."""
 
     title: str
@@ -51,14 +52,14 @@ class Cut(NamedTuple):
     is_splat: NDArray[np.bool_]  # (N,)
     sheets: Sheets
     rank: NDArray[np.int64]  # (N,) turn in the order of painting, from 0
-    camera: Pinhole
+    camera: Camera
     voxel: float  # scene units
     width: int  # px, of the picture
 
 
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
-    choices = QUICK if quick else Choices()
+    choices = QUICK if quick else SceneSizes()
     first = cut(generate(f"checker-box:size={choices.few},block=2"), "checker", "checker box")
     volume, transfer, title, note = _subject(shelf)
     second = cut(reduced(volume, choices.many), transfer, title)
@@ -81,7 +82,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return "\n".join(filter(None, [f"figures 1 and 2: {counts}", note]))
 
 
-def cut(volume: Volume, transfer: str, title: str) -> Cut:
+def cut(volume: Volume, transfer: str, title: str) -> LayerCut:
     """Middle layer of a volume, classified by the resampler with the paper's rule.
 
     The camera looks along the layer; its distance is such that a voxel in the middle is as large
@@ -101,7 +102,7 @@ def cut(volume: Volume, transfer: str, title: str) -> Cut:
     focal = distance / voxel
     width = 2 * int(np.ceil(focal * half))
     pose = orbit((low + high) / 2, distance, AZIMUTH, 0.0)
-    camera = Pinhole(focal, focal, width / 2, width / 2, pose)
+    camera = Camera.from_intrinsics(focal, focal, width / 2, width / 2, pose)
     return _classified(samples, camera, width, title)
 
 
@@ -134,7 +135,7 @@ def _some(samples: Samples, kept: NDArray[np.bool_]) -> Samples:
     )
 
 
-def _classified(samples: Samples, camera: Pinhole, width: int, title: str) -> Cut:
+def _classified(samples: Samples, camera: Camera, width: int, title: str) -> LayerCut:
     """Samples in front of the camera and in its picture, as the resampler sees them."""
     resample = resampler()
     records = resample.footprints(samples, camera, height=width, width=width)
@@ -151,10 +152,10 @@ def _classified(samples: Samples, camera: Pinhole, width: int, title: str) -> Cu
     local = kept.position @ view.rotation.T + view.translation
     place = np.asarray(local[:, [0, 2]] / voxel, np.float64)
     is_splat = footprints["spacing"] > THRESHOLD
-    return Cut(title, kept, footprints, place, is_splat, sheets, rank, camera, voxel, width)
+    return LayerCut(title, kept, footprints, place, is_splat, sheets, rank, camera, voxel, width)
 
 
-def _rows(number: str, shown: Cut) -> list[Row]:
+def _rows(number: str, shown: LayerCut) -> list[Row]:
     return [
         {
             "figure": number,
@@ -169,7 +170,7 @@ def _rows(number: str, shown: Cut) -> list[Row]:
     ]
 
 
-def boundary(shown: Cut) -> tuple[Doubles, Doubles, Doubles]:
+def boundary(shown: LayerCut) -> tuple[Doubles, Doubles, Doubles]:
     """Spacing in px (F, F) on a grid of places aside (F,) and ahead (F,), voxels."""
     deep = shown.place[:, 1]
     ahead = np.linspace(0.6 * deep.min(), 1.1 * deep.max(), FINE)
@@ -186,7 +187,7 @@ def boundary(shown: Cut) -> tuple[Doubles, Doubles, Doubles]:
     return aside, ahead, np.asarray(spacing, np.float64).reshape(x.shape)
 
 
-def _draw(path: Path, first: Cut, second: Cut) -> None:
+def _draw(path: Path, first: LayerCut, second: LayerCut) -> None:
     figure = drawing(12, 6.4)
     left, right = figure.subplots(1, 2)
     _draw_primitives(left, first)
@@ -194,7 +195,7 @@ def _draw(path: Path, first: Cut, second: Cut) -> None:
     save(figure, path)
 
 
-def _draw_primitives(axes: "Axes", shown: Cut) -> None:
+def _draw_primitives(axes: "Axes", shown: LayerCut) -> None:
     """Figure 1."""
     from matplotlib.patches import Circle
 
@@ -215,7 +216,7 @@ def _draw_primitives(axes: "Axes", shown: Cut) -> None:
     )
 
 
-def _examples(shown: Cut) -> tuple[int, int, int]:
+def _examples(shown: LayerCut) -> tuple[int, int, int]:
     """Two points and a splat that are well to be seen."""
     deep = shown.place[:, 1]
     far = np.flatnonzero(~shown.is_splat)
@@ -226,7 +227,7 @@ def _examples(shown: Cut) -> tuple[int, int, int]:
     return int(left), int(right), int(near[np.argmin(np.abs(across[near]) + 0.1 * deep[near])])
 
 
-def _draw_example(axes: "Axes", shown: Cut, plane: float, n: int, letter: str) -> None:
+def _draw_example(axes: "Axes", shown: LayerCut, plane: float, n: int, letter: str) -> None:
     """A voxel's way to the image plane: a splat's cone, or a point and the filter it falls in."""
     from matplotlib.patches import Circle
 
@@ -255,7 +256,7 @@ def _draw_example(axes: "Axes", shown: Cut, plane: float, n: int, letter: str) -
     )
 
 
-def _draw_view(axes: "Axes", shown: Cut, plane: float) -> None:
+def _draw_view(axes: "Axes", shown: LayerCut, plane: float) -> None:
     """Eye, frustum, image plane with its pixels, and the boundary between points and splats."""
     half = shown.width / (2 * shown.camera.fx)
     far = 1.06 * float(shown.place[:, 1].max())
@@ -279,7 +280,7 @@ def _draw_view(axes: "Axes", shown: Cut, plane: float) -> None:
     axes.set_axis_off()
 
 
-def _draw_order(axes: "Axes", shown: Cut) -> None:
+def _draw_order(axes: "Axes", shown: LayerCut) -> None:
     """Figure 2."""
     plane = 0.55 * float(shown.place[:, 1].min())
     _draw_view(axes, shown, plane)

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from resample.cameras.models import Camera, Pinhole
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.viewpoints import Orbit, Sphere
 from resample.measuring.compare import plain
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample.resampler import Primitive, Resampler
 from resample.types import Floats, Samples
-from resample_volume.cameras.framing import Orbit, Sphere, centered, sphere_around
 from resample_volume.files.source import generate
 from resample_volume.looks.presets import load_transfer
 from resample_volume.looks.transfer import TransferFunction, from_points
@@ -25,6 +25,7 @@ from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing.data import Shelf, Subject, missing
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered, sphere_around
 
 NAME = "figure-9"
 THRESHOLD = 1.0  # px, the paper's
@@ -36,7 +37,7 @@ SKULL_VOXELS = 775_985
 WHITE, OPACITY = (1.0, 1.0, 1.0), 0.3
 
 
-class Paper(NamedTuple):
+class PaperSeconds(NamedTuple):
     """What the paper's Figure 9 says of a volume; P4 at 1.7 GHz, 400 × 400 px."""
 
     voxels: int  # that are not transparent
@@ -47,16 +48,16 @@ class Paper(NamedTuple):
 
 
 PAPER = {
-    "engine": Paper(1_160_038, 15.83, 9.76, 0.5673, 1.59),
-    "lobster": Paper(190_815, 3.18, 1.97, 0.4820, 1.52),
-    "aneurism": Paper(114_695, 3.78, 3.36, 0.7638, 2.67),
-    "skull": Paper(SKULL_VOXELS, 10.39, 9.29, 0.8874, 4.87),
-    "checker-box": Paper(1_000_000, 20.48, 6.72, 0.4660, 2.78),
+    "engine": PaperSeconds(1_160_038, 15.83, 9.76, 0.5673, 1.59),
+    "lobster": PaperSeconds(190_815, 3.18, 1.97, 0.4820, 1.52),
+    "aneurism": PaperSeconds(114_695, 3.78, 3.36, 0.7638, 2.67),
+    "skull": PaperSeconds(SKULL_VOXELS, 10.39, 9.29, 0.8874, 4.87),
+    "checker-box": PaperSeconds(1_000_000, 20.48, 6.72, 0.4660, 2.78),
 }
 
 
 @dataclass(frozen=True)
-class Choices:
+class Effort:
     """How much is measured."""
 
     side: int = 400  # px
@@ -65,7 +66,7 @@ class Choices:
     box: str = "checker-box:size=100,block=10"
 
 
-QUICK = Choices(24, 1, 1, "checker-box:size=8,block=2")
+QUICK = Effort(24, 1, 1, "checker-box:size=8,block=2")
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Case:
     samples: Samples
     sphere: Sphere
 
-    def camera(self, zoom: float, side: int) -> Camera:
+    def camera(self, zoom: float, side: int) -> AnyCamera:
         """Camera for a square picture."""
         return Orbit(zoom=zoom).around(self.sphere, side, side)
 
@@ -94,7 +95,7 @@ class Case:
         )
         view = self.camera(zoom, side).view()
         focal, pose = float(view.focal[0]), np.column_stack([view.rotation, view.translation])
-        wide = Pinhole(focal, focal, HUGE / 2, HUGE / 2, pose)
+        wide = Camera.from_intrinsics(focal, focal, HUGE / 2, HUGE / 2, pose)
         records = _PAPER_FORM.footprints(some, wide, height=HUGE, width=HUGE)
         return np.asarray(records["spacing"], np.float32)
 
@@ -113,7 +114,7 @@ RIVALS = {
 
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     """Write the figure; returns the table and what is said about it."""
-    choices = QUICK if quick else Choices()
+    choices = QUICK if quick else Effort()
     rows: list[Row] = []
     remarks: list[str] = []
     for name in PAPER:
@@ -140,7 +141,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return "\n".join(["figure 9: milliseconds on " + machine(), plain(table).rstrip(), *remarks])
 
 
-def case_of(name: str, shelf: Shelf, choices: Choices) -> Case | None:
+def case_of(name: str, shelf: Shelf, choices: Effort) -> Case | None:
     """Volume with the paper's visible voxels, all of opacity `OPACITY`; None where it is missing.
 
     The Checker Box has the opacity 1. Of the Skull, whose least value the paper does not tell, and
@@ -204,7 +205,7 @@ def _root(lacking: Callable[[float], float]) -> float:
     return high
 
 
-def measured(case: Case, choices: Choices, remarks: list[str]) -> list[Row]:
+def measured(case: Case, choices: Effort, remarks: list[str]) -> list[Row]:
     """A row for each of the three views; why there is no time of VTK goes to the remarks."""
     paper = PAPER[case.name]
     seconds = {"all splats": paper.splats, "mixed": paper.mixed, "all points": paper.points}
@@ -240,7 +241,7 @@ def machine() -> str:
 
 
 def _timed(
-    label: str, resample: Resampler, case: Case, camera: Camera, choices: Choices
+    label: str, resample: Resampler, case: Case, camera: AnyCamera, choices: Effort
 ) -> dict[str, object]:
     """Milliseconds of a frame, and the share of what it painted that were splats."""
     side = choices.side
@@ -253,14 +254,14 @@ def _timed(
     }
 
 
-def _share_of_splats(case: Case, camera: Camera, side: int) -> float:
+def _share_of_splats(case: Case, camera: AnyCamera, side: int) -> float:
     """Share of the samples in the picture, also of those that opaque ones hide."""
     records = _PAPER_FORM.footprints(case.samples, camera, height=side, width=side)
     seen = records["left"] <= records["right"]
     return float((records["spacing"][seen] > THRESHOLD).mean()) if seen.any() else 0.0
 
 
-def _rivals(case: Case, camera: Camera, choices: Choices) -> dict[str, object]:
+def _rivals(case: Case, camera: AnyCamera, choices: Effort) -> dict[str, object]:
     """Milliseconds of each of `RIVALS`."""
     few = replace(choices, frames=choices.rival_frames)
     times: dict[str, object] = {}
@@ -280,7 +281,7 @@ def _peer(case: Case, side: int, remarks: list[str]) -> VtkRenderer | None:
         return None
 
 
-def _vtk_milliseconds(peer: VtkRenderer, camera: Camera, frames: int) -> float:
+def _vtk_milliseconds(peer: VtkRenderer, camera: AnyCamera, frames: int) -> float:
     peer.draw(camera)
     return _milliseconds(lambda: peer.draw(camera), frames)
 

@@ -11,8 +11,8 @@ from resample.types import Doubles, Floats, Lamp, Samples
 from resample_volume.voxels.visible import Voxels
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera
-    from resample_volume.cameras.framing import Sphere
+    from resample.cameras.models import AnyCamera
+    from resample.cameras.viewpoints import Sphere
 
 FLAT = 1e-6  # of the steepest gradient: what is less steep is rounding and has no normal
 
@@ -60,7 +60,7 @@ class DepthCue:
             raise ValueError(f"a depth cue takes a share from 0 to 1 (got {self.share})")
 
 
-def cue_range(camera: "Camera", sphere: "Sphere") -> tuple[float, float]:
+def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
     """Depths at which cueing sets in and ends, scene units: where a sphere begins and ends.
 
     What is behind the near plane is not seen: cueing begins there at the earliest.
@@ -71,7 +71,7 @@ def cue_range(camera: "Camera", sphere: "Sphere") -> tuple[float, float]:
     return near, max(depth, near) + sphere.radius
 
 
-def cued(samples: Samples, camera: "Camera", cue: DepthCue, near: float, far: float) -> Samples:
+def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
     """Samples whose light fades evenly with their depth.
 
     Parameters

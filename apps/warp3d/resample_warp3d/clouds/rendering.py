@@ -4,18 +4,21 @@ cloud = prepare_cloud(read_cloud("scan.ply"))
 frame = render_cloud(cloud, framed(cloud, size=(480, 640), azimuth=30), size=(480, 640))
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.cameras.models import orbit
+from resample import registry
+from resample.cameras.models import Camera
+from resample.profiles.filters import PixelFilter
+from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.resampler import LARGEST_PICTURE
 from resample.scene import dealt_to_tiles
-from resample.types import Doubles, Frame, Screen, Statistics
-from resample_warp3d.cameras.models import Camera
+from resample.types import Floats, Frame, Screen, Statistics
 from resample_warp3d.clouds.files import Cloud
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
 
@@ -25,8 +28,9 @@ if TYPE_CHECKING:
 TILE = 16  # px
 MOST_SUBPIXELS = 16
 TOLERANCE = 1.5  # radii; discs that differ by more in depth are of two surfaces
-FIELD = 40.0  # degrees that `framed` sees along the frame's shorter side
 GRAY = 0.8  # albedo of clouds without colors
+POINT, SPLAT, SHOWN = 1, 2, 4  # what is known of a disc on the screen
+STAGES = "project", "sort", "paint"
 
 
 class Light(StrEnum):
@@ -80,6 +84,7 @@ def render_cloud(
     *,
     size: tuple[int, int],
     style: CloudStyle | None = None,
+    filter: str | PixelFilter | None = None,  # noqa: A002
 ) -> Frame:
     """Render a point cloud.
 
@@ -93,6 +98,9 @@ def render_cloud(
         (height, width) px.
     style
         How it is drawn.
+    filter
+        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The mean
+        over a pixel's square.
 
     Returns
     -------
@@ -105,24 +113,59 @@ def render_cloud(
         The size is none, the camera has distortion, or backs are to be left out though normals do
         not tell them.
     """
-    from resample_warp3d.clouds.kernels.discs import SURFEL, see
-    from resample_warp3d.clouds.kernels.painting import Picture, paint
-
     chosen = CloudStyle() if style is None else style
     _check_size(*size)
     if camera.distortion is not None:
         raise ValueError("clouds are seen without distortion; give a camera that has none")
-    times = [perf_counter()]
+    start = perf_counter()
     surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
     if chosen.cull and len(surfels.position) and not surfels.is_oriented:
         raise ValueError("backs cannot be left out: the cloud's file gives no normals")
-    times.append(perf_counter())
+    prepared = perf_counter() - start
+    pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
+    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
+        painted = _painted(surfels, camera, size, chosen, TILE)
+    else:
+        parts = subpixels_of(pixel_filter, max(chosen.subpixels, subpixels_of(pixel_filter).count))
+        painted = _filtered(surfels, camera, size, chosen, parts)
+    seen = painted.seen
+    statistics = Statistics(
+        len(seen),
+        int((seen & POINT > 0).sum()),
+        int((seen & SPLAT > 0).sum()),
+        int(((seen > 0) & (seen & SHOWN == 0)).sum()),
+        painted.subpixels,
+        {"prepare": prepared, **painted.seconds},
+    )
+    coverage = painted.rgba[..., 3].copy()
+    return Frame(painted.rgba, painted.depth, painted.first_depth, coverage, statistics)
+
+
+class Painted(NamedTuple):
+    """A cloud on the screen."""
+
+    rgba: Floats  # (H, W, 4)
+    depth: Floats  # (H, W)
+    first_depth: Floats  # (H, W)
+    seen: NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if it is in the frame, and `SHOWN`
+    subpixels: int  # per side of a pixel
+    seconds: dict[str, float]  # per stage
+
+
+def _painted(
+    surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle, tile: int
+) -> Painted:
+    """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
+    from resample_warp3d.clouds.kernels.discs import SURFEL, see
+    from resample_warp3d.clouds.kernels.painting import Picture, paint
+
+    times = [perf_counter()]
     color = surfels.color if len(surfels.color) else np.full_like(surfels.position, GRAY)
     records = np.zeros(len(surfels.position), SURFEL)
-    see(surfels.position, surfels.axes, color, eye_of(surfels, camera, size, chosen), records)
+    see(surfels.position, surfels.axes, color, eye_of(surfels, camera, size, style), records)
     times.append(perf_counter())
     screen = Screen(size[1], size[0], 0.0, np.zeros((4, 4)))
-    tiles = dealt_to_tiles(records, screen, TILE)
+    tiles = dealt_to_tiles(records, screen, tile)
     times.append(perf_counter())
     picture = Picture(
         np.zeros((*size, 4), np.float32),
@@ -130,23 +173,42 @@ def render_cloud(
         np.full(size, np.inf, np.float32),
         np.zeros(len(records), np.uint8),
     )
-    paint(records, tiles, chosen.subpixels, picture)
+    paint(records, tiles, style.subpixels, picture)
     times.append(perf_counter())
-    drawn = records["left"] <= records["right"]
-    is_point = drawn & (records["weight"] < 1)
-    seconds = dict(
-        zip(("prepare", "project", "sort", "paint"), np.diff(times).tolist(), strict=True)
-    )
-    statistics = Statistics(
-        len(records),
-        int(is_point.sum()),
-        int((drawn & ~is_point).sum()),
-        int((drawn & (picture.shows == 0)).sum()),
-        chosen.subpixels,
-        seconds,
-    )
-    coverage = picture.rgba[..., 3].copy()
-    return Frame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
+    kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
+    seen = np.where(records["left"] <= records["right"], kind, np.uint8(0))
+    seen |= np.where((picture.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
+    seconds = dict(zip(STAGES, np.diff(times).tolist(), strict=True))
+    return Painted(*picture[:3], seen, style.subpixels, seconds)
+
+
+def _filtered(
+    surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle, parts: Subpixels
+) -> Painted:
+    """Cloud painted on parts of pixels, strip by strip, which are filtered last."""
+    from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
+
+    n = parts.count
+    sums, first = np.zeros((*size, 5), np.float32), np.full(size, np.inf, np.float32)
+    seen, seconds = np.zeros(len(surfels.position), np.uint8), dict.fromkeys(STAGES, 0.0)
+    for strip in parts.strips(size):
+        moved = Camera(strip.matrix @ camera.matrix, camera.world_to_camera)
+        fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
+        seen |= fine.seen
+        for stage, spent in fine.seconds.items():
+            seconds[stage] += spent
+        rows = slice(strip.first, strip.last)
+        resolve_rows(fine.rgba.reshape(strip.shape[0], -1), parts.weight, n, sums[rows, :, :4])
+        cover = fine.rgba[..., 3:]
+        depth = cover * np.where(cover > 0, fine.depth[..., None], np.float32(0))
+        resolve_rows(depth[..., 0], parts.weight, n, sums[rows, :, 4:])
+        nearest_of_rows(fine.first_depth, n, parts.margin, first[rows])
+    covered = sums[..., 3:4] > 0
+    rgba = np.where(covered, sums[..., :4], np.float32(0))
+    rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # light goes with the coverage
+    depth = np.full(size, np.inf, np.float32)
+    np.divide(sums[..., 4], sums[..., 3], out=depth, where=covered[..., 0])
+    return Painted(rgba, depth, first, seen, n, seconds)
 
 
 def eye_of(surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle) -> "Eye":
@@ -171,56 +233,6 @@ def eye_of(surfels: Surfels, camera: Camera, size: tuple[int, int], style: Cloud
         style.cull,
         TOLERANCE,
     )
-
-
-def framed(
-    cloud: Cloud | Surfels,
-    *,
-    size: tuple[int, int],
-    azimuth: float = 0.0,
-    elevation: float = 0.0,
-    distance: float | None = None,
-    up: str = "z",
-) -> Camera:
-    """Camera that looks at the middle of a cloud.
-
-    Parameters
-    ----------
-    cloud
-        What is looked at.
-    size
-        (height, width) px.
-    azimuth, elevation, up
-        Where the camera stands, degrees, and which axis points upward, as
-        `resample.cameras.models.orbit` takes them.
-    distance
-        From the middle, scene units. Left out, all of the cloud is within the frame.
-
-    Raises
-    ------
-    ValueError
-        The cloud has no points, or a number is none.
-    """
-    low, high = _box(cloud)
-    radius = max(0.5 * float(np.linalg.norm(high - low)), 1e-12)
-    height, width = size
-    fov = np.radians(FIELD)
-    away = radius / np.sin(0.5 * fov) if distance is None else distance
-    if not (np.isfinite(away) and away > 0):
-        raise ValueError(f"a distance of {distance}; give a length above 0")
-    focal = min(height, width) / (2.0 * np.tan(0.5 * fov))
-    matrix = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
-    return Camera(matrix, orbit(0.5 * (low + high), away, azimuth, elevation, up))
-
-
-def _box(cloud: Cloud | Surfels) -> tuple[Doubles, Doubles]:
-    """Least and greatest coordinates of all points."""
-    position = cloud.position[np.isfinite(cloud.position).all(axis=1)]
-    if not len(position):
-        raise ValueError("a cloud without points cannot be looked at")
-    origin = cloud.origin if isinstance(cloud, Surfels) else np.zeros(3)
-    low, high = position.min(axis=0).astype(np.float64), position.max(axis=0).astype(np.float64)
-    return low + origin, high + origin
 
 
 def _check_size(height: int, width: int) -> None:

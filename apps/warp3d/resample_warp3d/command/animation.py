@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from resample.cameras.files import read_poses
+from resample.cameras.models import Camera
 from resample.colors import Background
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera
-from resample_warp3d.cameras.poses import read_poses
 from resample_warp3d.types import Warped
 
 PATHS = ("sway", "orbit", "dolly")
@@ -39,7 +39,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Flight:
+class NearbyPath:
     """A closed path near a camera, of which each frame sees what is in the middle distance.
 
     Parameters
@@ -136,11 +136,11 @@ def poses_of(
     Parameters
     ----------
     path
-        One of `PATHS`, or a file as `resample_warp3d.cameras.poses.read_poses` takes it.
+        One of `PATHS`, or a file as `resample.cameras.files.read_poses` takes it.
     frames
         How many; None are `FRAMES`, or the poses of the file themselves.
     amount
-        As `Flight` takes it; a file has none.
+        As `NearbyPath` takes it; a file has none.
     start, distance
         Pose that paths begin at, and how far things are from it.
 
@@ -156,7 +156,7 @@ def poses_of(
             raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
         poses = read_poses(path)
         return poses_between(poses, len(poses) if frames is None else frames)
-    flight = Flight(path, FRAMES if frames is None else frames, amount)
+    flight = NearbyPath(path, FRAMES if frames is None else frames, amount)
     return [flight.pose(n, start, distance) for n in range(flight.frames)]
 
 

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.command.settings import height_and_width, numbers_in
+from resample.command.settings import height_and_width
+from resample.words import numbers_in
 
 if TYPE_CHECKING:
+    from resample.cameras.models import Camera
     from resample.types import Doubles
-    from resample_warp3d.cameras.models import Camera
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
 
 Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
 Shape = tuple[int, int]  # height and width, px
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
-DISTORTED = "k1,k2,p1,p2[,k3[,k4,k5,k6[,s1,s2,s3,s4[,tx,ty]]]]"
 
 
 class Depth(BaseModel):
@@ -86,7 +86,7 @@ class Depth(BaseModel):
         return encodings.PlanarDepth(self.depth_scale)
 
 
-class Eye(BaseModel):
+class SourceCamera(BaseModel):
     """The camera that took the picture."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -96,14 +96,19 @@ class Eye(BaseModel):
     ] = None
     fov: Annotated[
         float | None,
-        Field(description="In place of intrinsics: degrees along the shorter side."),
+        Field(description="Degrees along the shorter side; in place of intrinsics."),
     ] = None
-    distortion: Annotated[
-        str | None, Hyphen, Field(description=f"Of the lens, as OpenCV has it: {DISTORTED}.")
+    lens: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
+            "file of OpenCV's calibration. In place of intrinsics."
+        ),
     ] = None
     convention: Annotated[
         Literal["corner", "opencv"],
-        Field(description="Opencv: cx and cy count from the center of the first pixel."),
+        Field(description="Opencv counts from the first pixel's center: in cx and cy."),
     ] = "corner"
     source_pose: Annotated[
         str | None,
@@ -115,14 +120,20 @@ class Eye(BaseModel):
 
     def check(self) -> None:
         """Refuse what can be seen to be wrong without the files."""
-        if self.intrinsics is not None and self.fov is not None:
-            raise ValueError("give one of --intrinsics and --fov, not both")
+        from resample.cameras.lens_files import read_lens
+
+        ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": self.lens}
+        given = [name for name, way in ways.items() if way is not None]
+        if len(given) > 1:
+            raise ValueError(f"give one of {' and '.join(given)}, not both")
         if self.intrinsics is not None:
             intrinsic_numbers("intrinsics", self.intrinsics)
-        elif self.fov is None and self.source_pose is None:
-            raise ValueError("give --intrinsics fx,fy,cx,cy or, where they are unknown, --fov 60")
-        if self.distortion is not None:
-            numbers_in("distortion", self.distortion)
+        elif not given and self.source_pose is None:
+            raise ValueError(
+                "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
+            )
+        if self.lens is not None:
+            read_lens(self.lens)
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
         """Camera of a picture (height, width).
@@ -139,18 +150,20 @@ class Eye(BaseModel):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample_warp3d.cameras.models import Camera
-        from resample_warp3d.cameras.poses import read_shot
+        from resample.cameras.files import read_shot
+        from resample.cameras.lens_files import read_lens
+        from resample.cameras.models import Camera
 
         name = self.source_pose if pose is None else pose
         shot = None if name is None else read_shot(name)
         place = None if shot is None else shot.pose
-        bends = None if self.distortion is None else numbers_in("distortion", self.distortion)
+        if self.lens is not None:
+            camera = read_lens(self.lens)
+            return camera if place is None else camera.moved(place)
         if self.fov is not None:
-            made = Camera.from_fov(self.fov, *shape, world_to_camera=place)
-            return Camera(made.matrix, made.world_to_camera, _array(bends))
+            return Camera.from_fov(self.fov, *shape, place)
         if self.intrinsics is not None:
-            return with_intrinsics("intrinsics", self.intrinsics, self.convention, place, bends)
+            return with_intrinsics("intrinsics", self.intrinsics, self.convention, place)
         if shot is None or shot.camera is None or shot.shape is None:
             raise ValueError(f"{name} has no intrinsics; give --intrinsics fx,fy,cx,cy or --fov 60")
         return shot.camera.resized(shot.shape, shape)
@@ -164,8 +177,8 @@ class Aim(BaseModel):
     pose: Annotated[
         str | None,
         Field(
-            description="File or file:frame of the new pose: 4 x 4 numbers that map world to "
-            "camera, or poses of TUM, Open3D (.log), NeRF (.json) or COLMAP (images.txt)."
+            description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
+            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt) or .toml."
         ),
     ] = None
     move: Annotated[
@@ -184,7 +197,8 @@ class Aim(BaseModel):
         Field(description="fx,fy,cx,cy[,skew] of the new picture. The source's, fitted to size."),
     ] = None
     size: Annotated[
-        str | None, Field(description="Of the new picture in px: 400 or 640x480. The source's.")
+        str | None,
+        Field(description="In px: 400 for a square, 640x480 for width and height. The source's."),
     ] = None
 
     def check(self) -> None:
@@ -219,15 +233,15 @@ class Aim(BaseModel):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample_warp3d.cameras.models import Camera
-        from resample_warp3d.cameras.poses import read_pose
+        from resample.cameras.files import read_pose
+        from resample.cameras.models import Camera
 
         pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
         if self.target_intrinsics is None:
             matrix = source.resized(source_shape, self.shape(source_shape)).matrix
         else:
             matrix = with_intrinsics(
-                "target-intrinsics", self.target_intrinsics, convention, None, None
+                "target-intrinsics", self.target_intrinsics, convention, None
             ).matrix
         return Camera(matrix, self.step() @ pose)
 
@@ -238,8 +252,12 @@ class Warping(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: Annotated[
-        str, Field(description="Such as hybrid, paper, mesh or mcmillan; see resample plugins.")
+        str,
+        Field(description="How: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
     ] = "hybrid"
+    filter: Annotated[
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
+    ] = None
     noise: Annotated[
         float | None,
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
@@ -249,7 +267,7 @@ class Warping(BaseModel):
         Parameter(negative=""),
         Field(description="Make up what no view shows, from the background beside it."),
     ] = False
-    labels: Annotated[
+    unmixed: Annotated[
         bool,
         Parameter(negative=""),
         Field(description="Colors are names or numbers, which are not mixed."),
@@ -269,10 +287,17 @@ class Warping(BaseModel):
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
-        if not self.labels:
+        if self.filter is not None:
+            from resample_warp3d.methods.filtering import check_method
+
+            registry.build("filters", self.filter)
+            check_method(method)
+        if not self.unmixed:
             return method
         if self.fill:
-            raise ValueError("what is filled is mixed; leave out one of --labels and --fill")
+            raise ValueError("what is filled is mixed; leave out one of --unmixed and --fill")
+        if self.filter is not None:
+            raise ValueError("a filter mixes colors; leave out one of --unmixed and --filter")
         if is_dataclass(method) and hasattr(method, "labels"):
             return replace(method, labels=True)
         if self.method.partition(":")[0] not in UNMIXED:
@@ -296,7 +321,7 @@ class Extras(BaseModel):
     ] = None
     coverage: Annotated[
         Path | None,
-        Field(description="The share of each pixel that is covered (.png, .tif, .exr)."),
+        Field(description="Also write the share of each pixel that is covered (.png, .tif, .exr)."),
     ] = None
     depth_output: Annotated[
         Path | None,
@@ -309,32 +334,13 @@ class Extras(BaseModel):
         Path | None, Field(description="The source as a colored mesh or points (.ply, .glb).")
     ] = None
     export_as: Annotated[Literal["mesh", "points"], Field(description="What is exported.")] = "mesh"
-    stats: Annotated[Path | None, Field(description="Sizes, shares and times (.json).")] = None
+    stats: Annotated[
+        Path | None, Field(description="Also write sizes, counts and times (.json).")
+    ] = None
 
     def paths(self) -> list[Path | None]:
         """All files that are asked for."""
         return [self.holes, self.coverage, self.depth_output, self.export, self.stats]
-
-    def check(self) -> None:
-        """Refuse suffixes that nothing is written as.
-
-        Raises
-        ------
-        ValueError
-            There is one.
-        """
-        from resample.files.pictures import Look, check_output
-        from resample_warp3d.command.export import check_export
-        from resample_warp3d.command.writing import check_depth, check_holes
-
-        if self.holes is not None:
-            check_holes(self.holes)
-        if self.coverage is not None:
-            check_output(self.coverage, Look(is_light=False), transparent=False)
-        if self.depth_output is not None:
-            check_depth(self.depth_output)
-        if self.export is not None:
-            check_export(self.export)
 
 
 class Travel(BaseModel):
@@ -345,8 +351,8 @@ class Travel(BaseModel):
     path: Annotated[
         str,
         Field(
-            description="sway: left and right around what is seen; orbit: in a circle; dolly: "
-            "ahead and back; or a file of poses, as of render."
+            description="The camera's way: sway, left and right around what is seen; orbit, in a "
+            "circle; dolly, ahead and back; or a file of poses, as of render."
         ),
     ] = "sway"
     amount: Annotated[
@@ -375,23 +381,14 @@ def intrinsic_numbers(name: str, text: str) -> list[float]:
     return [*numbers, 0.0][:5]
 
 
-def with_intrinsics(
-    name: str, text: str, convention: str, pose: Any, distortion: list[float] | None
-) -> "Camera":
+def with_intrinsics(name: str, text: str, convention: str, pose: Any) -> "Camera":
     """Camera of a text of intrinsics."""
-    from resample_warp3d.cameras.models import Camera
+    from resample.cameras.models import Camera
 
     fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
     return Camera.from_intrinsics(
         *(fx, fy, cx, cy),
         skew=skew,
         world_to_camera=pose,
-        distortion=distortion,
         convention=convention,
     )
-
-
-def _array(numbers: list[float] | None) -> "Doubles | None":
-    import numpy as np
-
-    return None if numbers is None else np.array(numbers)

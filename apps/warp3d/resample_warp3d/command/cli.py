@@ -10,11 +10,18 @@ from cyclopts import App, Parameter
 from resample.command.options import run
 from resample.command.settings import (
     Written,
-    azimuth_elevation_zoom,
     height_and_width,
     method_names,
 )
-from resample_warp3d.command.choices import Aim, Depth, Extras, Eye, Hyphen, Travel, Warping
+from resample_warp3d.command.choices import (
+    Aim,
+    Depth,
+    Extras,
+    Hyphen,
+    SourceCamera,
+    Travel,
+    Warping,
+)
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
 Output = Annotated[Path, Parameter(alias="-o")]
@@ -29,7 +36,7 @@ app = App(
     version=lambda: version("hybrid-resample"),
 )
 
-EYE, DEPTH, AIM, WARPING = Eye(), Depth(), Aim(), Warping()
+EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL = Written(), Extras(), Travel()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
@@ -44,7 +51,7 @@ def render(
     /,
     *,
     output: Output,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
     view: Annotated[list[str] | None, Switch] = None,
@@ -64,25 +71,38 @@ def render(
     depth
         .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name picks a channel or array.
     output
-        .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
     view
         A further view of the same scene, COLOR,DEPTH,POSE; may be given several times.
     """
+    from resample.command.session import Session
     from resample.files.pictures import Look, check_output, look_of, write_picture
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
-    from resample_warp3d.command.session import Session, check_memory, mention_holes
-    from resample_warp3d.command.writing import names_picture, warped_picture, write_extras
+    from resample_warp3d.command.rendering import (
+        check_memory,
+        mention_holes,
+        prepared,
+        report,
+        warped,
+    )
+    from resample_warp3d.command.writing import (
+        check_extras,
+        names_picture,
+        warped_picture,
+        write_extras,
+    )
 
-    for choice in (eye, meaning, aim, extras):
+    for choice in (eye, meaning, aim):
         choice.check()
+    check_extras(extras)
     warping.built()
-    look = Look(written.bits, is_light=False) if warping.labels else look_of(written)
+    look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     check_output(output, look, transparent=not warping.fill)
     further = [view_names(text) for text in view or []]
     check_targets(output, *extras.paths())
-    session, reader = Session(), Reader(eye, meaning, labels=warping.labels)
+    session, reader = Session(), Reader(eye, meaning, labels=warping.unmixed)
     with session.stage("read"):
         views = [read_view(reader, color, depth)]
         views += [read_view(reader, *names) for names in further]
@@ -92,22 +112,22 @@ def render(
     shape = aim.shape(source_shape)
     check_memory(shape, picture.data.shape[2])
     target = aim.camera(camera, source_shape, eye.convention)
-    sources = session.prepared(views, warping)
-    warped = session.warped(sources, target, shape, warping)
+    sources = prepared(session, views, warping)
+    seen = warped(session, sources, target, shape, warping)
     if not warping.fill:
-        mention_holes(warped)
+        mention_holes(seen)
     with session.stage("write"):
         made = (
-            names_picture(warped, picture.kind)
-            if warping.labels
-            else warped_picture(warped, picture.kind, filled=warping.fill)
+            names_picture(seen, picture.kind)
+            if warping.unmixed
+            else warped_picture(seen, picture.kind, filled=warping.fill)
         )
         write_picture(output, made, look)
-        write_extras(extras, warped, meaning.depth_scale if meaning.depth_kind == "z" else None)
+        write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
             write_geometry(extras.export, *sources[0], extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, session.report(views, warped, warping))
+        write_json(extras.stats, report(session, views, seen, warping))
 
 
 @app.command
@@ -148,14 +168,15 @@ def stereo(
     coverage
         As of render.
     """
+    from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, write_picture
     from resample.files.writing import check_targets
     from resample_warp3d.command.inputs import read_rectified
-    from resample_warp3d.command.session import Session, check_memory, mention_holes
-    from resample_warp3d.command.writing import warped_picture, write_extras
+    from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
+    from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
 
     extras = Extras(holes=holes, coverage=coverage)
-    extras.check()
+    check_extras(extras)
     warping.built()
     look = look_of(written)
     check_output(output, look, transparent=not warping.fill)
@@ -164,9 +185,9 @@ def stereo(
     seen = read_rectified(picture, disparity, disparity_scale)
     shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
     check_memory(shape, seen.picture.data.shape[2])
-    (source,) = session.prepared([seen], warping)
+    (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = session.shifted(source.source, way, shape, warping)
+    warped = shifted(session, source.source, way, shape, warping)
     if not warping.fill:
         mention_holes(warped)
     write_picture(output, warped_picture(warped, seen.picture.kind, filled=warping.fill), look)
@@ -180,7 +201,7 @@ def animate(
     /,
     *,
     output: Output,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     travel: Annotated[Travel, Flat] = TRAVEL,
     fps: float = 24.0,
@@ -200,22 +221,22 @@ def animate(
     depth
         As of render.
     output
-        .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
+        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     fps
         Frames per second.
     size
-        Of a frame in px: 400 or 640x480. The picture's.
+        In px: 400 for a square, 640x480 for width and height. The picture's.
     background
-        Behind the holes.
+        Behind the picture: black, white or #rrggbb.
     resume
         Keep the frames that a run which ended early has made.
     """
-    from resample.command.console import progress_bar
+    from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample_warp3d.command.animation import Range, check_path, poses_of, shots
     from resample_warp3d.command.inputs import Reader, read_view
-    from resample_warp3d.command.session import Session, check_memory, film_of
+    from resample_warp3d.command.rendering import check_memory, film_of
 
     eye.check()
     meaning.check()
@@ -233,7 +254,7 @@ def animate(
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, seen, shape, warping, behind)
     made = shots(poses, camera, film.frame, film.job)
-    with progress_bar("moving") as progress:
+    with session.stage("film", bar="moving") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)
 
 
@@ -249,8 +270,9 @@ def cloud(
     intrinsics: Annotated[str | None, Hyphen] = None,
     size: str = "640x480",
     point_size: float = 1.0,
-    light: Literal["none", "headlight"] | None = None,
-    cull: Annotated[bool, Switch] = False,
+    filter: str | None = None,  # noqa: A002
+    light: Literal["none", "eye"] | None = None,
+    one_sided: Annotated[bool, Switch] = False,
     background: str | None = None,
     bits: Literal[8, 16] = 8,
 ) -> None:
@@ -263,53 +285,55 @@ def cloud(
     file
         .ply, .pcd, .xyz, .txt, .csv or .npz.
     output
-        .png, or .exr with linear RGBA, depth (Z) and coverage.
+        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     camera
-        azimuth/elevation/zoom around the middle of the cloud, degrees.
+        Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of cameras.
     up
         Axis that points upwards.
     pose
-        In place of the camera: file or file:frame, as of render; with intrinsics.
+        File or file:frame of a pose: in place of the camera, with intrinsics.
     intrinsics
-        fx,fy,cx,cy[,skew] in px, for a pose.
+        fx,fy,cx,cy[,skew] in px; for a pose.
     size
-        Pixels: 400 for a square, 640x480 for width and height.
+        In px: 400 for a square, 640x480 for width and height.
     point_size
         Factor of what the points' spacing suggests.
+    filter
+        Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel.
     light
-        Headlight for clouds without colors, none for others.
-    cull
+        Where light comes from: eye, for clouds without colors, or none, for others.
+    one_sided
         Leave out what is seen from behind.
     background
-        black, white, #rrggbb or none for transparent. PNG and EXR: none.
+        Behind the picture: black, white, #rrggbb or none for transparent. None.
     bits
-        Per channel of a PNG.
+        Per channel: 8 or 16 of a PNG.
     """
-    from resample.command.console import progress_bar
+    from resample.cameras.files import viewpoint
+    from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
     from resample_warp3d.clouds.files import read_cloud
     from resample_warp3d.clouds.rendering import CloudStyle, Light, render_cloud
-    from resample_warp3d.command.session import announce_compilation, check_memory, cloud_camera
+    from resample_warp3d.command.rendering import announce, check_memory, cloud_camera
 
     check_suffix(output)
     shape = height_and_width(size)
-    angles = azimuth_elevation_zoom(camera)
+    seen_from = viewpoint(camera, up=up)
     if (pose is None) != (intrinsics is None):
         raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
     calibrated = None if pose is None or intrinsics is None else (pose, intrinsics)
     behind = None if background is None else linear_color(background)
-    style = CloudStyle(
-        point_size=point_size, light=None if light is None else Light(light), cull=cull
-    )
+    lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
+    style = CloudStyle(point_size=point_size, light=lights[light], cull=one_sided)
     check_targets(output)
     check_memory(shape, 4)
     points = read_cloud(file)
-    placed = cloud_camera(points, shape, angles, up, calibrated)
-    announce_compilation()
-    with progress_bar("painting"):
-        frame = render_cloud(points, placed, size=shape, style=style)
+    placed = cloud_camera(points, shape, seen_from, calibrated)
+    announce()
+    with Session().stage("paint", bar="painting"):
+        frame = render_cloud(points, placed, size=shape, style=style, filter=filter)
     write_frame(output, frame, bits=bits, background=behind)
 
 
@@ -322,7 +346,7 @@ def compare(
     scene: Literal["generated"] | None = None,
     truth: Path | None = None,
     mask: Path | None = None,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
     views: str = ",".join(VIEWS),
@@ -343,25 +367,26 @@ def compare(
     depth
         As of render.
     scene
-        A room of known depth, ray traced.
+        What is looked at: generated, a room of known depth, ray traced.
     truth
         What the camera at --pose saw.
     mask
         Pixels of the truth to be measured, white in a picture. Those that the depth leads to.
     views
-        Of the generated scene, separated by commas.
+        Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
     methods
-        Separated by commas, with parameters as in hybrid:quality=2.
+        Separated by commas; with parameters as in hybrid:quality=2.
     output
-        All pictures side by side with details enlarged (.png).
+        Written to: all pictures side by side with details enlarged (.png).
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample import registry
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, plain
+    from resample_warp3d.command.compare import compare_files
     from resample_warp3d.command.inputs import Reader, TrueView
-    from resample_warp3d.command.session import announce_compilation, compare_files
+    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views, compare_scene, sheet
 
     names = method_names(methods)
@@ -376,7 +401,7 @@ def compare(
         chosen = [view.strip() for view in views.split(",") if view.strip()]
         check_views(chosen)
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
-        announce_compilation()
+        announce()
         comparison = compare_scene(names, side, chosen)
     else:
         for choice in (eye, meaning, aim):
@@ -394,10 +419,10 @@ def figures(
     /,
     *,
     output: Output = FIGURES,
-    eye: Annotated[Eye, Flat] = EYE,
+    eye: Annotated[SourceCamera, Flat] = EYE,
     meaning: Annotated[Depth, Flat] = DEPTH,
     aim: Annotated[Aim, Flat] = AIM,
-    view: str = "oblique",
+    views: str = "oblique",
     methods: str = "hybrid,mcmillan",
 ) -> None:
     """Remake the paper's Figure 6: a picture, and a view of it by the hybrid and by McMillan.
@@ -409,29 +434,31 @@ def figures(
     depth
         As of render.
     output
-        Folder for figure-6.png, the single pictures and figure-6.json; created if missing.
-    view
-        Of the generated scene: side, back4, in3, oblique or roll.
+        Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
+        missing.
+    views
+        Of the generated scene: one of side, back4, in3, oblique or roll.
     methods
         Separated by commas.
     """
     from resample import registry
     from resample.measuring.compare import plain
+    from resample_warp3d.command.compare import figure_of_files
     from resample_warp3d.command.inputs import Reader
-    from resample_warp3d.command.session import announce_compilation, figure_of_files
+    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views
     from resample_warp3d.showing.figures import generated_figure, write_figures
 
     names = method_names(methods)
     registry.check("warps", names)
-    check_views([view])
+    check_views([views])
     if (color is None) != (depth is None):
         raise ValueError("give COLOR and DEPTH, or neither for the generated scene")
     if color is None or depth is None:
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
         output.mkdir(parents=True, exist_ok=True)
-        announce_compilation()
-        figure = generated_figure(side, view, names)
+        announce()
+        figure = generated_figure(side, views, names)
     else:
         for choice in (eye, meaning, aim):
             choice.check()
@@ -448,9 +475,9 @@ def demo(*, output: Output = DEMO) -> None:
     Parameters
     ----------
     output
-        Folder; created if missing.
+        Written to: folder; created if missing.
     """
-    from resample_warp3d.command.session import write_demo
+    from resample_warp3d.command.compare import write_demo
 
     output.mkdir(parents=True, exist_ok=True)
     write_demo(output)

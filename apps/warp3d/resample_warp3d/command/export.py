@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.cameras.models import Camera
+from resample.cameras.pixels import directions, pixel_centers
+from resample.cameras.poses import camera_to_world
 from resample.colors import from_srgb, straight, to_srgb
 from resample.files.writing import replacing
 from resample.types import Doubles
-from resample_warp3d.cameras.models import Camera, camera_to_world, directions, pixel_centers
 from resample_warp3d.types import DOWN, RIGHT, Source
 
 if TYPE_CHECKING:

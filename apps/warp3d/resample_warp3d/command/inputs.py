@@ -7,22 +7,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.cameras.models import Camera
 from resample.command.console import say
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, flattened, read_picture
 from resample.memory import require_memory
 from resample.types import Floats
-from resample_warp3d.cameras.models import Camera, undistorted_places
-from resample_warp3d.cameras.poses import looks_inverted
-from resample_warp3d.command.choices import Depth, Eye
+from resample_warp3d.command.choices import Depth, SourceCamera
+from resample_warp3d.depth.agreement import looks_inverted
 from resample_warp3d.depth.encodings import BareDisparity, Encoding, check_scale
+from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
 
 BYTES_PER_PIXEL = 96  # of what preparing a source takes beside its colors
 
 
-class View(NamedTuple):
+class DepthView(NamedTuple):
     """One input: what a camera saw and how far it was."""
 
     picture: Picture
@@ -97,12 +98,12 @@ def view_names(text: str) -> ViewNames:
 class Reader(NamedTuple):
     """How files of depth images are understood."""
 
-    eye: Eye
+    eye: SourceCamera
     meaning: Depth
     labels: bool = False  # colors are names, kept as they are stored
 
 
-def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> View:
+def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> DepthView:
     """Depth image of a calibrated camera; a doubtful scale is said.
 
     Parameters
@@ -127,11 +128,11 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
     doubt = check_scale(image.nearness)
     if doubt is not None:
         say(f"{depth}: {doubt}")
-    return View(picture, image._replace(place=undistorted_places(camera, shape)), camera, step)
+    return DepthView(picture, image._replace(place=lens_places(camera, shape)), camera, step)
 
 
-def read_rectified(color: str, disparity: str, scale: float | None) -> View:
-    """View of a rectified pair whose disparity is its own nearness.
+def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:
+    """DepthView of a rectified pair whose disparity is its own nearness.
 
     Raises
     ------
@@ -141,7 +142,7 @@ def read_rectified(color: str, disparity: str, scale: float | None) -> View:
     picture = read_picture(color)
     image, step = _depth_image(picture, (color, disparity), BareDisparity(scale))
     height, width = image.nearness.shape
-    return View(picture, image, Camera.from_fov(60.0, height, width), step)
+    return DepthView(picture, image, Camera.from_fov(60.0, height, width), step)
 
 
 def read_names(path: str) -> Picture:
@@ -152,7 +153,7 @@ def read_names(path: str) -> Picture:
     return Picture(np.ascontiguousarray(data), kind)
 
 
-def check_poses(views: Sequence[View]) -> None:
+def check_poses(views: Sequence[DepthView]) -> None:
     """Say so if poses look inverted: depths of two views would agree better the other way round."""
     first, *others = views
     for other in others:

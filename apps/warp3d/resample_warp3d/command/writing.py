@@ -6,10 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.command.console import say
-from resample.files.pictures import Kind, Look, Picture, write_picture
+from resample.files.pictures import (
+    Kind,
+    Look,
+    Picture,
+    check_output,
+    coverage_picture,
+    write_picture,
+)
 from resample.files.writing import replacing
 from resample.types import Floats
 from resample_warp3d.command.choices import Extras
+from resample_warp3d.command.export import check_export
 from resample_warp3d.types import Hole, Warped
 
 DEPTHS = (".exr", ".npy", ".png")
@@ -43,10 +51,22 @@ def names_picture(warped: Warped, kind: Kind) -> Picture:
     return Picture(data, kind)
 
 
-def coverage_picture(coverage: Floats) -> Picture:
-    """Shares of pixels as a gray picture whose numbers they are, whatever its format."""
-    share = np.clip(coverage, 0.0, 1.0)[..., None]
-    return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
+def check_extras(extras: Extras) -> None:
+    """Refuse suffixes that nothing is written as.
+
+    Raises
+    ------
+    ValueError
+        There is one.
+    """
+    if extras.holes is not None:
+        check_holes(extras.holes)
+    if extras.coverage is not None:
+        check_output(extras.coverage, Look(is_light=False), transparent=False)
+    if extras.depth_output is not None:
+        check_depth(extras.depth_output)
+    if extras.export is not None:
+        check_export(extras.export)
 
 
 def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:

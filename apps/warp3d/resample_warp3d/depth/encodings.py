@@ -16,8 +16,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.cameras.models import Camera
+from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera, directions, pixel_centers, undistorted_places
 
 Raw = NDArray[Any]  # (H, W) whole numbers or floats, as a file holds them
 
@@ -82,8 +83,9 @@ class RayLength:
         _check_positive(scale=self.scale)
 
     def nearness(self, raw: Raw) -> Floats:
-        found = undistorted_places(self.camera, raw.shape)
-        place = found if found.size else pixel_centers(raw.shape)
+        place = pixel_centers(raw.shape)
+        if self.camera.distortion is not None:
+            place = undistorted_places(self.camera, place)
         x, y = np.moveaxis(directions(self.camera, place), 2, 0)
         length = np.sqrt(1.0 + x * x + y * y)
         return _where_known(raw, length * _reciprocal(_scaled(raw, self.scale)))

@@ -2,13 +2,23 @@
 
 import numpy as np
 
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers, undistorted_places
 from resample.types import Doubles
-from resample_warp3d.cameras.models import Camera, pixel_centers
 from resample_warp3d.types import DepthImage, Equation
 
 
 def between(source: Camera, target: Camera) -> Equation:
-    """Equation of two cameras; δ is then 1 / z in the source (McMillan 1997; paper, section 3)."""
+    """Equation of two cameras; δ is then 1 / z in the source (McMillan 1997; paper, section 3).
+
+    Raises
+    ------
+    ValueError
+        One is no `Camera`; a parallel one has no eye to warp from or to.
+    """
+    for camera in (source, target):
+        if not isinstance(camera, Camera):
+            raise ValueError(f"depth images are seen by a Camera, not by {type(camera).__name__}")
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     turned: Doubles = target.matrix @ relative[:3, :3] @ np.linalg.inv(source.matrix)
     shift = np.asarray(target.matrix @ relative[:3, 3], np.float64)
@@ -36,6 +46,13 @@ def places(image: DepthImage) -> Doubles:
         return image.place
     height, width = image.nearness.shape
     return pixel_centers((height, width))
+
+
+def lens_places(camera: Camera, shape: tuple[int, int]) -> Doubles:
+    """Where a camera without its lens sees each sample, (H, W, 2) px; (0, 0, 2) without a lens."""
+    if camera.distortion is None:
+        return np.empty((0, 0, 2))
+    return undistorted_places(camera, pixel_centers(shape))
 
 
 def warp_places(equation: Equation, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:

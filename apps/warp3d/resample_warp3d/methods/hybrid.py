@@ -56,10 +56,15 @@ class Hybrid:
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        from resample_warp3d.sheet.kernels.layers import paint_bands
-
         if is_identity(source, equation, shape):
             return unmoved(source)
+        layers = self.layers(source, equation, shape)
+        return layers if self.labels else bridged(layers)
+
+    def layers(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+        """Warp and leave narrow gaps open, for pixels that are parts of others."""
+        from resample_warp3d.sheet.kernels.layers import paint_bands
+
         sheet = self._sheets(source, is_label=self.labels)
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
@@ -70,7 +75,7 @@ class Hybrid:
             *blank[:4],
         )  # fmt: skip
         blank.nearness[:] /= np.float32(scale)
-        return blank if self.labels else bridged(blank)
+        return blank
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ a pixel accumulates. Visibility is decided once per pixel; samples seen from the
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -89,9 +89,10 @@ class Splat:
 class Point:
     """Every sample a point under the pixel filter, which leaves holes where the target magnifies.
 
-    Parameters are those of `Paper`.
+    Parameters are those of `Paper`. Under a filter, points are what it weighs.
     """
 
+    is_whole: ClassVar[bool] = True  # covers pixels wholly, wherever a filter meets a point
     filter_sigma: float = FILTER_SIGMA
     tolerance: float = TOLERANCE
     core: float = CORE

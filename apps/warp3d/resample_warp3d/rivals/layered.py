@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class LayeredDepthImage:
         A choice is out of its range.
     """
 
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
     tolerance: float = TOLERANCE
     sizes: int = SIZES
 

@@ -1,7 +1,7 @@
 """McMillan's image warp: every sample to its nearest pixel, seen by order or by a z-buffer."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -23,6 +23,8 @@ class McMillan:
     source with distortion the sheets meet at the eye, but their borders are bent, which is ignored.
     """
 
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
+
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         walks = walks_of(equation, source.nearness.shape, source.place)
         return _nearest_pixels(source, equation, shape, walks, (0, 0))
@@ -31,6 +33,8 @@ class McMillan:
 @dataclass(frozen=True)
 class McMillanZBuffer:
     """Nearest pixels with a z-buffer; of equally near samples the first in the source stays."""
+
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         height, width = source.nearness.shape

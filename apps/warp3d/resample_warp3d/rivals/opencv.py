@@ -1,7 +1,7 @@
 """What OpenCV offers for warping depth images."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class OpenCv:
     ValueError
         The source has distortion.
     """
+
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         from resample_warp3d.rivals.kernels.mcmillan import copy_rows

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.cameras.files import read_shots
+from resample.cameras.models import Camera
 from resample.colors import to_srgb
 from resample.files.images import read_image
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.files import read_shots
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.depth.encodings import BareDisparity, PlanarDepth
 from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
 from resample_warp3d.depth.files import read_depth
@@ -53,7 +53,7 @@ class Pair(NamedTuple):
         return Target(self.truth, self.mask, edges_in_view(self.image, self.equation, shape))
 
 
-class Frame(NamedTuple):
+class PairView(NamedTuple):
     """A picture with the nearness of its pixels; none for a view without depth."""
 
     color: Floats  # (H, W, 3) sRGB-encoded
@@ -160,14 +160,14 @@ def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
             yield _pair(title, source, target, of_rectified(fraction), _same_disparity)
 
 
-def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> Frame:
+def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> PairView:
     """One view of a rectified pair; its nearness is the disparity in px."""
     color = _encoded(folder / facts[side])
     stored = facts.get(f"disp_{side}")
     if stored is None:
-        return Frame(color, np.empty((0, 0), np.float32))
+        return PairView(color, np.empty((0, 0), np.float32))
     raw = read_depth(folder / str(stored).split()[0])
-    return Frame(color, BareDisparity(facts["disparity_scale"]).nearness(raw))
+    return PairView(color, BareDisparity(facts["disparity_scale"]).nearness(raw))
 
 
 def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
@@ -180,9 +180,7 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
     numbers = [int(file.stem) for file in colors]
     cameras = [
         Camera.from_intrinsics(
-            *(facts[key] for key in ("fx", "fy", "cx", "cy")),
-            world_to_camera=pose,
-            convention="opencv",
+            facts["fx"], facts["fy"], facts["cx"], facts["cy"], pose, convention="opencv"
         )
         for pose in poses
     ]
@@ -190,13 +188,13 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
     for first, second in FRAMES.get(folder.name) or itertools.pairwise(numbers):
         a, b = numbers.index(first), numbers.index(second)
         source, target = (
-            Frame(_encoded(colors[n]), encoding.nearness(read_depth(depths[n]))) for n in (a, b)
+            PairView(_encoded(colors[n]), encoding.nearness(read_depth(depths[n]))) for n in (a, b)
         )
         equation = between(cameras[a], cameras[b])
         yield _pair(f"{folder.name}: {first} to {second}", source, target, equation, _same_depth)
 
 
-def _pair(name: str, source: Frame, target: Frame, equation: Equation, same: Any) -> Pair:
+def _pair(name: str, source: PairView, target: PairView, equation: Equation, same: Any) -> Pair:
     """Pair whose mask holds the pixels that the source sees."""
     image = DepthImage(source.color, source.nearness, np.empty((0, 0, 2)))
     height, width = target.color.shape[:2]
@@ -207,7 +205,7 @@ def _pair(name: str, source: Frame, target: Frame, equation: Equation, same: Any
     return Pair(name, image, equation, target.color, mask)
 
 
-def _cross_checked(image: DepthImage, target: Frame, equation: Equation, same: Any) -> Mask:
+def _cross_checked(image: DepthImage, target: PairView, equation: Equation, same: Any) -> Mask:
     """Pixels of the target whose points the source sees at the same nearness."""
     back = inverse(equation)
     start = places(DepthImage(target.color, target.nearness, np.empty((0, 0, 2))))

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from resample.cameras.models import Camera
 from resample.colors import from_srgb
 from resample.types import Doubles, Floats
-from resample_warp3d.cameras.models import Camera
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
-    from resample_warp3d.showing.kernels.tracing import Eye, Objects
+    from resample_warp3d.showing.kernels.tracing import Objects, RayCamera
 
 RAYS = 8  # per side of a pixel, of colors
 SIGHT_RAYS = 4  # per side of a pixel, of what is visible
@@ -45,7 +45,7 @@ STANDS: Mapping[str, Stand] = {
 }
 
 
-class Look(NamedTuple):
+class Material(NamedTuple):
     """What a surface looks like."""
 
     pattern: str
@@ -59,7 +59,7 @@ class Ball(NamedTuple):
 
     center: Point
     radius: float
-    look: Look
+    look: Material
 
 
 class Sheet(NamedTuple):
@@ -68,7 +68,7 @@ class Sheet(NamedTuple):
     corner: Point
     right: Point  # first side
     down: Point  # second side, perpendicular to the first
-    look: Look
+    look: Material
 
 
 @dataclass(frozen=True)
@@ -184,26 +184,26 @@ def pose_of(stand: Stand) -> Doubles:
 
 def _things() -> list[Ball | Sheet]:
     """Everything in the room, in meters."""
-    leaves = Look("photo", 2.6, "#182214", "#e6dfa8")
-    sky = Look("photo", 1.5, "#24395c", "#eef0e4")
-    plaster = Look("cloth", 2.2, "#6b4a3a", "#e0c8a6")
-    tiles = Look("checker", 2.2, "#2b2a33", "#cfc9b8")
+    leaves = Material("photo", 2.6, "#182214", "#e6dfa8")
+    sky = Material("photo", 1.5, "#24395c", "#eef0e4")
+    plaster = Material("cloth", 2.2, "#6b4a3a", "#e0c8a6")
+    tiles = Material("checker", 2.2, "#2b2a33", "#cfc9b8")
     room: list[Ball | Sheet] = [
         Sheet((-13.0, -13.0, 8.6), (26.0, 0.0, 0.0), (0.0, 14.7, 0.0), leaves),
         Sheet((-13.0, 1.7, 8.6), (26.0, 0.0, 0.0), (0.0, 0.0, -21.0), tiles),
         Sheet((4.3, -8.0, 8.6), (1.9, 0.0, -17.9), (0.0, 9.7, 0.0), plaster),
-        Ball((-1.9, 0.75, 5.6), 0.95, Look("photo", 5.0, "#3a1410", "#f2b98c")),
-        Ball((1.55, 0.95, 4.5), 0.75, Look("stripes", 5.0, "#15324a", "#e8e2d0")),
-        Ball((0.5, -1.25, 6.6), 0.85, Look("cloth", 4.0, "#2a3d1c", "#d4e39a")),
-        Ball((2.75, -0.2, 7.4), 0.6, Look("checker", 6.0, "#40204a", "#e2c43c")),
+        Ball((-1.9, 0.75, 5.6), 0.95, Material("photo", 5.0, "#3a1410", "#f2b98c")),
+        Ball((1.55, 0.95, 4.5), 0.75, Material("stripes", 5.0, "#15324a", "#e8e2d0")),
+        Ball((0.5, -1.25, 6.6), 0.85, Material("cloth", 4.0, "#2a3d1c", "#d4e39a")),
+        Ball((2.75, -0.2, 7.4), 0.6, Material("checker", 6.0, "#40204a", "#e2c43c")),
         Sheet((-2.75, -1.5, 4.4), (1.25, 0.0, -0.35), (0.0, 1.6, 0.0), _page()),
         Sheet((0.9, -1.9, 3.9), (0.8, 0.0, 0.25), (0.0, 0.62, 0.0), sky),
     ]
     return [*room, *_cards(), *_railing()]
 
 
-def _page() -> Look:
-    return Look("text", 11.0, "#1a1a22", "#efe9da")
+def _page() -> Material:
+    return Material("text", 11.0, "#1a1a22", "#efe9da")
 
 
 def _cards() -> list[Sheet]:
@@ -212,14 +212,14 @@ def _cards() -> list[Sheet]:
     cards = []
     for n, color in enumerate(colors):
         corner = (-0.75 - 0.22 * n, -0.62 - 0.16 * n, 4.9 * 1.06**n)
-        look = Look("photo", 6.0, "#1d1d1d", color)
+        look = Material("photo", 6.0, "#1d1d1d", color)
         cards.append(Sheet(corner, (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), look))
     return cards
 
 
 def _railing() -> list[Sheet]:
     """Posts of 1.5 cm to 5 cm, two handrails, and a slanted bar of 2 cm."""
-    wood = Look("stripes", 16.0, "#5a3216", "#d8a468")
+    wood = Material("stripes", 16.0, "#5a3216", "#d8a468")
     posts = [
         Sheet((-0.62 + 0.27 * n, 0.0, 3.5), (0.015 + 0.007 * n, 0.0, 0.0), (0.0, 1.7, 0.0), wood)
         for n in range(6)
@@ -267,16 +267,16 @@ def _light(color: str) -> Doubles:
     return np.asarray(from_srgb(levels / 255.0), np.float64)
 
 
-def _eye(objects: "Objects", camera: Camera, shape: tuple[int, int]) -> "Eye":
+def _eye(objects: "Objects", camera: Camera, shape: tuple[int, int]) -> "RayCamera":
     """What rays need of a camera."""
-    from resample_warp3d.showing.kernels.tracing import Eye
+    from resample_warp3d.showing.kernels.tracing import RayCamera
 
     if camera.distortion is not None:
         raise ValueError("generated scenes are seen by cameras without distortion")
     pose = camera.world_to_camera
     turn = np.ascontiguousarray(pose[:3, :3].T)
     matrix = np.ascontiguousarray(camera.matrix @ pose[:3])
-    return Eye(
+    return RayCamera(
         np.ascontiguousarray(-turn @ pose[:3, 3]),
         np.ascontiguousarray(turn @ np.linalg.inv(camera.matrix)),
         matrix,

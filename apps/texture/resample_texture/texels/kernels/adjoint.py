@@ -8,25 +8,20 @@ bits for any number of threads.
 
 import numpy as np
 
+from resample.engine.cells.batch import Batch, new_batch
+from resample.engine.cells.taps import Spread, gather
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_texture.texels.kernels.adding import phase_of
-from resample_texture.texels.kernels.blocks import (
-    BOTTOM,
-    CUT,
-    LEFT,
-    LEVEL,
-    RIGHT,
-    START,
-    TOP,
-    Integers,
-)
-from resample_texture.texels.kernels.placing import Places, Spread, place_on_map, place_on_plane
+from resample_texture.texels.kernels.blocks import CUT, LEVEL, START, Integers
+from resample_texture.texels.kernels.placing import Placement, place
 from resample_texture.texels.kernels.texels import (
     _prefix,
     cell_offsets,
     extents,
     kind_of,
+    line_at,
+    line_count,
     mapped,
     parts_along,
     phase,
@@ -67,58 +62,6 @@ def _copy_pixels(gradient: Floats, bounds: Integers, pixels: Floats) -> None:
             for c in range(pixels.shape[0]):
                 pixels[c, at] = gradient[row, column, c] if is_in else np.float32(0)
             at += 1
-
-
-@kernel
-def _gather_areas(
-    pixels: Floats,
-    width: int,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
-    values: Doubles,
-) -> None:
-    """Take cells' gradients from the 2 × 2 pixels each overlaps."""
-    for n in range(mass.size):
-        at, x, y, area = pixel[n], float(along_x[n]), float(along_y[n]), float(mass[n])
-        for c in range(values.shape[0]):
-            values[c, n] = 0.0
-            if area == 0.0:
-                continue
-            above = (1.0 - x) * pixels[c, at] + x * pixels[c, at + 1]
-            below = (1.0 - x) * pixels[c, at + width] + x * pixels[c, at + width + 1]
-            values[c, n] = area * ((1.0 - y) * above + y * below)
-
-
-@kernel
-def _gather_points(
-    pixels: Floats,
-    width: int,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
-    profile: Floats,
-    values: Doubles,
-) -> None:
-    """Take points' gradients from the taps × taps pixels around each."""
-    taps = profile.shape[1]
-    for n in range(mass.size):
-        if mass[n] == np.float32(0):
-            for c in range(values.shape[0]):
-                values[c, n] = 0.0
-            continue
-        phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
-        for c in range(values.shape[0]):
-            total, at = 0.0, pixel[n]
-            for row in range(taps):
-                along_row = 0.0
-                for column in range(taps):
-                    along_row += float(profile[phase_x, column]) * pixels[c, at + column]
-                total += profile[phase_y, row] * along_row
-                at += width
-            values[c, n] = total * mass[n]
 
 
 @kernel
@@ -165,68 +108,42 @@ def _share_out(mass: Floats, texels: float) -> None:
 @kernel
 def _gather_block(
     gradient: Floats,
-    matrix: Doubles,
-    map_x: Doubles,
-    map_y: Doubles,
+    geometry: Placement,
     block: Integers,
-    bounds: Integers,
+    box: Integers,
     taps: Floats,
-    profile: Floats,
     spread: Spread,
-    start: int,
-    patches: Doubles,
+    patch: Doubles,
 ) -> None:
-    """Fill in the patch of one block, from `start` on."""
-    channels, width = gradient.shape[2], bounds[RIGHT] - bounds[LEFT]
-    pixels = np.empty((channels, width * (bounds[BOTTOM] - bounds[TOP])), np.float32)
-    _copy_pixels(gradient, bounds, pixels)
-    rows, columns = _patch_shape(block, taps.shape[0])
-    patch, line = np.zeros((channels, rows, columns)), np.empty((channels, columns))
-    (size_u, _), (size_v, joined_v) = extents(block, 0), extents(block, 1)
-    parts_u, (first_v, last_v) = parts_along(block, 0), parts_along(block, 1)
-    offset = cell_offsets(block)
-    cells = offset.size
-    values, pixel = np.empty((channels, cells)), np.empty(cells, np.int32)
-    along_x, along_y = np.empty(cells, np.float32), np.empty(cells, np.float32)
-    mass = np.empty(cells, np.float32)
-    for row in range(texels_along(block, 1)):
-        for part in range(first_v, last_v):
-            v = block[1, START] + (row + (part + 0.5) / block[1, CUT]) * joined_v
-            if map_x.size > 0:
-                place_on_map(
-                    map_x, map_y, block, bounds, v, offset, spread, pixel, along_x, along_y, mass
-                )
-            else:
-                place_on_plane(
-                    matrix, block, bounds, v, offset, spread, pixel, along_x, along_y, mass
-                )
-            if spread.is_sum:
-                _share_out(mass, size_u * size_v)
-            if spread.taps == 0:
-                _gather_areas(pixels, width, pixel, along_x, along_y, mass, values)
-            else:
-                _gather_points(pixels, width, pixel, along_x, along_y, mass, profile, values)
-            _spread_row(values, block, parts_u, taps, line)
-            _spread_line(line, row, part, block[1, CUT], taps, patch)
-    at = start
-    for c in range(channels):
-        for row in range(rows):
-            for column in range(columns):
-                patches[at] = patch[c, row, column]
-                at += 1
+    """Fill in the patch (channels, rows, columns) of one block."""
+    channels, width = gradient.shape[2], box[RIGHT] - box[LEFT]
+    pixels = np.empty((channels, width * (box[BOTTOM] - box[TOP])), np.float32)
+    _copy_pixels(gradient, box, pixels)
+    patch[:] = 0.0
+    line = np.empty((channels, patch.shape[2]))
+    (size_u, _), (size_v, _) = extents(block, 0), extents(block, 1)
+    parts, offset = parts_along(block, 0), cell_offsets(block)
+    room = new_batch(0, offset.size)
+    values = np.empty((channels, offset.size))
+    batch = Batch(room.pixel, room.along_x, room.along_y, room.mass, values)
+    for n in range(line_count(block)):
+        row, part, v = line_at(block, n)
+        place(geometry, block, box, v, offset, spread.taps, batch)
+        if spread.is_sum:
+            _share_out(batch.mass, size_u * size_v)
+        gather(pixels, width, batch, offset.size, spread)
+        _spread_row(values, block, parts, taps, line)
+        _spread_line(line, row, part, block[1, CUT], taps, patch)
 
 
 @parallel_kernel
 def gather_blocks(
     counter: Counter,
     gradient: Floats,
-    matrix: Doubles,
-    map_x: Doubles,
-    map_y: Doubles,
+    geometry: Placement,
     axes: Integers,
     bounds: Integers,
     taps: Floats,
-    profile: Floats,
     spread: Spread,
     start: Integers,
     patches: Doubles,
@@ -237,27 +154,20 @@ def gather_blocks(
     ----------
     gradient
         (height, width, C) of the sums of the picture.
-    matrix, map_x, map_y, axes, bounds, taps, profile, spread
-        As for `paint_blocks`.
+    axes, bounds
+        (B, 2, 6) and (B, 4) blocks, and pixels that they meet.
+    taps
+        (K, R) of the interpolation; see `texels`.
     start
         (B + 1,) where the patch of each block begins; see `patch_offsets`.
     patches
         Filled: (C, rows, columns) of each block.
     """
+    channels = gradient.shape[2]
     for n in tasks(counter, axes.shape[0]):
-        _gather_block(
-            gradient,
-            matrix,
-            map_x,
-            map_y,
-            axes[n],
-            bounds[n],
-            taps,
-            profile,
-            spread,
-            start[n],
-            patches,
-        )
+        rows, columns = _patch_shape(axes[n], taps.shape[0])
+        patch = patches[start[n] : start[n + 1]].reshape((channels, rows, columns))
+        _gather_block(gradient, geometry, axes[n], bounds[n], taps, spread, patch)
 
 
 @kernel

@@ -9,12 +9,16 @@ A block is two rows of numbers, along u and along v: see `START` and those that 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import kernel
 from resample.types import Doubles
+
+__all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP"]
 
 Integers = NDArray[np.int64]
 
@@ -23,7 +27,6 @@ Integers = NDArray[np.int64]
 START, LENGTH, CUT, FIRST, LAST, LEVEL = range(6)
 # While blocks are split, a part of one texel is the PART-th of 2^DEPTH.
 PART, DEPTH = 2, 3
-LEFT, TOP, RIGHT, BOTTOM = range(4)
 
 LARGEST = 128  # cells along a side of a block
 UNEVEN = 1.5  # stretches within a block may differ by this factor
@@ -31,6 +34,24 @@ EVEN_ENOUGH = 16  # cells along an axis; so few are not split for being uneven
 COARSEST = 40  # log₂ of the texels along a cell
 FINEST = 20  # log₂ of the parts of a texel
 TILE = 32  # texels along a side of a block of a map, before it is split
+
+
+class Cut(NamedTuple):
+    """How fine cells are."""
+
+    quality: float  # cells per px, at least
+    largest: float  # px, length of a cell of several texels, at most
+
+
+class Rectangle(NamedTuple):
+    """Room for what is known of a rectangle that is being split."""
+
+    u: Doubles  # (2,) first and last source coordinate
+    v: Doubles  # (2,)
+    ranges: Doubles  # (2, 2) smallest and largest stretch per axis
+    box: Doubles  # (4,) px
+    cells: Integers  # (2,) per axis
+    block: Integers  # (2, 6)
 
 
 @kernel
@@ -214,6 +235,42 @@ def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Intege
 
 
 @kernel
+def _push(roots: Integers, root: int, stack: Integers) -> None:
+    """Begin a stack with a root."""
+    stack[0] = 0
+    for axis in range(2):
+        stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
+
+
+@kernel
+def _divided(
+    matrix: Doubles, lines: Doubles, stack: Integers, top: int, cut: Cut, seen: Rectangle
+) -> int:
+    """Make a block of the rectangle on top of a stack, or split it.
+
+    Gives how many rectangles it has become there; -1: a block; 0: it is not seen.
+    """
+    u, v, ranges, box, cells, block = seen
+    u[0], u[1] = _span(stack[top], 0)
+    v[0], v[1] = _span(stack[top], 1)
+    if _outside(lines, u, v):
+        return 0
+    if not _stretches(matrix, u, v, ranges, box):
+        return 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
+    _copy(stack[top], block, 4)
+    for axis in range(2):
+        cells[axis] = _dice(block, axis, ranges[axis, 1], cut.quality, cut.largest)
+    axis = _longer(ranges, cells)
+    if axis >= 0:
+        return 2 * _split(stack, top, axis)
+    axis, rest = _remainder(stack[top], block)
+    if axis >= 0:
+        _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
+        return 2
+    return -1
+
+
+@kernel
 def split_plane(
     matrix: Doubles,
     roots: Integers,
@@ -245,40 +302,21 @@ def split_plane(
     the last two are one beyond.
     """
     height, width = frame
-    lines = sight(matrix, height, width, reach)
+    lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
     blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
-    u, v = np.empty(2), np.empty(2)
-    ranges, box = np.empty((2, 2)), np.empty(4)
-    block, cells = np.empty((2, 6), np.int64), np.empty(2, np.int64)
+    block, box = np.empty((2, 6), np.int64), np.empty(4)
+    seen = Rectangle(np.empty(2), np.empty(2), np.empty((2, 2)), box, np.empty(2, np.int64), block)
     for root in range(roots.shape[0]):
-        stack[0] = 0
-        for axis in range(2):
-            stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
+        _push(roots, root, stack)
         depth = 1
         while depth > 0:
             top = depth - 1
-            depth -= 1
             if top + 2 > stack.shape[0]:
                 stack = _grown(stack)
-            u[0], u[1] = _span(stack[top], 0)
-            v[0], v[1] = _span(stack[top], 1)
-            if _outside(lines, u, v):
-                continue
-            if not _stretches(matrix, u, v, ranges, box):
-                depth += 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
-                continue
-            _copy(stack[top], block, 4)
-            for axis in range(2):
-                cells[axis] = _dice(block, axis, ranges[axis, 1], quality, largest)
-            axis = _longer(ranges, cells)
-            if axis >= 0:
-                depth += 2 * _split(stack, top, axis)
-                continue
-            axis, rest = _remainder(stack[top], block)
-            if axis >= 0:
-                _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
-                depth += 2
+            more = _divided(matrix, lines, stack, top, cut, seen)
+            depth = top + max(more, 0)
+            if more >= 0:
                 continue
             if count == blocks.shape[0]:
                 blocks, bounds = _grown(blocks), _grown(bounds)

@@ -5,14 +5,18 @@ part reads the source where the map, linear between pixel centers, leads, and is
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.cells.batch import Batch, new_batch
+from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts
+from resample.engine.cells.taps import Spread
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel
+from resample.engine.roles import plays
 from resample.types import Doubles, Floats
-from resample_texture.texels.kernels.adding import add
-from resample_texture.texels.kernels.blocks import BOTTOM, LEFT, RIGHT, TOP, Integers
-from resample_texture.texels.kernels.placing import Places, Spread
+from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.texels import DENSE, EXACT, TRANSPARENT, mapped
 
 Pair = tuple[float, float]
@@ -23,7 +27,26 @@ FARTHEST = 2.0**52  # texels from the source's origin beyond which there is noth
 TORN = 8.0  # a step this many times as long as that on the pixel's other side leads across a tear
 
 
-@kernel
+class Pixels(NamedTuple):
+    """Tiles of pixels that look a source up where a map leads."""
+
+    texels: Floats  # (H, W, C), prefiltered for interpolation along both axes
+    edge: int
+    channels: tuple[int, int]  # first of them and how many: 1 or 3
+    taps: Floats  # (K, R) of the interpolation; see `kernels.texels`
+    map_u: Doubles  # (h + 2, w + 2) source coordinates of pixel centers, with a margin of one;
+    map_v: Doubles  # NaN: nothing
+    tiles: Integers  # (T, 4) px
+    quality: float  # parts of a pixel along an axis, at least
+
+
+class Points(NamedTuple):
+    """Room for the points of one pixel."""
+
+    batch: Batch
+
+
+@inner_kernel
 def _steps(before: float, here: float, after: float) -> tuple[float, float]:
     """Steps of a map to both sides of a pixel; a missing or torn one is as the other."""
     left, right = here - before, after - here
@@ -34,14 +57,14 @@ def _steps(before: float, here: float, after: float) -> tuple[float, float]:
     return (left, right) if abs(left) <= FARTHEST else (0.0, 0.0)
 
 
-@kernel
+@inner_kernel
 def _parts(step_u: tuple[float, float], step_v: tuple[float, float], quality: float) -> int:
     """Parts of a pixel along an axis, given the steps in the source on both sides."""
     longest = max(math.hypot(step_u[0], step_v[0]), math.hypot(step_u[1], step_v[1]))
     return int(min(MOST, max(math.ceil(quality), math.ceil(longest - 1e-9))))
 
 
-@kernel
+@inner_kernel
 def _may_cross(source: Floats, u: float, v: float, ux: Pair, uy: Pair, vx: Pair, vy: Pair) -> bool:
     """Whether an edge of the source may run through a pixel."""
     reach_u = 0.5 * (max(abs(ux[0]), abs(ux[1])) + max(abs(uy[0]), abs(uy[1])))
@@ -50,12 +73,11 @@ def _may_cross(source: Floats, u: float, v: float, ux: Pair, uy: Pair, vx: Pair,
     return bool(near_u or min(abs(v), abs(v - source.shape[0])) < reach_v - 1e-9)
 
 
-@kernel
-def _read(
-    source: Floats, u: float, v: float, edge: int, taps: Floats, values: Floats, n: int, first: int
-) -> None:
+@inner_kernel
+def _read(source: Pixels, u: float, v: float, values: Floats, n: int) -> None:
     """Interpolate the source at a point, into column n of the values."""
-    height, width = source.shape[0], source.shape[1]
+    texels, edge, taps, first = source.texels, source.edge, source.taps, source.channels[0]
+    height, width = texels.shape[0], texels.shape[1]
     column, row = math.floor(u), math.floor(v)
     dense = EXACT * (EXACT + 1) // 2
     at_u = dense + min(DENSE - 1, int((u - column) * DENSE))
@@ -72,26 +94,15 @@ def _read(
             if weight != np.float32(0):
                 q = mapped(int(column) + m - reach, width, edge)
                 for c in range(values.shape[0]):
-                    values[c, n] += weight * source[r, q, first + c]
+                    values[c, n] += weight * texels[r, q, first + c]
 
 
-@kernel
-def _cut_pixel(
-    source: Floats,
-    edge: int,
-    channels: tuple[int, int],
-    map_u: Doubles,
-    map_v: Doubles,
-    place: tuple[int, int],
-    quality: float,
-    taps: Floats,
-    is_sum: bool,
-    values: Floats,
-    along: tuple[Floats, Floats],
-    mass: Floats,
-) -> int:
+@inner_kernel
+def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batch) -> int:
     """Points of one pixel: fills values, places within the pixel and masses; gives their number."""
-    row, column = place[0] + 1, place[1] + 1
+    texels, edge, map_u, map_v = source.texels, source.edge, source.map_u, source.map_v
+    _, along_x, along_y, mass, values = batch
+    quality, row, column = source.quality, place[0] + 1, place[1] + 1
     u, v = map_u[row, column], map_v[row, column]
     if not (abs(u) <= FARTHEST and abs(v) <= FARTHEST):
         return 0
@@ -99,7 +110,7 @@ def _cut_pixel(
     vx = _steps(map_v[row, column - 1], v, map_v[row, column + 1])
     uy = _steps(map_u[row - 1, column], u, map_u[row + 1, column])
     vy = _steps(map_v[row - 1, column], v, map_v[row + 1, column])
-    if edge == TRANSPARENT and _may_cross(source, u, v, ux, uy, vx, vy):
+    if edge == TRANSPARENT and _may_cross(texels, u, v, ux, uy, vx, vy):
         quality = max(quality, AT_EDGES)
     parts_x, parts_y = _parts(ux, vx, quality), _parts(uy, vy, quality)
     share = np.float32(1.0 / (parts_x * parts_y))
@@ -112,132 +123,51 @@ def _cut_pixel(
             beyond = int(x > 0)
             at_u = u + x * ux[beyond] + y * uy[below]
             at_v = v + x * vx[beyond] + y * vy[below]
-            is_in = 0.0 <= at_u <= source.shape[1] and 0.0 <= at_v <= source.shape[0]
+            is_in = 0.0 <= at_u <= texels.shape[1] and 0.0 <= at_v <= texels.shape[0]
             if edge == TRANSPARENT and not is_in:
                 continue
-            _read(source, at_u, at_v, edge, taps, values, count, channels[0])
+            _read(source, at_u, at_v, values, count)
             if is_sum:
-                texels = np.float32(abs(ux[beyond] * vy[below] - uy[below] * vx[beyond]))
-                for c in range(channels[1]):
-                    values[c, count] *= texels
-            along[0][count], along[1][count] = x + 0.5, y + 0.5
+                area = np.float32(abs(ux[beyond] * vy[below] - uy[below] * vx[beyond]))
+                for c in range(values.shape[0]):
+                    values[c, count] *= area
+            along_x[count], along_y[count] = x + 0.5, y + 0.5
             mass[count] = share
             count += 1
     return count
 
 
-@kernel
-def _gather_tile(
-    source: Floats,
-    edge: int,
-    channels: tuple[int, int],
-    map_u: Doubles,
-    map_v: Doubles,
-    tile: Integers,
-    bounds: Integers,
-    quality: float,
-    taps: Floats,
-    profile: Floats,
-    spread: Spread,
-    start: int,
-    sums: Floats,
-) -> None:
-    """Add the points of one tile's pixels to sums of its own, which begin at `start`."""
-    count = channels[1]
-    width = bounds[RIGHT] - bounds[LEFT]
-    for n in range(start, start + width * (bounds[BOTTOM] - bounds[TOP]) * (count + 1)):
-        sums[n] = np.float32(0)
-    most = MOST * MOST
-    values, mass = np.empty((count, most), np.float32), np.empty(most, np.float32)
-    along_x, along_y = np.empty(most, np.float32), np.empty(most, np.float32)
-    pixel: Places = np.empty(most, np.int32)
-    before = 0.5 * spread.taps - 0.5
-    for row in range(tile[TOP], tile[BOTTOM]):
-        for column in range(tile[LEFT], tile[RIGHT]):
-            points = _cut_pixel(
-                source,
-                edge,
-                channels,
-                map_u,
-                map_v,
-                (row, column),
-                quality,
-                taps,
-                spread.is_sum,
-                values,
-                (along_x, along_y),
-                mass,
-            )
-            for n in range(points):
-                x, y = float(column - bounds[LEFT]), float(row - bounds[TOP])
-                if spread.taps == 0:
-                    along_x[n], along_y[n] = 0.0, 0.0
-                else:
-                    x += along_x[n] - before
-                    y += along_y[n] - before
-                    along_x[n], along_y[n] = x - math.floor(x), y - math.floor(y)
-                pixel[n] = int(y) * width + int(x)
-            add(
-                sums,
-                start,
-                width,
-                values,
-                pixel[:points],
-                along_x[:points],
-                along_y[:points],
-                mass[:points],
-                profile,
-                spread.taps,
-            )
+@plays(begun, Pixels)
+def _begun(source: Pixels, part: int, spread: Spread) -> Points:  # noqa: ARG001
+    return Points(new_batch(source.channels[1], MOST * MOST))
+
+
+@plays(lines, Pixels)
+def _lines(source: Pixels, part: int) -> int:
+    tile = source.tiles[part]
+    return int((tile[BOTTOM] - tile[TOP]) * (tile[RIGHT] - tile[LEFT]))
+
+
+@plays(fill, Pixels)
+def _fill(source: Pixels, part: int, line: int, box: Integers, spread: Spread, work: Points) -> int:
+    tile, (pixel, along_x, along_y, _, _) = source.tiles[part], work.batch
+    width, before = box[RIGHT] - box[LEFT], 0.5 * spread.taps - 0.5
+    down, across = divmod(line, tile[RIGHT] - tile[LEFT])
+    row, column = tile[TOP] + down, tile[LEFT] + across
+    count = _cut_pixel(source, (row, column), spread.is_sum, work.batch)
+    for n in range(count):
+        x, y = float(column - box[LEFT]), float(row - box[TOP])
+        if spread.taps == 0:
+            along_x[n], along_y[n] = 0.0, 0.0
+        else:
+            x += along_x[n] - before
+            y += along_y[n] - before
+            along_x[n], along_y[n] = x - math.floor(x), y - math.floor(y)
+        pixel[n] = int(y) * width + int(x)
+    return count
 
 
 @parallel_kernel
-def gather_tiles(
-    counter: Counter,
-    source: Floats,
-    edge: int,
-    channels: tuple[int, int],
-    map_u: Doubles,
-    map_v: Doubles,
-    tiles: Integers,
-    bounds: Integers,
-    quality: float,
-    taps: Floats,
-    profile: Floats,
-    spread: Spread,
-    start: Integers,
-    sums: Floats,
-) -> None:
-    """Add the points of every tile of the target to sums of its own.
-
-    Parameters
-    ----------
-    source
-        (H, W, C) texels, prefiltered for interpolation along both axes.
-    channels
-        First of them and how many: 1 or 3.
-    map_u, map_v
-        (h + 2, w + 2) source coordinates of pixel centers, with a margin of one; NaN: nothing.
-    tiles, bounds
-        (T, 4) px whose points are made, and px that they may touch.
-    quality
-        Parts of a pixel along an axis, at least.
-    taps, profile, spread, start, sums
-        As `paint_blocks` takes them.
-    """
-    for n in tasks(counter, tiles.shape[0]):
-        _gather_tile(
-            source,
-            edge,
-            channels,
-            map_u,
-            map_v,
-            tiles[n],
-            bounds[n],
-            quality,
-            taps,
-            profile,
-            spread,
-            start[n],
-            sums,
-        )
+def gather_tiles(counter: Counter, source: Pixels, spread: Spread, parts: Parts) -> None:
+    """Add the points of every tile's pixels to sums of its own."""
+    paint_parts(counter, source, spread, parts)

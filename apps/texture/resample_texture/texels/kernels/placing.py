@@ -9,57 +9,80 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from resample.engine.jit import kernel
+from resample.engine.cells.batch import Batch
+from resample.engine.cells.boxes import beyond, length
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.jit import inner_kernel
 from resample.types import Doubles, Floats, Single
-from resample_texture.texels.kernels.blocks import BOTTOM, LEFT, RIGHT, START, TOP, Integers
+from resample_texture.texels.kernels.blocks import START, Integers
 from resample_texture.texels.kernels.texels import extents
 
-Places = NDArray[np.int32]
 Triple = tuple[Single, Single, Single]
 
 SMALLEST: Single = np.float32(1e-5)  # px; keeps divisions finite
 
 
-class Spread(NamedTuple):
-    """The pixel filter as numbers, and what is summed."""
+class Placement(NamedTuple):
+    """Where texels go: by a homography or, unless it is empty, by a map."""
 
-    taps: int  # px per side that a point meets; 0: the area filter, which meets 2
-    is_sum: bool  # a texel's value is a total, which is shared out, not a density
+    matrix: Doubles  # (3, 3) source to target
+    x: Doubles  # (H + 2, W + 2) places of the texels' centers, with a margin of one
+    y: Doubles
 
 
-@kernel
-def place_on_plane(
-    matrix: Doubles,
+class Walk(NamedTuple):
+    """A row of cells under a homography, as numbers in homogeneous coordinates."""
+
+    start: Triple
+    step: Triple  # from a texel to the next
+    side_a: Triple  # of a cell, still to be divided by d; likewise `side_b`
+    side_b: Triple
+    area: Single  # px² that a cell covers, times d³
+    limits: tuple[Single, Single]  # px; first pixels lie before
+    width: int  # px, of the block's pixels
+
+
+@inner_kernel
+def place(
+    geometry: Placement,
     block: Integers,
-    bounds: Integers,
+    box: Integers,
     v: float,
     offset: Floats,
-    spread: Spread,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
+    taps: int,
+    batch: Batch,
 ) -> None:
-    """Place a row of cells by a homography.
+    """Place a row of cells.
 
     Parameters
     ----------
+    box
+        (4,) pixels that the block may meet.
     v
         Source coordinate of the row.
     offset
         (N,) of the cells along u from the block's start, texels.
-    pixel
-        (N,) filled with the first pixel that a cell meets: row × width + column, in the block.
-    along_x, along_y
-        (N,) filled with the share of the second pixel (area filter), or with the distance from
-        the first tap to where the filter starts, 0..1 px.
-    mass
-        (N,) filled with the px² that a cell covers; 0 out of reach.
+    taps
+        See `Spread`.
+    batch
+        Filled but for the values.
     """
-    left, top = float(bounds[LEFT]), float(bounds[TOP])
-    width, height = bounds[RIGHT] - bounds[LEFT], bounds[BOTTOM] - bounds[TOP]
+    if geometry.x.size > 0:
+        _place_on_map(geometry.x, geometry.y, block, box, v, offset, taps, batch)
+        return
+    walk = _walk(geometry.matrix, block, box, v, taps)
+    if taps == 0:
+        _place_boxes(walk, offset, batch)
+    else:
+        _place_points(walk, offset, taps, batch)
+
+
+@inner_kernel
+def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) -> Walk:
+    """A row of a block's cells under a homography."""
+    left, top = float(box[LEFT]), float(box[TOP])
+    width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     u = float(block[0, START])
     size_u, _ = extents(block, 0)
     size_v, _ = extents(block, 1)
@@ -67,51 +90,31 @@ def place_on_plane(
     xu, xv = matrix[0, 0] - left * matrix[2, 0], matrix[0, 1] - left * matrix[2, 1]
     yu, yv = matrix[1, 0] - top * matrix[2, 0], matrix[1, 1] - top * matrix[2, 1]
     du, dv = matrix[2, 0], matrix[2, 1]
-    start = (
-        np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2]),
-        np.float32(yu * u + yv * v + matrix[1, 2] - top * matrix[2, 2]),
-        np.float32(du * u + dv * v + matrix[2, 2]),
+    beside = max(2, taps) - 1
+    return Walk(
+        (
+            np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2]),
+            np.float32(yu * u + yv * v + matrix[1, 2] - top * matrix[2, 2]),
+            np.float32(du * u + dv * v + matrix[2, 2]),
+        ),
+        (np.float32(xu), np.float32(yu), np.float32(du)),
+        (np.float32(xu * size_u), np.float32(yu * size_u), np.float32(du * size_u)),
+        (np.float32(xv * size_v), np.float32(yv * size_v), np.float32(dv * size_v)),
+        np.float32(abs(determinant(matrix)) * size_u * size_v),
+        (np.float32(width - beside), np.float32(height - beside)),
+        width,
     )
-    step = np.float32(xu), np.float32(yu), np.float32(du)
-    area = np.float32(abs(determinant(matrix)) * size_u * size_v)
-    taps = max(2, spread.taps)
-    limits = np.float32(width - taps + 1), np.float32(height - taps + 1)
-    if spread.taps == 0:
-        # The sides of a cell, still to be divided by d.
-        side_a = np.float32(xu * size_u), np.float32(yu * size_u), np.float32(du * size_u)
-        side_b = np.float32(xv * size_v), np.float32(yv * size_v), np.float32(dv * size_v)
-        _place_boxes(
-            start, step, side_a, side_b, area, limits, width, offset, pixel, along_x, along_y, mass
-        )
-    else:
-        _place_points(
-            start, step, spread.taps, area, limits, width, offset, pixel, along_x, along_y, mass
-        )
 
 
-@kernel
-def _place_boxes(
-    start: Triple,
-    step: Triple,
-    side_a: Triple,
-    side_b: Triple,
-    area: Single,
-    limits: tuple[Single, Single],
-    width: int,
-    offset: Floats,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
-) -> None:
+@inner_kernel
+def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
     """Place cells as boxes that reach as far as their sides do; all in float32, without a jump."""
     one, zero, half = np.float32(1), np.float32(0), np.float32(0.5)
-    x0, y0, d0 = start
-    x_step, y_step, d_step = step
-    xa, ya, da = side_a
-    xb, yb, db = side_b
-    x_limit, y_limit = limits
-    stride = np.int32(width)
+    pixel, along_x, along_y, mass, _ = batch
+    (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
+    (xa, ya, da), (xb, yb, db) = walk.side_a, walk.side_b
+    x_limit, y_limit = walk.limits
+    area, stride = walk.area, np.int32(walk.width)
     for n in range(offset.size):
         along = offset[n]
         inverse = one / (d0 + along * d_step)
@@ -119,40 +122,27 @@ def _place_boxes(
         y = (y0 + along * y_step) * inverse
         ax, bx = (xa - x * da) * inverse, (xb - x * db) * inverse
         ay, by = (ya - y * da) * inverse, (yb - y * db) * inverse
-        across = min(math.sqrt(ax * ax + bx * bx) + SMALLEST, one)
-        down = min(math.sqrt(ay * ay + by * by) + SMALLEST, one)
+        across = min(length(ax, bx) + SMALLEST, one)
+        down = min(length(ay, by) + SMALLEST, one)
         x -= half * across
         y -= half * down
         is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
         column, row = np.int32(x), np.int32(y)
-        right = max(zero, (x + across - np.float32(column) - one) / across)
-        below = max(zero, (y + down - np.float32(row) - one) / down)
+        right, below = beyond(x, across, np.float32(column)), beyond(y, down, np.float32(row))
         along_x[n] = right if is_in else zero
         along_y[n] = below if is_in else zero
         mass[n] = area * inverse * inverse * inverse if is_in else zero
         pixel[n] = row * stride + column if is_in else np.int32(0)
 
 
-@kernel
-def _place_points(
-    start: Triple,
-    step: Triple,
-    taps: int,
-    area: Single,
-    limits: tuple[Single, Single],
-    width: int,
-    offset: Floats,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
-) -> None:
+@inner_kernel
+def _place_points(walk: Walk, offset: Floats, taps: int, batch: Batch) -> None:
     """Place cells as points, by the first of the `taps` pixels that each meets along an axis."""
     one, zero, before = np.float32(1), np.float32(0), np.float32(0.5 * taps - 0.5)
-    x0, y0, d0 = start
-    x_step, y_step, d_step = step
-    x_limit, y_limit = limits
-    stride = np.int32(width)
+    pixel, along_x, along_y, mass, _ = batch
+    (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
+    x_limit, y_limit = walk.limits
+    area, stride = walk.area, np.int32(walk.width)
     for n in range(offset.size):
         along = offset[n]
         inverse = one / (d0 + along * d_step)
@@ -166,7 +156,7 @@ def _place_points(
         pixel[n] = row * stride + column if is_in else np.int32(0)
 
 
-@kernel
+@inner_kernel
 def determinant(m: Doubles) -> float:
     """Determinant of a (3, 3) matrix."""
     return float(
@@ -176,7 +166,7 @@ def determinant(m: Doubles) -> float:
     )
 
 
-@kernel
+@inner_kernel
 def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[Single, Single]:
     """Value and slope at an offset from the middle of three, along the line on that side.
 
@@ -191,14 +181,14 @@ def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[
     return here + offset * slope, slope
 
 
-@kernel
+@inner_kernel
 def _along_row(places: Doubles, row: int, column: int, offset: float) -> tuple[Single, Single]:
     """Place and its slope along u, at an offset from the middle of three of a map's places."""
     before, here = places[row, column - 1], places[row, column]
     return _bent(before, here, places[row, column + 1], offset)
 
 
-@kernel
+@inner_kernel
 def _near(
     places: Doubles, row: int, column: int, offset_u: float, offset_v: float
 ) -> tuple[Single, Single, Single]:
@@ -213,31 +203,26 @@ def _near(
     return place, here_u + abs(offset_v) * (other_u - here_u), slope_v
 
 
-@kernel
-def place_on_map(
+@inner_kernel
+def _place_on_map(
     x: Doubles,
     y: Doubles,
     block: Integers,
-    bounds: Integers,
+    box: Integers,
     v: float,
     offset: Floats,
-    spread: Spread,
-    pixel: Places,
-    along_x: Floats,
-    along_y: Floats,
-    mass: Floats,
+    taps: int,
+    batch: Batch,
 ) -> None:
-    """Place a row of cells by a map, bilinear between the centers of texels.
-
-    The map (H + 2, W + 2) has one more place on each side; the rest is as for a plane.
-    """
-    left, top = float(bounds[LEFT]), float(bounds[TOP])
-    width, height = bounds[RIGHT] - bounds[LEFT], bounds[BOTTOM] - bounds[TOP]
+    """Place a row of cells by a map, bilinear between the centers of texels."""
+    pixel, along_x, along_y, mass, _ = batch
+    left, top = float(box[LEFT]), float(box[TOP])
+    width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     size_u, _ = extents(block, 0)
     size_v, _ = extents(block, 1)
     r = math.floor(v)
     offset_v = v - r - 0.5
-    taps = max(2, spread.taps)
+    beside = max(2, taps) - 1
     for n in range(offset.size):
         u = block[0, START] + float(offset[n])
         c = math.floor(u)
@@ -247,21 +232,21 @@ def place_on_map(
         px, xu, xv = px - left, xu * size_u, xv * size_v
         py, yu, yv = py - top, yu * size_u, yv * size_v
         across, down = 1.0, 1.0
-        if spread.taps == 0:
+        if taps == 0:
             across = min(math.hypot(xu, xv) + SMALLEST, 1.0)
             down = min(math.hypot(yu, yv) + SMALLEST, 1.0)
             px -= 0.5 * across
             py -= 0.5 * down
         else:
-            px -= 0.5 * spread.taps - 0.5
-            py -= 0.5 * spread.taps - 0.5
+            px -= 0.5 * taps - 0.5
+            py -= 0.5 * taps - 0.5
         mass[n], along_x[n], along_y[n] = np.float32(0), np.float32(0), np.float32(0)
         pixel[n] = 0
-        if 0.0 <= px < width - taps + 1 and 0.0 <= py < height - taps + 1:
+        if 0.0 <= px < width - beside and 0.0 <= py < height - beside:
             column, row = int(px), int(py)
             px -= column
             py -= row
-            along_x[n] = max(0.0, (px + across - 1.0) / across) if spread.taps == 0 else px
-            along_y[n] = max(0.0, (py + down - 1.0) / down) if spread.taps == 0 else py
+            along_x[n] = beyond(px, across, 0.0) if taps == 0 else px
+            along_y[n] = beyond(py, down, 0.0) if taps == 0 else py
             mass[n] = abs(xu * yv - xv * yu)
             pixel[n] = row * width + column

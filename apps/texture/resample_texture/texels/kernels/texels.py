@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel, kernel
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEVEL, START, Integers
 
@@ -14,7 +14,7 @@ EXACT = 64
 DENSE = 4096
 
 
-@kernel
+@inner_kernel
 def mapped(index: int, size: int, edge: int) -> int:
     """Texel that stands at an index beyond the source's edges."""
     if 0 <= index < size:
@@ -28,13 +28,13 @@ def mapped(index: int, size: int, edge: int) -> int:
     return index if index < size else 2 * size - 1 - index
 
 
-@kernel
+@inner_kernel
 def kind_of(block: Integers) -> int:
     """Which texels a block reads: 0 as they are, 1 prefiltered along u, 2 along v, 3 along both."""
     return int(block[0, CUT] > 1) + 2 * int(block[1, CUT] > 1)
 
 
-@kernel
+@inner_kernel
 def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
     """How a sum of all values up to an index, edges included, combines two sums within the source.
 
@@ -55,7 +55,7 @@ def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
     return size, 2.0 * pairs + 2.0, 2 * size - rest, -1.0
 
 
-@kernel
+@inner_kernel
 def _mean(
     totals: Doubles,
     kind: int,
@@ -178,7 +178,7 @@ def fetch(
                 patch[c, row, column] = share * total
 
 
-@kernel
+@inner_kernel
 def phase(part: int, cut: int) -> int:
     """Column of an interpolation's taps for one of the cells of a texel."""
     if cut <= EXACT:
@@ -186,7 +186,7 @@ def phase(part: int, cut: int) -> int:
     return EXACT * (EXACT + 1) // 2 + int((part + 0.5) / cut * DENSE)
 
 
-@kernel
+@inner_kernel
 def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line: Floats) -> None:
     """Interpolate along v: a line (channels, columns) of values at one part of a row of texels."""
     if cut == 1:
@@ -216,7 +216,7 @@ def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line
                     line[c, column] += weight * patch[c, row + k, column]
 
 
-@kernel
+@inner_kernel
 def filter_row(
     line: Floats, block: Integers, parts: tuple[int, int], taps: Floats, values: Floats
 ) -> None:
@@ -234,7 +234,7 @@ def filter_row(
             _filter_texel(line, texel, parts[0], cut, taps, values, texel * count, count)
 
 
-@kernel
+@inner_kernel
 def _filter_part(
     line: Floats, at: int, taps: Floats, values: Floats, first: int, count: int
 ) -> None:
@@ -260,7 +260,7 @@ def _filter_part(
             values[channel, first + n] = total
 
 
-@kernel
+@inner_kernel
 def _filter_texel(
     line: Floats,
     texel: int,
@@ -304,22 +304,38 @@ def cell_offsets(block: Integers) -> Floats:
     return offset
 
 
-@kernel
+@inner_kernel
 def extents(block: Integers, axis: int) -> tuple[float, float]:
     """Length of a cell and of a texel (or of those joined), in texels."""
     joined = 2.0 ** block[axis, LEVEL]
     return joined / block[axis, CUT], joined
 
 
-@kernel
+@inner_kernel
 def texels_along(block: Integers, axis: int) -> int:
     """Texels of a block along an axis, or groups of those that are joined."""
     return int(block[axis, LENGTH] >> block[axis, LEVEL])
 
 
-@kernel
+@inner_kernel
 def parts_along(block: Integers, axis: int) -> tuple[int, int]:
     """First and last + 1 of the cells that each texel of a block is cut into."""
     if block[axis, LENGTH] > 1:
         return 0, block[axis, CUT]
     return block[axis, FIRST], block[axis, LAST]
+
+
+@inner_kernel
+def line_count(block: Integers) -> int:
+    """How many rows of cells a block has."""
+    first, last = parts_along(block, 1)
+    return texels_along(block, 1) * (last - first)
+
+
+@inner_kernel
+def line_at(block: Integers, line: int) -> tuple[int, int, float]:
+    """Row of texels that a row of cells lies in, which part of it, and its source coordinate."""
+    first, last = parts_along(block, 1)
+    _, joined = extents(block, 1)
+    row, part = line // (last - first), first + line % (last - first)
+    return row, part, block[1, START] + (row + (part + 0.5) / block[1, CUT]) * joined

@@ -42,7 +42,7 @@ class Grid(NamedTuple):
     turn: Doubles  # (3, 3) from camera axes to sample coordinates
 
 
-class Look(NamedTuple):
+class FieldLook(NamedTuple):
     """Classifier of a field as numbers; see `resample.types.Classifier`."""
 
     table: Floats  # (G, K, 4)
@@ -191,7 +191,7 @@ def _wall(ray: Ray, axis: int, brick: int, grid: Grid) -> float:
 
 
 @kernel
-def _value(sums: Sums, look: Look) -> float:
+def _value(sums: Sums, look: FieldLook) -> float:
     """Value of a field; it fades to the lowest where samples end."""
     return look.low + sums[1] / max(sums[0], LEAST_DENSITY)
 
@@ -211,7 +211,7 @@ def _cell(place: float, count: int) -> tuple[int, float]:
 
 
 @kernel
-def _classified(value: float, slope: float, look: Look) -> Light:
+def _classified(value: float, slope: float, look: FieldLook) -> Light:
     """Color and extinction of a value and the length of its gradient."""
     rows, columns, _ = look.table.shape
     r, down = _cell(slope / look.steep, rows)
@@ -245,7 +245,13 @@ def _lit(light: Light, place: Vector, gradient: Vector, slope: float, lamp: Lamp
 
 @kernel
 def _surface(
-    sums: Sums, value: float, ray: Ray, depth: float, grid: Grid, look: Look, lamp: Lamp
+    sums: Sums,
+    value: float,
+    ray: Ray,
+    depth: float,
+    grid: Grid,
+    look: FieldLook,
+    lamp: Lamp,
 ) -> Light:
     """What a field looks like where it has a value: classified, lit and dimmed by its depth."""
     total = max(sums[0], 1e-30)
@@ -271,7 +277,7 @@ def _sample_light(sums: Sums) -> Light:
 
 
 @kernel
-def _composite(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+def _composite(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
     """Front to back; a step has the opacity that the extinction at its middle gives."""
     red = green = blue = deep = 0.0
     passed = 1.0
@@ -295,7 +301,7 @@ def _composite(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Resu
 
 
 @kernel
-def _measure(ray: Ray, grid: Grid, look: Look, plan: Plan) -> Result:
+def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
     """Largest value, mean value or integral along a ray, and the color of the former two.
 
     Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
@@ -335,12 +341,12 @@ def _measure(ray: Ray, grid: Grid, look: Look, plan: Plan) -> Result:
 
 
 @kernel
-def _is_within(ray: Ray, depth: float, grid: Grid, look: Look, iso: float) -> bool:
+def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldLook, iso: float) -> bool:
     return _value(_sums(ray, depth, grid), look) >= iso
 
 
 @kernel
-def _first_hit(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+def _first_hit(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
     """The surface on which the field first rises to `iso`; opaque."""
     step = _next_step(ray, 0, grid)
     while step < ray.steps:
@@ -361,7 +367,7 @@ def _first_hit(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Resu
 
 
 @kernel
-def _cast(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
+def _cast(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
     if plan.projection == COMPOSITE:
         return _composite(ray, grid, look, lamp, plan)
     if plan.projection == FIRST_HIT:
@@ -371,7 +377,13 @@ def _cast(ray: Ray, grid: Grid, look: Look, lamp: Lamp, plan: Plan) -> Result:
 
 @kernel
 def _cast_row(
-    row: int, view: View, grid: Grid, look: Look, lamp: Lamp, plan: Plan, picture: Doubles
+    row: int,
+    view: View,
+    grid: Grid,
+    look: FieldLook,
+    lamp: Lamp,
+    plan: Plan,
+    picture: Doubles,
 ) -> None:
     """Means over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
@@ -394,7 +406,7 @@ def cast_rows(
     count: int,
     view: View,
     grid: Grid,
-    look: Look,
+    look: FieldLook,
     lamp: Lamp,
     plan: Plan,
     picture: Doubles,

@@ -35,7 +35,7 @@ class Objects(NamedTuple):
     bright: Doubles  # (N, 3) linear light
 
 
-class Eye(NamedTuple):
+class RayCamera(NamedTuple):
     """A camera and its frame."""
 
     place: Doubles  # (3,)
@@ -96,7 +96,7 @@ def _rectangle(objects: Objects, n: int, start: Doubles, x: float, y: float, z: 
 
 
 @kernel
-def _find_candidates(eye: Eye, row: int, column: int, candidates: NDArray[np.int64]) -> int:
+def _find_candidates(eye: RayCamera, row: int, column: int, candidates: NDArray[np.int64]) -> int:
     """List the objects that may be seen in a pixel; returns how many."""
     bounds, count = eye.bounds, 0
     for n in range(bounds.shape[0]):
@@ -221,7 +221,7 @@ def _add_color(objects: Objects, n: int, x: float, y: float, z: float, sums: Dou
 
 
 @kernel
-def _direction(eye: Eye, x: float, y: float) -> tuple[float, float, float]:
+def _direction(eye: RayCamera, x: float, y: float) -> tuple[float, float, float]:
     """Where in the scene a point of the frame looks."""
     ray = eye.ray
     return (
@@ -233,7 +233,7 @@ def _direction(eye: Eye, x: float, y: float) -> tuple[float, float, float]:
 
 @kernel
 def _render_row(
-    objects: Objects, eye: Eye, row: int, rays: int, color: Floats, depth: Doubles
+    objects: Objects, eye: RayCamera, row: int, rays: int, color: Floats, depth: Doubles
 ) -> None:
     sums, candidates = np.zeros(3), np.empty(objects.pattern.size, np.int64)
     for column in range(color.shape[1]):
@@ -254,7 +254,7 @@ def _render_row(
 
 @parallel_kernel
 def render_rows(
-    counter: Counter, objects: Objects, eye: Eye, rays: int, color: Floats, depth: Doubles
+    counter: Counter, objects: Objects, eye: RayCamera, rays: int, color: Floats, depth: Doubles
 ) -> None:
     """Picture of a scene, every pixel the mean of rays × rays, and z at the pixels' centers.
 
@@ -276,7 +276,7 @@ def render_rows(
 @kernel
 def _sees(
     objects: Objects,
-    other: Eye,
+    other: RayCamera,
     n: int,
     x: float,
     y: float,
@@ -299,7 +299,9 @@ def _sees(
 
 
 @kernel
-def _look_row(objects: Objects, eye: Eye, other: Eye, row: int, rays: int, sight: Sight) -> None:
+def _look_row(
+    objects: Objects, eye: RayCamera, other: RayCamera, row: int, rays: int, sight: Sight
+) -> None:
     candidates = np.empty((2, objects.pattern.size), np.int64)
     for column in range(sight.fraction.shape[1]):
         count = _find_candidates(eye, row, column, candidates[0])
@@ -319,7 +321,7 @@ def _look_row(objects: Objects, eye: Eye, other: Eye, row: int, rays: int, sight
 
 @parallel_kernel
 def look_rows(
-    counter: Counter, objects: Objects, eye: Eye, other: Eye, rays: int, sight: Sight
+    counter: Counter, objects: Objects, eye: RayCamera, other: RayCamera, rays: int, sight: Sight
 ) -> None:
     """Which share of each pixel another camera sees, and the depths in it; `sight` is filled."""
     for row in tasks(counter, sight.fraction.shape[0]):

@@ -9,23 +9,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.cameras.models import Pinhole
-from resample.files.animations import check_count
+from resample.cameras.files import read_shots
+from resample.cameras.models import Camera
+from resample.cameras.tables import viewpoint_of
+from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.types import Doubles
-from resample_volume.cameras.files import camera_of
-from resample_volume.cameras.framing import Orbit, Spot, Viewpoint
+from resample.words import naming, text_of
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-FORMS = {Orbit: "angles", Spot: "eye and target", Pinhole: "a calibrated camera"}
+FORMS = {
+    Orbit: "angles",
+    Spot: "eye and target",
+    Camera: "a calibrated camera",
+    Calibrated: "a calibrated camera of one size",
+}
 
 
 class Keyframes(NamedTuple):
     """Cameras of one form, two or more."""
 
     time: Doubles  # (K,) ascending; seconds, where the number of frames is not given
-    camera: Sequence[Any]  # K of `Orbit`, of `Spot` or of `Pinhole`
+    camera: Sequence[Any]  # K of `Orbit`, of `Spot`, of `Calibrated` or of `Camera`
 
     @property
     def duration(self) -> float:
@@ -44,11 +50,10 @@ class Keyframes(NamedTuple):
         Raises
         ------
         ValueError
-            The count is not allowed, or an eye meets its target on the way.
+            An eye meets its target on the way.
         """
-        check_count(count)
         wanted = np.linspace(self.time[0], self.time[-1], count)
-        return _BETWEEN[type(self.camera[0])](self, wanted)
+        return list(_BETWEEN[type(self.camera[0])](self, wanted))
 
     def curve(self, values: ArrayLike, wanted: Doubles) -> Doubles:
         """Numbers (K, ...) of the keyframes at the times wanted."""
@@ -78,7 +83,7 @@ def read_keyframes(path: Path) -> Keyframes:
     """Keyframes from a TOML file.
 
     It has a table `[[camera]]` for each: its `time`, and a camera as
-    `resample_volume.cameras.files.read_camera` takes it::
+    `resample.cameras.tables.read_viewpoint` takes it::
 
         [[camera]]
         time = 0
@@ -97,27 +102,48 @@ def read_keyframes(path: Path) -> Keyframes:
     OSError
         The file cannot be read.
     """
-    from resample.command.options import one_line
-
-    try:
-        content = _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    with naming(str(path)):
+        content = _File.model_validate(tomllib.loads(text_of(path)))
         cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
         time = [keyframe.time for keyframe in content.camera]
         _check_times(time)
         _check_alike(cameras)
-    except ValueError as error:
-        raise ValueError(f"{path}: {one_line(error)}") from None
     return Keyframes(np.array(time), cameras)
 
 
-def _camera(n: int, keyframe: _Timed) -> Viewpoint:
-    from resample.command.options import one_line
+def keyframes_of(path: Path, fov: float) -> Keyframes:
+    """Keyframes of any file of cameras or poses; those without times are one second apart.
 
-    content = keyframe.model_extra or {}
-    try:
-        return camera_of(content)
-    except ValueError as error:
-        raise ValueError(f"camera.{n}: {one_line(error)}") from None
+    Parameters
+    ----------
+    path
+        A TOML file as `read_keyframes` takes it, or what `resample.cameras.files.read_shots` takes.
+    fov
+        Degrees along the picture's shorter side, where the file has poses alone.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of both; or there is only one pose.
+    """
+    if path.suffix.lower() == ".toml":
+        return read_keyframes(path)
+    shots, cameras = read_shots(path), []
+    if len(shots) < 2:
+        raise ValueError(f"{path} has one pose; a way has two or more")
+    for shot in shots:
+        made: Viewpoint = Spot.of(shot.pose, fov) if shot.camera is None else shot.camera
+        if shot.camera is not None and shot.shape is not None:
+            made = Calibrated(shot.camera, shot.shape)
+        cameras.append(made)
+    with naming(str(path)):
+        _check_alike(cameras)
+    return Keyframes(np.arange(float(len(shots))), cameras)
+
+
+def _camera(n: int, keyframe: _Timed) -> Viewpoint:
+    with naming(f"camera.{n}"):
+        return viewpoint_of(keyframe.model_extra or {})
 
 
 def _check_times(time: Sequence[float]) -> None:
@@ -137,6 +163,14 @@ def _check_alike(cameras: Sequence[Any]) -> None:
                 f"camera.{n} is given by {FORMS[type(camera)]} and camera.0 by "
                 f"{FORMS[type(first)]}; give all in one form"
             )
+        if isinstance(first, Calibrated) and camera.shape != first.shape:
+            raise ValueError(
+                f"camera.{n} is for {camera.shape[1]} x {camera.shape[0]} pixels and camera.0 for "
+                f"{first.shape[1]} x {first.shape[0]}; give all for one size"
+            )
+        calibrated = camera.camera if isinstance(camera, Calibrated) else camera
+        if isinstance(calibrated, Camera):
+            calibrated.view()  # raises where there is a lens, as there is none in between
         if isinstance(first, Orbit) and camera.up != first.up:
             raise ValueError(f"camera.{n}.up: must be camera.0's {first.up!r} (got {camera.up!r})")
         if isinstance(first, Orbit) and (camera.fov == 0) != (first.fov == 0):
@@ -171,7 +205,13 @@ def _spots(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     return list(spots)
 
 
-def _pinholes(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
+def _calibrated(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
+    shape = keyframes.camera[0].shape
+    inner = Keyframes(keyframes.time, [camera.camera for camera in keyframes.camera])
+    return [Calibrated(camera, shape) for camera in _cameras(inner, wanted)]
+
+
+def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
     cameras = keyframes.camera
     back = np.linalg.inv([camera.world_to_camera for camera in cameras])
     eye = keyframes.curve(back[:, :3, 3], wanted)
@@ -181,10 +221,10 @@ def _pinholes(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     pose = np.tile(np.eye(4), (wanted.size, 1, 1))
     pose[:, :3, :3], pose[:, :3, 3] = turned, eye
     there = np.linalg.inv(pose)
-    made: list[Viewpoint] = []
+    made: list[Camera] = []
     for n in range(wanted.size):
         (fx, fy), (cx, cy, near) = focal[n].tolist(), others[n].tolist()
-        made.append(Pinhole(fx, fy, cx, cy, there[n], near))
+        made.append(Camera.from_intrinsics(fx, fy, cx, cy, there[n], near))
     return made
 
 
@@ -196,8 +236,9 @@ def _turned(time: Doubles, rotation: Doubles) -> "Callable[[Doubles], Rotation]"
     return spline
 
 
-_BETWEEN: dict[type, Callable[[Keyframes, Doubles], list[Viewpoint]]] = {
+_BETWEEN: dict[type, Callable[[Keyframes, Doubles], Sequence[Viewpoint]]] = {
     Orbit: _orbits,
     Spot: _spots,
-    Pinhole: _pinholes,
+    Calibrated: _calibrated,
+    Camera: _cameras,
 }

@@ -1,7 +1,7 @@
 """OpenCV's model of a lens: where it bends points of the plane at distance 1, and back.
 
 Radial, tangential and thin-prism distortion, then the tilt of the sensor, as in the documentation
-of `cv2.calibrateCamera`. Points are x and y of any one shape, float64.
+of `cv2.calibrateCamera`. Points are x and y, (N,) float64.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 
 COUNTS = (4, 5, 8, 12, 14)  # of coefficients
-STEPS = 30  # of Newton's method; most points need 5
+STEPS = 30  # of Newton's method; most points need 2
+TABLE = 1024  # radii, of the inverse that it starts at
+FARTHEST = 1e6  # radius, at distance 1, beyond which nothing is seen
 
 Points = tuple[Doubles, Doubles]  # x and y
 
@@ -64,22 +66,46 @@ def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
 def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points:
     """Points before the lens, by Newton's method; not a number where there is none.
 
-    A point counts as found if the lens takes it to within `tolerance` of where it should.
+    A point counts as found if the lens takes it to within `tolerance` of where it should, and if it
+    lies where the lens has not begun to turn points back.
     """
-    x, y = _project(np.asarray(np.linalg.inv(lens.tilt), np.float64), x, y)
-    start = 0.5 * np.sqrt(lens.fold) / np.maximum(np.hypot(x, y), 1e-300)
-    u, v = x * np.minimum(1.0, start), y * np.minimum(1.0, start)
+    x, y = _project(np.asarray(np.linalg.inv(lens.tilt), np.float64), np.ravel(x), np.ravel(y))
+    u, v = _start(lens, x, y)
+    is_found, left = np.zeros(x.shape, bool), np.arange(x.size)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(STEPS):
-            bent = _bend(lens, u, v)
-            miss = x - bent.x, y - bent.y
-            if not (np.hypot(*miss) > tolerance).any():
+            bent = _bend(lens, u[left], v[left])
+            miss = x[left] - bent.x, y[left] - bent.y
+            is_near = np.hypot(*miss) <= tolerance
+            is_found[left] = is_near & _is_single(lens, u[left], v[left], bent)
+            # The step that is left out would be of points that are found, or of none at all.
+            is_open = ~is_near & np.isfinite(miss[0] + miss[1])
+            if not is_open.any():
                 break
-            u, v = _step(lens, u, v, bent, miss)
-        bent = _bend(lens, u, v)
-        is_met = np.hypot(x - bent.x, y - bent.y) <= tolerance
-        is_found = is_met & _is_single(lens, u, v, bent)
+            step = _step(lens, u[left], v[left], bent, miss)
+            left = left[is_open]
+            u[left], v[left] = step[0][is_open], step[1][is_open]
     return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
+
+
+def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
+    """Points before the radial part alone, whose inverse is read from a table."""
+    radius, fold = np.hypot(x, y), float(np.sqrt(lens.fold))
+    farthest = float(np.max(radius, initial=0.0, where=np.isfinite(radius)))
+    reach = min(farthest, fold)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        while reach < min(fold, FARTHEST) and not _radial(lens, np.array(reach)) >= farthest:
+            reach = min(2.0 * reach, fold)
+        table = np.linspace(0.0, reach, TABLE, endpoint=False)
+        found = np.interp(radius, _radial(lens, table), table)
+        scale = np.where(radius > 0.0, found / radius, 1.0)
+    return x * scale, y * scale
+
+
+def _radial(lens: Distortion, radius: Doubles) -> Doubles:
+    """Radius behind the radial part of the lens."""
+    s = radius * radius
+    return radius * _horner(lens.numerator, s)[0] / _horner(lens.denominator, s)[0]
 
 
 def _fold(numerator: Doubles, denominator: Doubles) -> float:

@@ -1,18 +1,16 @@
-"""Lenses as files and words say them."""
+"""Calibrated lenses as files and words say them, in OpenCV's numbers."""
 
 import errno
 import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from resample.command.settings import numbers_in
-
-if TYPE_CHECKING:
-    from resample_texture.geometry.lenses import Lens
+from resample.cameras.models import Camera
+from resample.words import naming, numbers_in
 
 MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "matrix", "mtx", "K")
 COEFFICIENT_NAMES = (
@@ -21,8 +19,8 @@ COEFFICIENT_NAMES = (
 )
 
 
-def read_lens(text: str) -> "Lens":
-    """Lens of a file, or of numbers.
+def read_lens(text: str) -> Camera:
+    """Camera with a lens, of a file or of numbers; its pose is the identity.
 
     Parameters
     ----------
@@ -38,21 +36,18 @@ def read_lens(text: str) -> "Lens":
     OSError
         The file cannot be read.
     """
-    from resample_texture.geometry.lenses import Lens
-
     path = Path(text)
     if path.suffix.lower() in (".yml", ".yaml", ".xml", ".json", ".toml"):
         facts = _lens_facts(path)
-        try:
-            return Lens(_named(facts, MATRIX_NAMES), _named(facts, COEFFICIENT_NAMES))
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{path}: {error}") from None
+        with naming(str(path)):
+            return Camera.from_opencv(_named(facts, MATRIX_NAMES), _named(facts, COEFFICIENT_NAMES))
     numbers = numbers_in("lens", text)
     if len(numbers) < 8:
         raise ValueError(
             f"lens {text!r}; give fx,fy,cx,cy,k1,k2,p1,p2 or more, or a .yml, .json or .toml file"
         )
-    return Lens(np.array(numbers[:4]), np.array(numbers[4:]))
+    fx, fy, cx, cy, *coefficients = numbers
+    return Camera.from_intrinsics(fx, fy, cx, cy, distortion=coefficients, convention="opencv")
 
 
 def _lens_facts(path: Path) -> Mapping[str, Any]:

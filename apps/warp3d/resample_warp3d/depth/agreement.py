@@ -1,13 +1,12 @@
-"""Poses by file and frame, and a check that they lead where the depth says."""
+"""Whether the poses of two depth images lead where their depths say."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 
-from resample.types import Doubles
-from resample_warp3d.cameras.files import Shot, read_shots
-from resample_warp3d.cameras.models import Camera, camera_to_world, distorted_places
+from resample.cameras.models import Camera
+from resample.cameras.pixels import distorted_places
+from resample.cameras.poses import camera_to_world
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.types import DepthImage, Equation
 
@@ -20,61 +19,6 @@ ADVICE = {
     "inverted": "if they are camera-to-world, invert them",
     "exchanged": "if each belongs to the other picture, exchange them",
 }
-
-
-def read_poses(path: str | Path, kind: str | None = None) -> list[Doubles]:
-    """Poses (4, 4) of a file, world to camera; as `pose_files.read_shots` takes and refuses it."""
-    return [shot.pose for shot in read_shots(path, kind)]
-
-
-def read_pose(text: str, kind: str | None = None) -> Doubles:
-    """Pose (4, 4), world to camera, of `file` or `file:frame`; see `read_shot`."""
-    return read_shot(text, kind).pose
-
-
-def read_camera(text: str, kind: str | None = None) -> Camera:
-    """Camera of `file` or `file:frame`; see `read_shot`.
-
-    Raises
-    ------
-    ValueError
-        The file has a pose but no intrinsics, or not enough of them.
-    """
-    camera = read_shot(text, kind).camera
-    if camera is None:
-        raise ValueError(
-            f"{text} has no intrinsics, or no size of the picture; give them beside it"
-        )
-    return camera
-
-
-def read_shot(text: str, kind: str | None = None) -> Shot:
-    """One pose of a file.
-
-    Parameters
-    ----------
-    text
-        `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or time of
-        that name, of which folders and the suffix may be left out.
-    kind
-        As `pose_files.read_shots` takes it.
-
-    Raises
-    ------
-    OSError, ValueError
-        The file is none that can be read.
-    LookupError
-        It has no such frame, or several.
-    """
-    path, frame = (text, "") if Path(text).exists() else text.rpartition(":")[::2]
-    if not path or not Path(path).exists():
-        path, frame = text, ""
-    shots = read_shots(path, kind)
-    if frame:
-        return shots[_index(path, shots, frame)]
-    if len(shots) > 1:
-        raise LookupError(f"{path} holds {len(shots)} poses; pick one as {path}:{_choice(shots)}")
-    return shots[0]
 
 
 def looks_inverted(
@@ -131,25 +75,3 @@ def _error(first: DepthImage, second: DepthImage, equation: Equation, camera: Ca
         return math.inf
     error = np.abs(seen[meets] - expected[meets]) / np.maximum(seen[meets], expected[meets])
     return float(np.median(error))
-
-
-def _index(path: str, shots: list[Shot], frame: str) -> int:
-    """Which pose a number or a name means."""
-    if frame.isdecimal() and str(int(frame)) == frame:
-        if int(frame) < len(shots):
-            return int(frame)
-        raise LookupError(f"{path} has no frame {frame}; it has the frames 0 to {len(shots) - 1}")
-    for shorten in (str, lambda name: Path(name).name, lambda name: Path(name).stem):
-        found = [n for n, shot in enumerate(shots) if shot.name and shorten(shot.name) == frame]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            names = ", ".join(shots[n].name for n in found[:4])
-            raise LookupError(f"{path} has several frames {frame!r}: {names}; give the full name")
-    raise LookupError(f"{path} has no frame {frame!r}; pick one as {path}:{_choice(shots)}")
-
-
-def _choice(shots: list[Shot]) -> str:
-    """Words about what picks a frame."""
-    numbers = f"N, N from 0 to {len(shots) - 1}"
-    return f"{numbers}, or by name, such as {shots[0].name}" if shots[0].name else numbers

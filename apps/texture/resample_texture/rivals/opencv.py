@@ -1,4 +1,4 @@
-"""The ways to warp that people use today, each as its library or graphics card does it.
+"""OpenCV's ways to warp: one reading per pixel, or the mean of many.
 
 OpenCV is asked only for what it does right; the rest is brought into that form first:
 
@@ -12,7 +12,7 @@ OpenCV is asked only for what it does right; the rest is brought into that form 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,18 @@ from numpy.typing import NDArray
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import (
     BackwardMap,
-    ForwardMap,
     Geometry,
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.pyramid import pyramid, shrunk
+from resample_texture.rivals.common import (
+    check_count,
+    check_name,
+    finished,
+    places_of,
+    refuse_forward_map,
+)
+from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import Edge, Warped
 
 TILE = 2048  # sub-pixels per side that OpenCV gets at once
@@ -46,17 +52,6 @@ BORDERS = {
     Edge.WRAP: "BORDER_WRAP",
     Edge.MIRROR: "BORDER_REFLECT",
 }
-OIIO_WRAPS = {
-    Edge.TRANSPARENT: "black",
-    Edge.CLAMP: "clamp",
-    Edge.WRAP: "periodic",
-    Edge.MIRROR: "mirror",
-}
-OIIO_FILTERS = (
-    *("box", "triangle", "gaussian", "sharp-gaussian", "catmull-rom", "blackman-harris", "sinc"),
-    *("lanczos3", "radial-lanczos3", "nuke-lanczos6", "mitchell", "bspline", "disk", "cubic"),
-    *("keys", "simon", "rifman"),
-)
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,7 @@ class Bilinear:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        _refuse_forward_map("bilinear", geometry)
+        refuse_forward_map("bilinear", geometry)
         return _OpenCV("linear")(source, geometry, shape, edge)
 
 
@@ -77,7 +72,7 @@ class Cubic:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        _refuse_forward_map("cubic", geometry)
+        refuse_forward_map("cubic", geometry)
         return _OpenCV("cubic")(source, geometry, shape, edge)
 
 
@@ -88,18 +83,18 @@ class Lanczos4:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        _refuse_forward_map("lanczos4", geometry)
+        refuse_forward_map("lanczos4", geometry)
         return _OpenCV("lanczos4")(source, geometry, shape, edge)
 
 
 @dataclass(frozen=True)
-class Area:
+class InterArea:
     """OpenCV's INTER_AREA, which means bilinear in a warp, whatever the name promises."""
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        _refuse_forward_map("area", geometry)
+        refuse_forward_map("area", geometry)
         return _OpenCV("area")(source, geometry, shape, edge)
 
 
@@ -114,87 +109,14 @@ class Supersampled:
     kernel: str = "cubic"  # or linear, lanczos4
 
     def __post_init__(self) -> None:
-        _check_count("n", self.n, 16)
-        _check_name("kernel", self.kernel, ("cubic", "linear", "lanczos4"))
+        check_count("n", self.n, 16)
+        check_name("kernel", self.kernel, ("cubic", "linear", "lanczos4"))
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        _refuse_forward_map("opencv-supersample", geometry)
+        refuse_forward_map("opencv-supersample", geometry)
         return _OpenCV(self.kernel, self.n)(source, geometry, shape, edge)
-
-
-@dataclass(frozen=True)
-class Mipmap:
-    """Trilinear mip mapping: box means as wide as the pixel is long in the source.
-
-    Around a transparent source there is nothing, in every level.
-    """
-
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        _refuse_forward_map("mipmap", geometry)
-        return _through_pyramid(source, geometry, shape, edge, 1)
-
-
-@dataclass(frozen=True)
-class Anisotropic:
-    """Anisotropic filtering as graphics cards do it, with up to `taps` readings per pixel.
-
-    Around a transparent source there is nothing, in every level.
-    """
-
-    taps: int = 16
-
-    def __post_init__(self) -> None:
-        _check_count("taps", self.taps, 32)
-
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        _refuse_forward_map("anisotropic", geometry)
-        return _through_pyramid(source, geometry, shape, edge, self.taps)
-
-
-@dataclass(frozen=True)
-class Warp:
-    """OpenImageIO's `ImageBufAlgo.warp`; takes minutes where the horizon is in the frame."""
-
-    filter: str = "lanczos3"
-
-    def __post_init__(self) -> None:
-        _check_name("filter", self.filter, OIIO_FILTERS)
-
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        if not isinstance(geometry, Homography):
-            raise ValueError("oiio takes a matrix; for maps use bilinear or hybrid")
-        is_hidden = np.isnan(source_coordinates(geometry, shape, source.shape[:2])[0])
-        ones = np.ones((*source.shape[:2], 1), np.float32)
-        texels = np.concatenate([source, ones], axis=2) if edge is Edge.TRANSPARENT else source
-        picture = self._warp(texels, geometry, shape, edge)
-        picture[is_hidden] = 0.0
-        if edge is Edge.TRANSPARENT:
-            return _finished(picture[..., :-1], picture[..., -1])
-        return Warped(picture, (~is_hidden).astype(np.float32))
-
-    def _warp(
-        self, texels: Floats, geometry: Homography, shape: tuple[int, int], edge: Edge
-    ) -> Floats:
-        import OpenImageIO
-
-        result = OpenImageIO.ImageBufAlgo.warp(
-            OpenImageIO.ImageBuf(texels),
-            tuple(geometry.matrix.T.ravel()),
-            filtername=self.filter,
-            wrap=OIIO_WRAPS[edge],
-            roi=OpenImageIO.ROI(0, shape[1], 0, shape[0], 0, 1, 0, texels.shape[2]),
-        )
-        if result.has_error:
-            raise ValueError(f"OpenImageIO cannot warp this: {result.geterror()}")
-        return np.asarray(result.get_pixels(OpenImageIO.FLOAT)).reshape(*shape, -1)
 
 
 class _Tile(NamedTuple):
@@ -270,7 +192,7 @@ class _OpenCV:
                 coverage[tile.place] = _mean(reader.read(ones, *flags), self.n)
             else:
                 coverage[tile.place] = reader.seen(self.n)
-        return _finished(image, coverage[..., 0])
+        return finished(image, coverage[..., 0])
 
     def _readers(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -285,7 +207,7 @@ class _OpenCV:
             for tile in _tiles(shape, side // self.n):
                 yield tile, self._through_matrix(matrix, tile, size, edge)
         elif isinstance(geometry, BackwardMap):
-            places = _places(geometry, shape)
+            places = places_of(geometry, shape)
             for tile in _tiles(shape, TILE // self.n):
                 x, y = _subpixels(places[(slice(None), *tile.place)], self.n)
                 yield tile, _by_map(x, y, size, edge)
@@ -336,30 +258,6 @@ def _is_near(matrix: Doubles, shape: tuple[int, int]) -> bool:
     return bool((w > 0).all() and (np.maximum(abs(u), abs(v)) < FARTHEST * w).all())
 
 
-def _places(geometry: BackwardMap, shape: tuple[int, int]) -> Doubles:
-    """Map (6, h, w): x, y, their change from column to column, and from row to row."""
-    x, y = source_coordinates(geometry, shape)
-    return np.stack([x, y, _step(x, 1), _step(y, 1), _step(x, 0), _step(y, 0)])
-
-
-def _step(position: Doubles, axis: int) -> Doubles:
-    """Change of a coordinate from pixel to pixel along an axis; 0 where no neighbour has one.
-
-    It is the mean of the steps to both neighbours unless they disagree much: at the seam of a
-    panorama or the edge of a fold the smaller one counts.
-    """
-    step = np.diff(position, axis=axis)
-    none = np.full_like(position.take([0], axis), np.nan)
-    before, after = np.concatenate([none, step], axis), np.concatenate([step, none], axis)
-    before, after = (
-        np.where(np.isnan(before), after, before),
-        np.where(np.isnan(after), before, after),
-    )
-    smaller = np.where(abs(before) < abs(after), before, after)
-    is_smooth = abs(before - after) <= 1.0 + abs(smaller)
-    return np.nan_to_num(np.where(is_smooth, (before + after) / 2, smaller))
-
-
 def _subpixels(places: Doubles, n: int) -> tuple[Doubles, Doubles]:
     """Source coordinates (h n, w n) of n × n sub-pixels per pixel."""
     offset = (np.arange(n) + 0.5) / n - 0.5
@@ -370,36 +268,6 @@ def _subpixels(places: Doubles, n: int) -> tuple[Doubles, Doubles]:
         (x + across_x * right + down_x * down).reshape(shape),
         (y + across_y * right + down_y * down).reshape(shape),
     )
-
-
-def _through_pyramid(
-    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, taps: int
-) -> Warped:
-    """Read box means with up to `taps` taps per pixel."""
-    from resample_texture.rivals.kernels.anisotropic import Reading, read_homography, read_map
-
-    image = np.zeros((*shape, source.shape[2]), np.float32)
-    coverage = np.zeros(shape, np.float32)
-    reading = Reading(taps, list(Edge).index(edge))
-    if isinstance(geometry, Homography):
-        inverse = np.linalg.inv(geometry.oriented(source.shape[:2])).astype(np.float64)
-        read_homography(*pyramid(source), inverse, reading, image, coverage)
-    elif isinstance(geometry, BackwardMap):
-        places = _places(geometry, shape)
-        read_map(*pyramid(source), places, reading, image, coverage)
-    return Warped(image, coverage)
-
-
-def _finished(image: Floats, coverage: Floats) -> Warped:
-    """Picture with its coverage brought into 0..1, both by the same factor.
-
-    At a transparent edge, negative lobes of a kernel take the warp of ones out of that range.
-    """
-    if coverage.min() < 0.0 or coverage.max() > 1.0:
-        bounded = coverage.clip(0.0, 1.0)
-        scale = np.divide(bounded, coverage, out=np.zeros_like(bounded), where=coverage > 0.0)
-        image, coverage = image * scale[..., None], bounded
-    return Warped(np.ascontiguousarray(image), np.ascontiguousarray(coverage))
 
 
 def _parts(source: Floats) -> list[slice]:
@@ -418,11 +286,6 @@ def _tiles(shape: tuple[int, int], side: int) -> Iterator[_Tile]:
             yield _Tile(top, left, min(side, height - top), min(side, width - left))
 
 
-def _refuse_forward_map(method: str, geometry: Geometry) -> None:
-    if isinstance(geometry, ForwardMap):
-        raise ValueError(f"{method} takes a matrix or a backward map; for forward maps use hybrid")
-
-
 def _check_size(shape: tuple[int, int]) -> None:
     height, width = shape
     if max(height, width) > LARGEST_SOURCE:
@@ -430,13 +293,3 @@ def _check_size(shape: tuple[int, int]) -> None:
             f"OpenCV cannot read {width} × {height} texels in this way, {LARGEST_SOURCE} a side is"
             " its limit; use hybrid, anisotropic or a smaller source"
         )
-
-
-def _check_count(name: str, count: Any, most: int) -> None:
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
-        raise ValueError(f"{name} is a whole number from 1 to {most}, not {count}")
-
-
-def _check_name(name: str, given: str, known: tuple[str, ...]) -> None:
-    if given not in known:
-        raise ValueError(f"unknown {name} {given!r}; known are {', '.join(known)}")

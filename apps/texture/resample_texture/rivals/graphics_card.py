@@ -1,0 +1,62 @@
+"""The ways that graphics cards read textures: pyramids of box means."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from resample.types import Floats
+from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
+from resample_texture.rivals.common import check_count, places_of, refuse_forward_map
+from resample_texture.texels.pyramid import pyramid
+from resample_texture.types import Edge, Warped
+
+
+@dataclass(frozen=True)
+class Mipmap:
+    """Trilinear mip mapping: box means as wide as the pixel is long in the source.
+
+    Around a transparent source there is nothing, in every level.
+    """
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        refuse_forward_map("mipmap", geometry)
+        return _through_pyramid(source, geometry, shape, edge, 1)
+
+
+@dataclass(frozen=True)
+class Anisotropic:
+    """Anisotropic filtering as graphics cards do it, with up to `taps` readings per pixel.
+
+    Around a transparent source there is nothing, in every level.
+    """
+
+    taps: int = 16
+
+    def __post_init__(self) -> None:
+        check_count("taps", self.taps, 32)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        refuse_forward_map("anisotropic", geometry)
+        return _through_pyramid(source, geometry, shape, edge, self.taps)
+
+
+def _through_pyramid(
+    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, taps: int
+) -> Warped:
+    """Read box means with up to `taps` taps per pixel."""
+    from resample_texture.rivals.kernels.anisotropic import Reading, read_homography, read_map
+
+    image = np.zeros((*shape, source.shape[2]), np.float32)
+    coverage = np.zeros(shape, np.float32)
+    reading = Reading(taps, list(Edge).index(edge))
+    if isinstance(geometry, Homography):
+        inverse = np.linalg.inv(geometry.oriented(source.shape[:2])).astype(np.float64)
+        read_homography(*pyramid(source), inverse, reading, image, coverage)
+    elif isinstance(geometry, BackwardMap):
+        places = places_of(geometry, shape)
+        read_map(*pyramid(source), places, reading, image, coverage)
+    return Warped(image, coverage)

@@ -1,1 +1,0 @@
-"""Cameras around a volume, and their ways."""

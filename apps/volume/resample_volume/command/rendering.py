@@ -1,0 +1,86 @@
+"""A volume made ready once and painted as often as is asked for."""
+
+from collections.abc import Callable
+from typing import Any
+
+from resample.cameras.models import AnyCamera
+from resample.command.console import progress_bar, say
+from resample.command.session import Session, announce_compilation
+from resample.profiles.orders import Summing
+from resample.resampler import Footprint, Primitive, Resampler
+from resample.types import Doubles, Field, Frame, Samples
+from resample_volume.rendering import Appearance, Subject, check_together
+from resample_volume.types import Volume
+
+BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
+
+
+def subject_of(
+    session: Session, volume: Volume, appearance: Appearance, resampler: Resampler
+) -> Subject:
+    """Volume made ready for a renderer."""
+    check_together(resampler, appearance.classification, appearance.extras)
+    announce_compilation(painter(resampler))
+    with session.stage("classify"):
+        subject = Subject.of(volume, appearance, resampler)
+    if subject.is_empty:
+        say("nothing to see: all voxels are transparent, missing or cut away")
+    return subject
+
+
+def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field:
+    """What a camera sees of a subject."""
+    with session.stage("shade"):
+        return subject.seen_by(camera)
+
+
+def painted(
+    session: Session,
+    resampler: Resampler,
+    samples: Samples | Field,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    threads: int | None = None,
+    clip: Doubles | None = None,
+) -> Frame:
+    """Picture (height, width) of samples, with a bar while it takes long."""
+    with progress_bar("painting") as progress:
+        frame = resampler(
+            samples,
+            camera,
+            height=size[0],
+            width=size[1],
+            threads=threads,
+            progress=progress,
+            clip=clip,
+        )
+    for name, seconds in frame.statistics.seconds.items():
+        session.seconds[name] = seconds
+    return frame
+
+
+def report(session: Session, frame: Frame) -> dict[str, Any]:
+    """Counts and times, for `--stats`."""
+    counts = frame.statistics
+    return {
+        "samples": counts.samples,
+        "points": counts.points,
+        "splats": counts.splats,
+        "splat_fraction": counts.splat_fraction,
+        "hidden": counts.hidden,
+        "subpixels": counts.subpixels,
+        "seconds": session.times(),
+    }
+
+
+def painter(resampler: Resampler) -> Callable[..., None]:
+    """Kernel that takes longest to compile."""
+    from resample.engine.ellipsoids.deferred import paint_runs
+    from resample.engine.paint import paint_tiles
+    from resample.engine.slabs.sheets import paint_sheet_tiles
+
+    if resampler.order.summing is not Summing.POINTS:
+        return paint_sheet_tiles
+    is_exact = resampler.footprint in (None, Footprint.EXACT)
+    is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
+    return paint_runs if is_exact and is_plain else paint_tiles

@@ -1,1 +1,0 @@
-"""Calibrated cameras, their lenses and poses, and files of them."""

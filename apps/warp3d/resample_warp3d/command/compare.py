@@ -1,0 +1,87 @@
+"""Methods beside each other and beside the truth, of the command line's files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from resample.command.session import Session
+from resample.files.animations import write_film
+from resample.files.pictures import Kind, Picture
+from resample_warp3d.command.animation import Range, poses_of, shots
+from resample_warp3d.command.choices import Aim, Shape, Warping
+from resample_warp3d.command.inputs import DepthView, Reader, TrueView, read_truth, read_view
+from resample_warp3d.command.rendering import announce, film_of
+from resample_warp3d.depth.equation import between
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.types import Equation, Source
+
+if TYPE_CHECKING:
+    from resample_warp3d.showing.compare import Comparison
+    from resample_warp3d.showing.figures import Figure
+
+DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
+
+
+def compare_files(given: TrueView, reader: Reader, aim: Aim, names: Sequence[str]) -> "Comparison":
+    """Methods compared with a true picture.
+
+    Parameters
+    ----------
+    given
+        Files, all but the mask there.
+    reader, aim
+        How they are understood, and from where the true picture was taken.
+    names
+        Methods.
+
+    Raises
+    ------
+    OSError, ValueError, LookupError
+        A file cannot be read, or a choice cannot be worked with.
+    """
+    from resample_warp3d.showing.compare import compare_view
+
+    truth = read_truth(Path(str(given.truth)), given.mask)
+    size = f"{truth.color.shape[1]}x{truth.color.shape[0]}"
+    if aim.size not in (None, size):
+        raise ValueError(f"{given.truth} has {size} pixels; leave out the size")
+    seen = read_view(reader, str(given.color), str(given.depth))
+    source, equation, _ = _placed(seen, reader, aim.model_copy(update={"size": size}))
+    return compare_view(source, equation, truth.color, truth.mask, names)
+
+
+def figure_of_files(
+    files: tuple[str, str], reader: Reader, aim: Aim, names: Sequence[str]
+) -> "Figure":
+    """The paper's Figure 6 of color and depth files; see `compare_files`."""
+    from resample_warp3d.showing.figures import figure_of
+
+    source, equation, shape = _placed(read_view(reader, *files), reader, aim)
+    return figure_of(source, equation, shape, names)
+
+
+def _placed(seen: DepthView, reader: Reader, aim: Aim) -> tuple[Source, Equation, Shape]:
+    """Prepared source, equation that leads to its new view, and the frame of that."""
+    full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
+    target = aim.camera(seen.camera, full, reader.eye.convention)
+    announce()
+    return prepare(seen.image, step=seen.step), between(seen.camera, target), aim.shape(full)
+
+
+def write_demo(folder: Path) -> None:
+    """Write a figure of the generated scene and an animation in it."""
+    from resample_warp3d.showing.figures import generated_figure, write_figures
+    from resample_warp3d.showing.scenes import generated
+
+    announce()
+    write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid", "mcmillan")))
+    scene, session, choice = generated(DEMO_SIZE), Session(), Warping()
+    image = scene.depth_image()
+    kind = Kind(("R", "G", "B"), 8, is_encoded=True)
+    view = DepthView(Picture(image.color, kind), image, scene.source, None)
+    film = film_of(session, view, scene.shape, choice, (0.0, 0.0, 0.0))
+    distance = Range.of(image.nearness)
+    poses = poses_of("sway", DEMO_FRAMES, None, scene.source.world_to_camera, distance)
+    with session.stage("film", bar="moving") as progress:
+        made = shots(poses, scene.source, film.frame, film.job)
+        write_film(folder / "sway.gif", made, DEMO_FPS, progress=progress)

@@ -1,0 +1,180 @@
+"""Any way to warp under any pixel filter: painted on parts of pixels, composited, filtered last.
+
+What a pixel shows and how much of it is covered are filtered alike. How far it is and by how much
+it is magnified are those of its own square, under any filter: the middle by nearness of its parts.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from resample.profiles.filters import PixelFilter
+from resample.profiles.subpixels import Strip, Subpixels, subpixels_of
+from resample.types import Floats
+from resample_warp3d.methods.hybrid import Hybrid, empty
+from resample_warp3d.sheet.holes import bridged
+from resample_warp3d.types import Equation, Method, Rendered, Source
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TRACE = 1e-4  # coverage below which a pixel is empty
+
+
+class Shown(NamedTuple):
+    """A picture under its filter, and the same by the squares of its pixels."""
+
+    image: Floats  # (H, W, C)
+    coverage: Floats  # (H, W, 1)
+    squares: Rendered  # of the picture and of the margin that the filter reads around it
+
+
+def filtered(
+    method: Method,
+    pixel_filter: PixelFilter,
+    source: Source,
+    equation: Equation,
+    shape: tuple[int, int],
+) -> Rendered:
+    """Warp a prepared source into a frame of (height, width) px under a pixel filter.
+
+    Raises
+    ------
+    ValueError
+        The method copies samples to whole pixels, or colors are names; neither can be filtered.
+    """
+    parts = subpixels_of(pixel_filter)
+    if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
+        return method(source, equation, shape)
+    check_method(method)
+    shown = _painted(method, parts, source, equation, shape)
+    if isinstance(method, Hybrid):
+        shown = _closed(shown, parts)
+    return _concluded(shown, parts, is_whole=getattr(method, "is_whole", False))
+
+
+def check_method(method: Method) -> None:
+    """Refuse methods that no filter can be applied to.
+
+    Raises
+    ------
+    ValueError
+        As `filtered`.
+    """
+    if getattr(method, "is_per_pixel", False):
+        name = type(method).__name__
+        raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
+    if getattr(method, "labels", False):
+        raise ValueError("labels are not mixed; leave out the pixel filter")
+
+
+def _painted(
+    method: Method, parts: Subpixels, source: Source, equation: Equation, shape: tuple[int, int]
+) -> Shown:
+    """What a method paints on sub-pixels, filtered, strip by strip."""
+    from resample.engine.surfaces.resolve import resolve_rows
+
+    paint = method.layers if isinstance(method, Hybrid) else method
+    around = shape[0] + 2 * parts.margin, shape[1] + 2 * parts.margin
+    channels = source.color.shape[2]
+    image, coverage = (np.empty((*shape, count), np.float32) for count in (channels, 1))
+    squares = empty(around, channels)
+    for strip in parts.strips(shape):
+        moved = Equation(strip.matrix @ equation.matrix, strip.matrix @ equation.epipole)
+        fine = paint(source, moved, strip.shape)
+        rows = slice(strip.first, strip.last)
+        resolve_rows(_flat(fine.image), parts.weight, parts.count, image[rows])
+        resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])
+        _see_squares(fine, parts, strip, squares)
+    return Shown(image, coverage, squares)
+
+
+def _see_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
+    """Fill in what a strip's pixels and those around it show in their own squares."""
+    from resample.engine.surfaces.resolve import middle_of_rows, resolve_rows
+
+    n, rows = parts.count, slice(strip.first, strip.last + 2 * parts.margin)
+    mean = np.full(n, 1.0 / n, np.float32)
+    resolve_rows(_flat(fine.image), mean, n, squares.image[rows])
+    resolve_rows(fine.coverage, mean, n, squares.coverage[rows][..., None])
+    middle_of_rows(
+        fine.nearness, fine.magnification, n, squares.nearness[rows], squares.magnification[rows]
+    )
+    squares.magnification[rows] /= np.float32(n * n)
+    height, width = squares.bridged[rows].shape
+    bridges = fine.bridged.reshape(height, n, width, n).sum(axis=(1, 3))
+    seen = (fine.coverage > 0).reshape(height, n, width, n).sum(axis=(1, 3))
+    squares.bridged[rows] = (bridges > 0) & (2 * bridges >= seen)
+
+
+def _closed(shown: Shown, parts: Subpixels) -> Shown:
+    """Picture whose narrow gaps are closed as those of pixels' squares are.
+
+    What closes a gap lies evenly over its pixel, and is filtered like all else.
+    """
+    from resample.engine.surfaces.resolve import resolve_rows
+
+    squares = shown.squares
+    closed = bridged(squares._replace(image=squares.image.copy(), nearness=squares.nearness.copy()))
+    for picture, before, after in (
+        (shown.image, squares.image, closed.image),
+        (shown.coverage, squares.coverage, closed.coverage),
+    ):
+        more, added = np.empty_like(picture), after - before
+        resolve_rows(_flat(added), parts.per_pixel, 1, more)
+        picture[:] = picture + more
+    return shown._replace(squares=closed)
+
+
+def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
+    """Picture with coverage within 0..1, and with a nearness wherever something is.
+
+    Filters with negative weights overshoot at edges: light goes with the coverage, so that what has
+    one color keeps it. With `is_whole` pixels are covered wholly wherever they are at all.
+    """
+    total = shown.coverage[..., 0]
+    is_seen = total > TRACE
+    coverage = np.where(is_seen, np.float32(1) if is_whole else np.minimum(total, 1), 0)
+    share = np.divide(coverage, total, out=np.zeros_like(total), where=is_seen)
+    nearness, magnification = _nearest(shown.squares, is_seen, parts.margin)
+    inner = _inner(parts.margin, total.shape)
+    return Rendered(
+        shown.image * share[..., None].astype(np.float32),
+        coverage.astype(np.float32),
+        nearness,
+        magnification,
+        shown.squares.bridged[inner] & is_seen,
+    )
+
+
+def _nearest(squares: Rendered, is_seen: "NDArray[np.bool_]", margin: int) -> tuple[Floats, Floats]:
+    """Nearness and magnification of all pixels that are seen.
+
+    Of pixels whose own squares are empty, those of the nearest pixel that the filter reads.
+    """
+    steps = np.arange(-margin, margin + 1)
+    offsets = sorted(
+        ((int(y), int(x)) for y in steps for x in steps), key=lambda at: at[0] ** 2 + at[1] ** 2
+    )
+    nearness, magnification = (np.zeros(is_seen.shape, np.float32) for _ in range(2))
+    for down, right in offsets:
+        missing = is_seen & (nearness <= 0)
+        if not missing.any():
+            break
+        there = _inner(margin, is_seen.shape, down, right)
+        nearness[missing] = squares.nearness[there][missing]
+        magnification[missing] = squares.magnification[there][missing]
+    return nearness, magnification
+
+
+def _inner(
+    margin: int, shape: tuple[int, ...], down: int = 0, right: int = 0
+) -> tuple[slice, slice]:
+    """Where a picture, moved by some pixels, lies in its surroundings."""
+    top, left = margin + down, margin + right
+    return slice(top, top + shape[0]), slice(left, left + shape[1])
+
+
+def _flat(picture: Floats) -> Floats:
+    """Picture (H, W[, C]) with channels side by side, (H, W C)."""
+    return np.ascontiguousarray(picture.reshape(picture.shape[0], -1))

@@ -1,0 +1,165 @@
+"""Where cameras stand: rigid poses that map world to camera, and how other programs write them.
+
+A camera looks along +z with x to the right and y down.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resample.types import Doubles
+
+ROUNDED = 2e-4  # largest error of R Rᵀ that four decimals in a text file leave
+QUATERNION = 1e-3  # error of a quaternion's length that three decimals leave
+OPENGL_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Doubles:
+    """Pose (4, 4) of a camera at `eye` that looks at `target` with `up` upwards in the picture.
+
+    Raises
+    ------
+    ValueError
+        Eye and target coincide, or a vector is not finite. `up` along the view is replaced by the
+        axis farthest from it.
+    """
+    place = np.asarray(eye, np.float64)
+    forward = np.asarray(target, np.float64) - place
+    upward = np.asarray(up, np.float64)
+    length = np.linalg.norm(forward)
+    if not (np.isfinite(length) and length > 0 and np.isfinite(upward).all()):
+        raise ValueError(f"a camera at {eye!r} cannot look at {target!r}")
+    forward /= length
+    right = np.cross(forward, upward)
+    if np.linalg.norm(right) < 1e-9 * max(1.0, float(np.linalg.norm(upward))):
+        right = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward))])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = -rotation @ place
+    return pose
+
+
+def orbit(
+    target: ArrayLike, distance: float, azimuth: float, elevation: float, up: str = "z"
+) -> Doubles:
+    """Pose (4, 4) of a camera on a sphere around `target`.
+
+    Parameters
+    ----------
+    target
+        (3,) point in the middle of the picture, scene units.
+    distance
+        Radius of the sphere, scene units, above 0.
+    azimuth, elevation
+        Degrees. At 0, 0 with `up` z the camera stands on the −y side and sees x to the right;
+        growing azimuth walks it toward +x, growing elevation lifts it.
+    up
+        Axis that points upwards in the picture: x, y, z, −x, −y or −z.
+    """
+    upward, aside, front = _axes(up)
+    a, e = np.radians(azimuth), np.radians(elevation)
+    outward = np.cos(e) * (np.sin(a) * aside + np.cos(a) * front) + np.sin(e) * upward
+    if abs(elevation) % 180 == 90:  # straight above: what was beyond comes up
+        upward = -np.sign(np.sin(e)) * (np.sin(a) * aside + np.cos(a) * front)
+    elif np.cos(e) < 0:  # past the pole
+        upward = -upward
+    place = np.asarray(target, np.float64) + distance * outward
+    return look_at(place, target, upward)
+
+
+def rigid(pose: ArrayLike) -> Doubles:
+    """Pose (4, 4), checked to be a rotation and a shift, without its errors of rounding.
+
+    Parameters
+    ----------
+    pose
+        (3, 4) or (4, 4).
+
+    Raises
+    ------
+    ValueError
+        It is not rigid; the message says how far it is.
+    """
+    given = np.array(pose, np.float64)
+    if given.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
+    if not np.isfinite(given).all():
+        raise ValueError(f"a pose has finite numbers, not {given.tolist()}")
+    if len(given) == 4 and not np.array_equal(given[3], [0.0, 0.0, 0.0, 1.0]):
+        raise ValueError(
+            f"a pose's last row is 0 0 0 1, not {' '.join(f'{number:g}' for number in given[3])};"
+            " is it transposed?"
+        )
+    full = np.eye(4)
+    full[:3, 3] = given[:3, 3]
+    full[:3, :3] = _rotation(given[:3, :3])
+    return full
+
+
+def camera_to_world(pose: ArrayLike) -> Doubles:
+    """Pose (4, 4) the other way round; of a camera-to-world pose, the world-to-camera one."""
+    given = rigid(pose)
+    back = np.eye(4)
+    back[:3, :3] = given[:3, :3].T
+    back[:3, 3] = -given[:3, :3].T @ given[:3, 3]
+    return back
+
+
+def from_opengl(pose: ArrayLike) -> Doubles:
+    """Pose of a camera-to-world one whose camera has y up and looks along −z (OpenGL, NeRF)."""
+    return OPENGL_AXES @ camera_to_world(pose)
+
+
+def from_quaternion(numbers: Sequence[float]) -> Doubles:
+    """Rotation (3, 3) of x, y, z, w.
+
+    Raises
+    ------
+    ValueError
+        Its length is not 1.
+    """
+    given = np.array(numbers, np.float64)
+    length = float(np.linalg.norm(given))
+    if not abs(length - 1.0) <= QUATERNION:
+        raise ValueError(f"the quaternion {given.tolist()} has length {length:.4g} instead of 1")
+    x, y, z, w = given / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _axes(up: str) -> tuple[Doubles, Doubles, Doubles]:
+    """Unit vectors upward, to the right and toward the camera at azimuth 0; right-handed."""
+    name = up.replace("−", "-")
+    if name.removeprefix("-") not in ("x", "y", "z"):
+        raise ValueError(f"up is {up!r}; it can be x, y, z, -x, -y or -z")
+    axis = "xyz".index(name[-1])
+    sign = -1.0 if name.startswith("-") else 1.0
+    upward = sign * np.eye(3)[axis]
+    aside = np.eye(3)[(axis + 1) % 3]
+    return upward, aside, np.cross(aside, upward)
+
+
+def _rotation(given: Doubles) -> Doubles:
+    """Rotation nearest to a matrix (3, 3) that is one but for rounding."""
+    deviation = float(np.abs(given @ given.T - np.eye(3)).max())
+    if deviation > ROUNDED:
+        raise ValueError(
+            f"the pose's rotation is not orthonormal: R Rᵀ is off by up to {deviation:.3g}, allowed"
+            f" is {ROUNDED:g}; take out scale and shear"
+        )
+    if np.linalg.det(given) < 0:
+        raise ValueError(
+            "the pose mirrors the scene (determinant −1); turn one axis of the camera round"
+        )
+    if deviation < 1e-14:
+        return given
+    left, _, right = np.linalg.svd(given)
+    return np.asarray(left @ right, np.float64)

@@ -1,0 +1,124 @@
+"""Poses alone, as the usual programs write them: matrices, TUM, ICL-NUIM, Open3D.
+
+Whatever a file's convention, what comes out maps world to camera, with x to the right, y down and
+the view along +z.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.cameras.poses import camera_to_world, from_quaternion, rigid
+from resample.types import Doubles
+from resample.words import naming, text_of
+
+SEPARATOR = re.compile(r"[\s,;\[\]()]+")
+
+
+class Shot(NamedTuple):
+    """One picture of a file of poses."""
+
+    name: str  # the picture's file or time; empty where a file has none
+    pose: Doubles  # (4, 4) world to camera
+    camera: Camera | None = None  # with that pose; None where the file has no intrinsics
+    shape: tuple[int, int] | None = None  # height and width that the intrinsics are for, px
+
+
+class Line(NamedTuple):
+    """Words of a line of text."""
+
+    number: int  # from 1
+    words: list[str]
+
+
+def read_matrices(path: Path) -> list[Shot]:
+    """World-to-camera matrices: NPY of (..., 3 or 4, 4), or text, one of 3 × 4 or many of 4 × 4."""
+    is_npy = path.suffix.lower() == ".npy"
+    shots = []
+    for n, matrix in enumerate(_npy_matrices(path) if is_npy else _text_matrices(path)):
+        with naming(f"{path}: pose {n}"):
+            shots.append(Shot("", rigid(matrix)))
+    return shots
+
+
+def read_tum(path: Path) -> list[Shot]:
+    """Camera-to-world: time, tx, ty, tz, qx, qy, qz, qw in each line (TUM RGB-D)."""
+    lines = lines_of(path)
+    poses = _quaternion_poses(path, lines, table_of(path, lines, 8)[:, 1:])
+    return [Shot(line.words[0], pose) for line, pose in zip(lines, poses, strict=True)]
+
+
+def read_icl(path: Path) -> list[Shot]:
+    """Camera-to-world: tx, ty, tz, qx, qy, qz, qw in each line (as ICL-NUIM's in slambook)."""
+    lines = lines_of(path)
+    return [Shot("", pose) for pose in _quaternion_poses(path, lines, table_of(path, lines, 7))]
+
+
+def read_log(path: Path) -> list[Shot]:
+    """Camera-to-world: a line of three numbers and a 4 × 4 matrix for each (Open3D)."""
+    lines = lines_of(path)
+    if [len(line.words) for line in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
+        raise ValueError(f"{path} is no trajectory: each pose has a line of 3 numbers and 4 of 4")
+    rows = [line for n, line in enumerate(lines) if n % 5]
+    shots = []
+    for n, matrix in enumerate(table_of(path, rows, 4).reshape(-1, 4, 4)):
+        with naming(f"{path}: pose {n}"):
+            shots.append(Shot("", camera_to_world(matrix)))
+    return shots
+
+
+def _npy_matrices(path: Path) -> Doubles:
+    """Matrices (N, rows, columns) of an NPY."""
+    with naming(str(path)), path.open("rb") as file:
+        given = np.lib.format.read_array(file, allow_pickle=False)
+    if given.ndim < 2 or given.dtype.kind not in "uif" or not given.size:
+        raise ValueError(f"{path} holds {given.dtype} of shape {given.shape}, not (3, 4) or (4, 4)")
+    return given.reshape(-1, *given.shape[-2:]).astype(np.float64)
+
+
+# Text.
+
+
+def _text_matrices(path: Path) -> Doubles:
+    """Matrices (N, 3 or 4, 4) of a text."""
+    lines = lines_of(path)
+    numbers = table_of(path, lines, 4)
+    if len(lines) != 3 and (len(lines) % 4 or not lines):
+        raise ValueError(f"{path} has {len(lines)} rows of 4 numbers; a pose has 3 or 4")
+    return numbers.reshape(-1, 3 if len(lines) == 3 else 4, 4)
+
+
+def lines_of(path: Path) -> list[Line]:
+    """Lines that are neither empty nor comments."""
+    lines = []
+    for number, line in enumerate(text_of(path).splitlines(), 1):
+        words = [word for word in SEPARATOR.split(line.partition("#")[0]) if word]
+        if words:
+            lines.append(Line(number, words))
+    return lines
+
+
+def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
+    """Numbers of lines, (lines, count)."""
+    rows = np.empty((len(lines), count))
+    for n, line in enumerate(lines):
+        if len(line.words) != count:
+            raise ValueError(
+                f"{path}: line {line.number} has {len(line.words)} numbers instead of {count}"
+            )
+        with naming(f"{path}: line {line.number}"):
+            rows[n] = [float(word) for word in line.words]
+    return rows
+
+
+def _quaternion_poses(path: Path, lines: Sequence[Line], numbers: Doubles) -> list[Doubles]:
+    """Poses of camera-to-world tx, ty, tz, qx, qy, qz, qw."""
+    poses = []
+    for line, row in zip(lines, numbers, strict=True):
+        with naming(f"{path}: line {line.number}"):
+            poses.append(camera_to_world(np.column_stack([from_quaternion(row[3:]), row[:3]])))
+    return poses

@@ -1,0 +1,134 @@
+"""Where something is seen from, before it is known how large the picture is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from resample.cameras.models import AnyCamera, Camera, Orthographic
+from resample.cameras.poses import look_at, orbit
+from resample.types import Doubles
+
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+class Sphere(NamedTuple):
+    """A ball that holds what is to be seen."""
+
+    center: Doubles  # (3,) scene units
+    radius: float  # scene units, > 0
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A camera on a sphere around the middle of what is to be seen.
+
+    Parameters
+    ----------
+    azimuth, elevation
+        Degrees; see `resample.cameras.poses.orbit`.
+    zoom
+        At 1 the sphere around all that is to be seen just fits the picture; at 2 the camera is at
+        half the distance, and a parallel one shows everything at twice the size.
+    fov
+        Degrees along the picture's shorter side; 0 is parallel projection.
+    up
+        Axis that points upwards: x, y, z, -x, -y or -z.
+
+    Raises
+    ------
+    ValueError
+        The zoom is not between 1e-6 and 1e6, the field of view is not in 0 to 180, an angle is not
+        finite, or `up` is no axis.
+    """
+
+    azimuth: float = 30.0
+    elevation: float = 20.0
+    zoom: float = 1.0
+    fov: float = 30.0
+    up: str = "z"
+
+    def __post_init__(self) -> None:
+        if not 1e-6 <= self.zoom <= 1e6:  # beyond, float32 has no digits left
+            raise ValueError(f"a zoom of {self.zoom:g}; it must be above 0, 1e-06 to 1e+06")
+        if not 0 <= self.fov < 180:
+            raise ValueError(f"a field of view of {self.fov} degrees; 0 to below 180 are allowed")
+        if not abs(self.azimuth) + abs(self.elevation) < float("inf"):
+            raise ValueError(
+                f"azimuth {self.azimuth}, elevation {self.elevation}; both must be finite"
+            )
+        if self.up not in AXES:
+            raise ValueError(f"up is {self.up!r}; it can be {', '.join(AXES)}")
+
+    def around(self, sphere: Sphere, height: int, width: int) -> Camera | Orthographic:
+        """Camera for a picture of that size in px."""
+        center, radius = sphere
+        if self.fov == 0:
+            scale = min(height, width) / (2 * radius) * self.zoom
+            pose = orbit(center, 2 * radius, self.azimuth, self.elevation, self.up)
+            return Orthographic(scale, scale, width / 2, height / 2, pose)
+        distance = radius / np.sin(np.radians(self.fov) / 2) / self.zoom
+        pose = orbit(center, distance, self.azimuth, self.elevation, self.up)
+        return Camera.from_fov(self.fov, height, width, pose)
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A camera at a place in the scene, for a picture of any size."""
+
+    eye: Sequence[float]  # (3,) scene units
+    target: Sequence[float]  # (3,) scene units
+    up: Sequence[float]  # (3,)
+    fov: float  # degrees along the picture's shorter side
+    near: float  # scene units
+
+    def sized(self, height: int, width: int) -> Camera:
+        """Camera for a picture of that size in px."""
+        pose = look_at(self.eye, self.target, self.up)
+        return Camera.from_fov(self.fov, height, width, pose, self.near)
+
+    @classmethod
+    def of(cls, world_to_camera: Doubles, fov: float) -> "Spot":
+        """Camera of a pose (4, 4) that sees `fov` degrees."""
+        rotation, shift = world_to_camera[:3, :3], world_to_camera[:3, 3]
+        eye = -rotation.T @ shift
+        return cls(eye.tolist(), (eye + rotation[2]).tolist(), (-rotation[1]).tolist(), fov, 0.0)
+
+
+class Calibrated(NamedTuple):
+    """A camera whose intrinsics are for pictures of one size."""
+
+    camera: Camera
+    shape: tuple[int, int]  # height and width, px
+
+    def sized(self, height: int, width: int) -> Camera:
+        """Camera of the same view for a picture of that size in px."""
+        return self.camera.resized(self.shape, (height, width))
+
+
+Viewpoint: TypeAlias = Orbit | Spot | Calibrated | AnyCamera
+
+
+def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
+    """Camera of a viewpoint for a picture of that size in px.
+
+    Parameters
+    ----------
+    viewpoint
+        Where from.
+    sphere
+        What `Orbit` goes around.
+    height, width
+        Of the picture, px.
+
+    Raises
+    ------
+    ValueError
+        There is no such camera.
+    """
+    if isinstance(viewpoint, Orbit):
+        return viewpoint.around(sphere, height, width)
+    if isinstance(viewpoint, Spot | Calibrated):
+        return viewpoint.sized(height, width)
+    return viewpoint

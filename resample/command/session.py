@@ -1,0 +1,76 @@
+"""A run of a command line: its stages timed, and what the user is told while it works."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+
+from resample.command.console import Progress, progress_bar, say
+from resample.memory import require_memory
+
+
+@dataclass
+class Session:
+    """Stages of a run, timed; what the user should know goes to stderr."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:
+        """Book the time of a block under a name.
+
+        Parameters
+        ----------
+        name
+            What the time is booked under.
+        bar
+            What a bar on the terminal says the while; None shows none.
+
+        Yields
+        ------
+        What tells the bar the share of the work that is done, if there is one.
+        """
+        shown: AbstractContextManager[Progress | None]
+        shown = nullcontext() if bar is None else progress_bar(bar)
+        start = time.perf_counter()
+        with shown as progress:
+            yield progress
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def times(self) -> dict[str, float]:
+        """Seconds of all stages, for `--stats`."""
+        return {name: round(seconds, 6) for name, seconds in self.seconds.items()}
+
+
+def announce_compilation(kernel: Callable[..., object]) -> None:
+    """Say that the first run takes longer, if it is one: if a kernel is not on disk yet.
+
+    Parameters
+    ----------
+    kernel
+        The one that takes longest to compile of those that will run.
+    """
+    from resample.engine.jit import is_stored
+
+    if not is_stored(kernel):
+        say("compiling kernels, once per installation: about 20 seconds")
+
+
+def require_picture(shape: tuple[int, int], bytes_per_pixel: int) -> None:
+    """Refuse a picture (height, width) that this machine cannot hold, before any work is done.
+
+    Parameters
+    ----------
+    shape
+        Height and width, px.
+    bytes_per_pixel
+        Of the picture and the copies that are made when it is painted and written.
+
+    Raises
+    ------
+    ValueError
+        The machine has less memory than that.
+    """
+    height, width = shape
+    what = f"a picture of {width} x {height} pixels"
+    require_memory(bytes_per_pixel * height * width, what, "take a smaller size")

@@ -1,0 +1,125 @@
+"""Parts of a source summed side by side, then band by band; and sums resolved to pixels.
+
+Every part adds its cells to pixels of its own, so parts may run on any thread; then each band of
+rows of the picture adds the parts' pixels in the order of the parts. Hence the same bits for any
+number of threads.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP, bands, met
+from resample.engine.jit import Counter, kernel, parallel_kernel
+from resample.types import Doubles, Floats
+
+Integers = NDArray[np.int64]
+
+BAND = 16  # rows of the picture that one thread sums at a time
+
+
+class Border(NamedTuple):
+    """Where a source fills pixels, so that sums may be divided by their weights."""
+
+    lines: Doubles  # (N, 3) its edges on screen; the product with (x, y, 1) is positive inside
+    reach: float  # px, radius of the pixel filter
+    full: float  # weight from which on a pixel counts as filled wherever it lies
+
+
+class Means(NamedTuple):
+    """Where means are written to."""
+
+    image: Floats  # (height, width, C)
+    coverage: Floats  # (height, width)
+    first: int  # channel of the image
+
+
+@kernel
+def offsets(bounds: Integers, lanes: int) -> Integers:
+    """Where the sums of each part begin (B + 1,)."""
+    start = np.zeros(bounds.shape[0] + 1, np.int64)
+    for n in range(bounds.shape[0]):
+        height = bounds[n, BOTTOM] - bounds[n, TOP]
+        width = bounds[n, RIGHT] - bounds[n, LEFT]
+        start[n + 1] = start[n] + height * width * lanes
+    return start
+
+
+@kernel
+def _collect_band(
+    bounds: Integers, start: Integers, sums: Floats, picture: Floats, rows: tuple[int, int]
+) -> None:
+    """Add what parts have for some rows of the picture."""
+    lanes, columns = picture.shape[2], picture.shape[1]
+    for n in met(bounds, rows, columns):
+        left, top = bounds[n, LEFT], bounds[n, TOP]
+        width = bounds[n, RIGHT] - left
+        from_column, to_column = max(left, 0), min(bounds[n, RIGHT], columns)
+        for row in range(max(top, rows[0]), min(bounds[n, BOTTOM], rows[1])):
+            at = start[n] + ((row - top) * width - left) * lanes
+            for column in range(from_column, to_column):
+                for lane in range(lanes):
+                    picture[row, column, lane] += sums[at + column * lanes + lane]
+
+
+@parallel_kernel
+def collect(
+    counter: Counter, bounds: Integers, start: Integers, sums: Floats, picture: Floats
+) -> None:
+    """Add all parts' pixels to the picture's (height, width, lanes)."""
+    for rows in bands(counter, picture.shape[0], BAND):
+        _collect_band(bounds, start, sums, picture, rows)
+
+
+@kernel
+def _inner_columns(border: Border, y: float, width: int) -> tuple[int, int]:
+    """First and last + 1 of a row's pixels around which, `reach` px wide, all lines are kept."""
+    lines, reach = border.lines, border.reach
+    first, last = 0.0, float(width)
+    for line in range(lines.shape[0]):
+        a = lines[line, 0]
+        rest = lines[line, 1] * y + lines[line, 2] - reach * (abs(a) + abs(lines[line, 1]))
+        if a > 0.0:
+            first = max(first, math.floor(min(max(-rest / a - 0.5, -1.0), last)) + 1.0)
+        elif a < 0.0:
+            last = min(last, math.ceil(min(max(-rest / a - 0.5, 0.0), last)))
+        elif rest <= 0.0:
+            return 0, 0
+    return int(min(first, width)), int(max(last, 0.0))
+
+
+@kernel
+def _finish_band(
+    picture: Floats, border: Border, is_sum: bool, rows: tuple[int, int], means: Means
+) -> None:
+    """Divide some rows by their weight, where nothing beyond the source's edges is seen."""
+    image, coverage, first = means
+    weight_at = picture.shape[2] - 1
+    zero, one = np.float32(0), np.float32(1)
+    for row in range(rows[0], rows[1]):
+        inner = _inner_columns(border, row + 0.5, picture.shape[1])
+        for column in range(picture.shape[1]):
+            weight = picture[row, column, weight_at]
+            is_full = weight > zero and (weight >= border.full or inner[0] <= column < inner[1])
+            coverage[row, column] = one if is_full else min(max(weight, zero), one)
+            is_mean = (is_full or weight > one) and not is_sum
+            share = one / weight if is_mean else one
+            for lane in range(weight_at):
+                image[row, column, first + lane] = picture[row, column, lane] * share
+
+
+@parallel_kernel
+def finish(counter: Counter, picture: Floats, border: Border, is_sum: bool, means: Means) -> None:
+    """Means from sums: pixels that see the source alone are divided by their weight.
+
+    Parameters
+    ----------
+    picture
+        (height, width, lanes) sums of some channels and, last, of weights.
+    is_sum
+        Sums are what is wanted.
+    """
+    for rows in bands(counter, picture.shape[0], BAND):
+        _finish_band(picture, border, is_sum, rows, means)

@@ -1,0 +1,57 @@
+"""Static roles: functions whose body is chosen while a kernel is compiled.
+
+The engine owns the loops; what is placed in them differs between applications. A role is a function
+that such a loop calls. Which body runs is settled by the class of its first argument, a bundle that
+the application made, so that the machine code has no trace of the choice.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from numba.extending import overload
+
+from resample.engine.jit import OPTIONS, UNCOUNTED
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Body = Callable[..., Any]
+
+
+def role(function: Callable[P, R]) -> Callable[P, R]:
+    """A function of kernels that does what is `played` by the class of its first argument.
+
+    As an `inner_kernel`, it makes and gives no arrays.
+    """
+    return _cast(function, UNCOUNTED)
+
+
+def making_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that may make arrays."""
+    return _cast(function, {})
+
+
+def _cast(function: Callable[P, R], counting: dict[str, bool]) -> Callable[P, R]:
+    bodies: dict[type, Body] = {}
+
+    @wraps(function)
+    def play(*given: P.args, **named: P.kwargs) -> R:
+        return bodies[type(given[0])](*given, **named)  # type: ignore[no-any-return]
+
+    def chosen(*given: Any) -> Body | None:
+        return bodies.get(getattr(given[0], "instance_class", type(None)))
+
+    options = {**OPTIONS, **counting, "no_cpython_wrapper": True}
+    overload(play, jit_options=options, strict=False)(chosen)
+    play.bodies = bodies  # type: ignore[attr-defined]
+    return play
+
+
+def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of what a role does for bundles of the class `of`."""
+
+    def register(body: Callable[P, R]) -> Callable[P, R]:
+        what.bodies[of] = body  # type: ignore[attr-defined]
+        return body
+
+    return register

@@ -1,0 +1,87 @@
+"""Pixel filters on parts of pixels: how many parts a filter asks for, and how they are weighed.
+
+A picture is painted on parts of its pixels, visibility decided in each, and filtered last: what
+lies behind an opaque half of a pixel must not shine through the other half.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from resample.profiles.filters import PixelFilter
+from resample.types import Doubles, Floats
+
+MOST = 4  # per side of a pixel; of filters that fewer do not stand for exactly
+FINE = 16  # places along a part of a pixel that a filter is looked at
+CLOSE = 1e-3  # of a filter's mass; parts that differ by no more stand for it exactly
+LARGEST_STRIP = 1 << 21  # sub-pixels that are held at a time
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Some rows of a picture, and the parts of pixels that their filter reads."""
+
+    first: int  # row of the picture
+    last: int  # row, one beyond
+    shape: tuple[int, int]  # rows and columns of sub-pixels
+    matrix: Doubles  # (3, 3) from px of the picture to sub-pixels of the strip
+
+
+@dataclass(frozen=True)
+class Subpixels:
+    """Parts of pixels that a filter weighs."""
+
+    count: int  # per side of a pixel
+    margin: int  # px around a pixel that its filter reads
+    weight: Floats  # ((2 margin + 1) count,) along one axis, sum 1
+
+    @property
+    def per_pixel(self) -> Floats:
+        """Weights (2 margin + 1,) of whole pixels."""
+        return np.asarray(self.weight.reshape(-1, self.count).sum(axis=1), np.float32)
+
+    def strips(self, shape: tuple[int, int]) -> Iterator[Strip]:
+        """Picture of (height, width) px in strips that fit in memory one by one."""
+        height, width = shape
+        columns = (width + 2 * self.margin) * self.count
+        rows = LARGEST_STRIP // (columns * self.count) - 2 * self.margin
+        step = max(1, rows)
+        for first in range(0, height, step):
+            last = min(first + step, height)
+            inside = (last - first + 2 * self.margin) * self.count, columns
+            n, left, top = float(self.count), float(self.margin), float(self.margin - first)
+            matrix = np.array([[n, 0.0, n * left], [0.0, n, n * top], [0.0, 0.0, 1.0]])
+            yield Strip(first, last, inside, matrix)
+
+
+def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixels:
+    """Parts of pixels under a filter: `count` per side, or as few as stand for it exactly.
+
+    One without margin is the mean over the pixel's square if it has one part: nothing is filtered.
+    They are `MOST` per side at most, unless more are asked for.
+    """
+    margin = max(0, math.ceil(pixel_filter.radius - 0.5 - 1e-9))
+    for n in range(1, MOST + 1) if count is None else [count]:
+        fine = _weights(pixel_filter, margin, n)
+        mean = fine.mean(axis=1, keepdims=True)
+        if n in (MOST, count) or np.abs(fine - mean).sum() <= CLOSE:
+            break
+    return Subpixels(n, margin, fine.sum(axis=1).astype(np.float32))
+
+
+def _weights(pixel_filter: PixelFilter, margin: int, n: int) -> Doubles:
+    """Weights ((2 margin + 1) n, FINE) of places within n parts of each pixel, sum 1.
+
+    Raises
+    ------
+    ValueError
+        They have no sum.
+    """
+    places = (np.arange((2 * margin + 1) * n * FINE) + 0.5) / (n * FINE) - margin - 0.5
+    distance, radius = np.abs(places), pixel_filter.radius
+    given = np.where(distance <= radius, pixel_filter(np.minimum(distance, radius)), 0.0)
+    if not given.sum() > 0.0:
+        raise ValueError(f"{pixel_filter} has the sum {given.sum()}, which cannot be scaled to 1")
+    return np.asarray((given / given.sum()).reshape(-1, FINE), np.float64)

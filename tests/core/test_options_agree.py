@@ -1,0 +1,57 @@
+"""One option, one meaning, on all command lines."""
+
+import re
+from collections import defaultdict
+
+import pytest
+
+from resample import registry
+from resample.command.options import run
+
+REFERENCE = re.compile(r"As (in|of) \w+")  # to another command's text
+END = re.compile(r"[.:;](\s|$)")  # what follows is how it is given, or what it is if left out
+GONE = [
+    ("texture", "warp", "a.png", "-o", "b.png", "--reconstruction", "spline"),
+    ("volume", "render", "checker-box", "-o", "b.png", "--primitive", "points"),
+    ("warp3d", "render", "a.png", "b.png", "-o", "c.png", "--distortion", "0,0,0,0"),
+]
+
+
+def texts():
+    """Help of every option: name -> meaning -> commands that say so."""
+    found = defaultdict(lambda: defaultdict(list))
+    for application in registry.names("apps"):
+        app = registry.load("apps", application)
+        for command in (name for name in app if not name.startswith("-")):
+            for argument in app[command].assemble_argument_collection(parse_docstring=True):
+                text = " ".join((argument.parameter.help or "").split())
+                for name in (name for name in argument.names if name.startswith("--")):
+                    if not REFERENCE.match(text):
+                        found[name][END.split(text)[0]].append(f"{application} {command}")
+    return found
+
+
+OPTIONS = texts()
+
+
+def test_all_applications_are_looked_at():
+    commands = {
+        where for meanings in OPTIONS.values() for all_ in meanings.values() for where in all_
+    }
+    assert {"texture warp", "volume render", "warp3d render"} <= commands
+    assert len(OPTIONS) > 50
+
+
+@pytest.mark.parametrize("name", sorted(OPTIONS))
+def test_an_option_means_the_same_in_all_commands(name):
+    assert len(OPTIONS[name]) == 1, dict(OPTIONS[name])
+
+
+@pytest.mark.parametrize("words", GONE, ids=" ".join)
+def test_an_old_spelling_is_an_unknown_option(words, capsys):
+    application, *others = words
+    with pytest.raises(SystemExit, match="2"):
+        run(registry.load("apps", application), others)
+    said = capsys.readouterr().err
+    assert f"Unknown option: {others[-2]}" in said
+    assert said.count("\n") == 1

@@ -1,0 +1,233 @@
+"""Small pictures by every painter, to be compared with those on record.
+
+`python -m tests.golden.scenes NAME ...` puts these on record anew, all of them without a name: to
+be done when a change of pictures is wanted, and with that reason.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample import registry
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
+from resample.profiles.filters import Gaussian
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.reconstruction import BSplineKernel
+from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+from resample.types import Classifier, Field, Lamp, Samples
+
+RECORD = Path(__file__).with_name("pictures.npz")
+SIDE = 24  # px
+LATTICE = 12  # samples per side
+LEVELS = 65535  # of a number on record
+SCENES: dict[str, Callable[[], Any]] = {}
+
+VOLUMES: dict[str, dict[str, Any]] = {
+    "default": {},
+    "bspline": {"reconstruction": BSplineKernel()},
+    "linear opacity": {"opacity": Opacity.LINEAR},
+    "splat color": {"splat_color": (0.8, 0.02, 0.02)},
+    "by distance": {"order": EverySample(key="distance")},
+    "corrected": {"footprint": Footprint.CORRECTED},
+    "small-angle": {"footprint": Footprint.SMALL_ANGLE},
+    "affine": {"footprint": Footprint.AFFINE},
+    "disc": {"footprint": Footprint.DISC},
+    "gaussian filter": {"pixel_filter": Gaussian(0.6)},
+    "splats": {"primitive": Primitive.SPLATS},
+    "points": {"primitive": Primitive.POINTS},
+    "paper": {"primitive": Primitive.PAPER},
+    "inflate": {"primitive": Primitive.INFLATE},
+    "ewa": {"primitive": Primitive.EWA},
+    "axis-sheets": {"order": AxisSheets()},
+    "image-sheets": {"order": ImageSheets()},
+    "image-sheets, affine": {"order": ImageSheets(0.5), "footprint": Footprint.AFFINE},
+}
+FAR = ("default", "points", "paper", "ewa", "axis-sheets", "image-sheets")
+
+
+def camera(away: float = 16.0) -> Camera:
+    """Camera that sees the lattice, at 2 px per sample; farther away it shrinks."""
+    pose = look_at((0.6 * away, -0.5 * away, 0.62 * away), (0, 0, 0))
+    return Camera.from_fov(45.0, height=SIDE, width=SIDE, world_to_camera=pose)
+
+
+def samples() -> Samples:
+    """Colored samples of a lattice, of which some are opaque."""
+    axis = np.arange(LATTICE) - (LATTICE - 1) / 2
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    position = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    ripple = np.sin(1.3 * position[:, 0]) * np.cos(0.9 * position[:, 1] + position[:, 2])
+    color = 0.5 + 0.5 * np.cos(position + ripple[:, None])
+    extinction = 0.6 * np.maximum(0.0, ripple) ** 2
+    shown = extinction > 0
+    return Samples(
+        position[shown].astype(np.float32),
+        color[shown].astype(np.float32),
+        extinction[shown].astype(np.float32),
+        np.eye(3),
+    )
+
+
+def field() -> Field:
+    """Values and gradients at the same places, with colors for the values."""
+    rng = np.random.default_rng(7)
+    table = rng.uniform(0, 1, (1, 8, 4)).astype(np.float32)
+    lamp = Lamp(np.zeros(3), np.array([9.6, -8.0, 9.9, 1.0]), 0.2, 0.7, 0.3, 8.0, 0.1)
+    position = samples().position
+    value = np.sin(position[:, 0]) + np.cos(position[:, 1] * position[:, 2])
+    gradient = np.stack([np.cos(position[:, 0]), -position[:, 2], -position[:, 1]], axis=1)
+    look = Classifier(table, -2.0, 2.0, 2.0, lamp, 0.0, 1.0, 0.0)
+    return Field(position, value, gradient.astype(np.float32), np.eye(3), look)
+
+
+def volume(source: Callable[[], Any], away: float, **choices: Any) -> Callable[[], Any]:
+    """Picture of a volume by a `Resampler` of these choices."""
+
+    def painted() -> Any:
+        frame = Resampler(**choices)(source(), camera(away), height=SIDE, width=SIDE)
+        return frame.rgba if frame.value is None else np.nan_to_num(frame.value)
+
+    return painted
+
+
+def _add_volumes() -> None:
+    for name, choices in VOLUMES.items():
+        SCENES[f"volume, {name}"] = volume(samples, 16.0, **choices)
+        if name in FAR:
+            SCENES[f"volume, {name}, far"] = volume(samples, 60.0, **choices)
+    for projection in Projection:
+        iso = 0.5 if projection is Projection.FIRST_HIT else None
+        choices = {"projection": projection, "iso": iso, "order": ImageSheets(0.5)}
+        SCENES[f"field, {projection}"] = volume(field, 16.0, **choices)
+    SCENES["volume, inside and cut"] = _inside
+
+
+def _inside() -> Any:
+    pose = look_at((3, 2, 1), (0, 0, 0))
+    eye = Camera.from_fov(70.0, height=SIDE, width=SIDE, world_to_camera=pose)
+    clip = [(0.6, 0.0, 0.8, 3.0)]
+    return Resampler()(samples(), eye, height=SIDE, width=SIDE, clip=clip).rgba
+
+
+def photograph(side: int) -> Any:
+    """Smooth waves with hard edges, (side, side, 3)."""
+    y, x = np.mgrid[:side, :side] / side
+    waves = np.stack([np.sin(40 * x * y), np.cos(25 * x), np.sin(31 * (x + y * y))], axis=-1)
+    squares = ((16 * x).astype(int) + (16 * y).astype(int)) % 2
+    return (0.5 + 0.3 * waves + 0.2 * (squares[..., None] - 0.5)).astype(np.float32)
+
+
+def _add_textures() -> None:
+    from resample_texture import BackwardMap, ForwardMap, Homography, warp
+    from resample_texture.texels.adjoint import adjoint
+    from resample_texture.texels.forward import Cells
+    from resample_texture.types import Edge
+
+    floor = [[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]]
+    y, x = np.mgrid[:64, :64] + 0.5
+    bent = 0.45 * x + 2 * np.sin(y / 9), 0.5 * y + np.cos(x / 7)
+    row, column = np.mgrid[:SIDE, :SIDE] + 0.5
+    back = 1.7 * column + np.sin(row / 5), 1.6 * row + np.sin(column / 4)
+    geometries = {
+        "plane": Homography(floor),
+        "grown": Homography([[3.1, 0.7, -40.0], [-0.8, 2.9, -20.0], [0.0, 0.001, 1.0]]),
+        "map": ForwardMap(*bent),
+        "backward map": BackwardMap(*back),
+    }
+    size = (SIDE, SIDE)
+    for method in ("hybrid", "points", "splats", "paper"):
+        for name, geometry in geometries.items():
+            if name == "backward map" and method in ("splats", "paper"):
+                continue
+            SCENES[f"texture, {method}, {name}"] = lambda geometry=geometry, method=method: (
+                warp(photograph(64), geometry, size, method=method).image
+            )
+    SCENES["texture, filtered"] = lambda: (
+        warp(photograph(64), geometries["plane"], size, filter="gaussian", edge="mirror").image
+    )
+    SCENES["texture, adjoint"] = lambda: adjoint(
+        photograph(SIDE), geometries["plane"], (40, 40), Edge.TRANSPARENT, Cells()
+    )
+    SCENES["texture, mesh"] = _mesh
+
+
+def _mesh() -> Any:
+    from tests.texture.mesh_shapes import cube, picture
+
+    pose = look_at((2.1, 1.7, 2.6), (0.5, 0.5, 0.5))
+    eye = Camera.from_fov(45, height=SIDE, width=SIDE, world_to_camera=pose)
+    return picture(cube(photograph(64)), eye, SIDE).rgba
+
+
+def _add_depth_images() -> None:
+    for method in registry.names("warps"):
+        SCENES[f"depth image, {method}"] = lambda method=method: _warped(method)
+    SCENES["cloud"] = lambda: _cloud(40.0)
+    SCENES["cloud, far"] = lambda: _cloud(12.0)
+
+
+def _warped(method: str) -> Any:
+    from resample.cameras.models import Camera
+    from resample_warp3d import warp
+    from resample_warp3d.showing.scenes import generated
+
+    scene = generated(64)
+    image = scene.depth_image(4)
+    height, width = image.nearness.shape
+    source = Camera.from_intrinsics(55, 55, width / 2, height / 2)
+    pose = look_at((0.3, -0.1, 0.4), (0, 0, 4), (0, -1, 0))
+    return warp(image.color, 1 / image.nearness, source, source.moved(pose), method).image
+
+
+def _cloud(scale: float) -> Any:
+    from resample.cameras.models import Camera
+    from resample_warp3d.clouds.files import Cloud
+    from resample_warp3d.clouds.rendering import render_cloud
+
+    n = np.arange(600) + 0.5
+    z, angle = 1 - n / 300, np.pi * (1 + np.sqrt(5)) * n
+    around = np.sqrt(1 - z * z)
+    ball = np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
+    color = (0.5 + 0.5 * ball).astype(np.float32)
+    nothing = np.zeros((0, 3), np.float32)
+    pose = look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
+    eye = Camera(np.array([[scale, 0, SIDE / 2], [0, scale, SIDE / 2], [0, 0, 1.0]]), pose)
+    return render_cloud(
+        Cloud(ball, nothing, color, np.zeros(0, np.float32)), eye, size=(SIDE, SIDE)
+    ).rgba
+
+
+_add_volumes()
+_add_textures()
+_add_depth_images()
+
+
+def recorded() -> dict[str, Any]:
+    """Pictures on record, to within a 65535th of their span."""
+    with np.load(RECORD) as packed:
+        return {name: _unpacked(packed, name) for name in packed if not name.endswith(" from")}
+
+
+def _unpacked(packed: Any, name: str) -> Any:
+    low, span = packed[f"{name} from"]
+    return (low + packed[name] * (span / LEVELS)).astype(np.float32)
+
+
+def main(names: list[str]) -> None:
+    """Put pictures on record."""
+    known = recorded() if names else {}
+    known |= {name: np.asarray(SCENES[name](), np.float32) for name in names or SCENES}
+    packed = {}
+    for name, picture in sorted(known.items()):
+        low, span = picture.min(), max(float(np.ptp(picture)), 1e-9)
+        packed[name] = np.rint((picture - low) / span * LEVELS).astype(np.uint16)
+        packed[f"{name} from"] = np.array([low, span], np.float32)
+    np.savez_compressed(RECORD, **packed)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,134 @@
+"""Rules of the house that no linter knows: `python tools/house.py` names what breaks them.
+
+With `--map` it prints the map of folders that stands in docs/ARCHITECTURE.md.
+
+Folders are small enough to be read at a glance, kernels take what travels together as one bundle, a
+class name has few meanings, and modules do not import each other in circles, type-only imports
+included. What is known to be over a limit is listed in `pyproject.toml` and may only shrink.
+"""
+
+import ast
+import sys
+import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+ARCHITECTURE = ROOT / "docs" / "ARCHITECTURE.md"
+SOURCES = ("resample", "apps/texture", "apps/volume", "apps/warp3d")
+KERNELS = {"engine", "kernels"}  # folders of numba code
+MOST_FILES = 12  # in a folder, besides __init__.py
+MOST_ARGUMENTS = 8  # of a kernel; ruff counts those of other functions
+MOST_LINES = 60  # of a function, without its docstring
+MOST_HOMES = 2  # of a class name
+
+
+class Module(NamedTuple):
+    """A source file, read."""
+
+    path: Path  # from the root
+    name: str  # as it is imported
+    tree: ast.Module
+
+
+def modules() -> Iterator[Module]:
+    """All source files of the packages."""
+    for top in SOURCES:
+        for file in sorted((ROOT / top).rglob("*.py")):
+            path = file.relative_to(ROOT)
+            parts = path.with_suffix("").parts
+            parts = parts[2:] if parts[0] == "apps" else parts
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            yield Module(path, name, ast.parse(file.read_text(encoding="utf-8")))
+
+
+def crowded_folders(known: list[Module]) -> Iterator[str]:
+    """Folders with too many files."""
+    files = Counter(module.path.parent for module in known if module.path.stem != "__init__")
+    for folder, count in files.items():
+        if count > MOST_FILES:
+            yield f"{folder}: {count} files, at most {MOST_FILES}"
+
+
+def long_functions(known: list[Module]) -> Iterator[str]:
+    """Functions with too many lines, and kernels with too many arguments."""
+    for module in known:
+        for node in ast.walk(module.tree):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            first = node.body[0 if ast.get_docstring(node) is None else 1 :][0:1] or node.body
+            lines = node.end_lineno - first[0].lineno + 1
+            arguments = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
+            if lines > MOST_LINES:
+                yield f"{module.path}:{node.name}: {lines} lines, at most {MOST_LINES}"
+            if KERNELS & set(module.path.parts) and arguments > MOST_ARGUMENTS:
+                yield f"{module.path}:{node.name}: {arguments} arguments, at most {MOST_ARGUMENTS}"
+
+
+def ambiguous_names(known: list[Module]) -> Iterator[str]:
+    """Names that classes of too many files have."""
+    homes = defaultdict(set)
+    for module in known:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ClassDef):
+                homes[node.name].add(str(module.path))
+    for name, paths in homes.items():
+        if len(paths) > MOST_HOMES:
+            yield f"class {name}: {len(paths)} homes ({', '.join(sorted(paths))})"
+
+
+def circles(known: list[Module]) -> Iterator[str]:
+    """Modules that import each other, in one circle at most."""
+    names = {module.name for module in known}
+    graph = {}
+    for module in known:
+        found = set()
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+                parts = [f"{node.module}.{alias.name}" for alias in node.names]
+                found |= {name if name in names else node.module for name in parts} & names
+        graph[module.name] = found - {module.name}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        yield f"modules import each other: {' <- '.join(error.args[1])}"
+
+
+def map_of_folders(known: list[Module]) -> str:
+    """Every folder but those of kernels, with its purpose, as its `__init__.py` says it."""
+    lines = []
+    for module in known:
+        if module.path.stem == "__init__" and module.path.parent.name != "kernels":
+            purpose = (ast.get_docstring(module.tree) or "").partition("\n")[0]
+            lines.append(f"{f'{module.path.parent}/':39}{purpose}\n")
+    return "".join(sorted(lines))
+
+
+def untrue_map(known: list[Module]) -> Iterator[str]:
+    """The map of folders, if it is not the one in docs/ARCHITECTURE.md."""
+    if map_of_folders(known) not in ARCHITECTURE.read_text(encoding="utf-8"):
+        yield f"{ARCHITECTURE.name}: its map of folders is not what tools/house.py --map prints"
+
+
+def main() -> int:
+    """Print what breaks a rule and is not known yet, or is known and no longer true."""
+    known = list(modules())
+    if "--map" in sys.argv:
+        sys.stdout.write(map_of_folders(known))
+        return 0
+    rules = (crowded_folders, long_functions, ambiguous_names, circles, untrue_map)
+    found = {line for rule in rules for line in rule(known)}
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    allowed = set(settings.get("tool", {}).get("house", {}).get("known", []))
+    for line in sorted(found - allowed):
+        sys.stdout.write(f"{line}\n")
+    for line in sorted(allowed - found):
+        sys.stdout.write(f"no longer so, take it off [tool.house]: {line}\n")
+    return 1 if found ^ allowed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
