@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.profiles.orders import LAST_SHEET, EverySample
+from resample.layers import layers_of, sheets_of
+from resample.profiles.orders import EverySample
 from resample.scene import (
     Clock,
     Painted,
@@ -30,15 +31,16 @@ from resample.scene import (
 )
 from resample.types import (
     FOOTPRINT,
+    LAST_SHEET,
     Blocked,
     Blocks,
     Doubles,
     Floats,
     Records,
     Samples,
-    Seen,
     Sheets,
     Statistics,
+    View,
 )
 
 if TYPE_CHECKING:
@@ -350,8 +352,7 @@ class _Queue:
         part = slice(self.begin[-1], end[-1])
         records = self.records[part]
         scene.project(samples, records)
-        seen = Seen(records, samples.position, samples.lattice, scene.view, scene.style.layer)
-        self.key[part], self.sheet[part] = stage.order(seen)
+        self.key[part], self.sheet[part] = _sheets(stage.order, samples, scene.view)
         shown = np.where(records["left"] <= records["right"], self.sheet[part], -int(LAST_SHEET))
         self.begin = np.append(self.begin, end)
         blocks_begin = self.begin[self.back.size : -1] - part.start
@@ -417,11 +418,15 @@ def _at_once(stage: _Stage, inside: Indices, clock: Clock, progress: Progress | 
     """Paint all blocks without looking at what they hide."""
     samples = stage.gathered(np.sort(inside))
     scene = replace(stage.scene, footprints=stage.scene.project(samples))
-    seen = Seen(scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer)
     clock.lap("project")
-    sheets = stage.order(seen)
+    sheets = _sheets(stage.order, samples, scene.view)
     tiles = dealt_to_tiles(scene.footprints, scene.screen, tile_size(scene.footprints, scene.style))
     clock.lap("bin")
     painted = scene.paint(sheets, tiles, progress)
     clock.lap("paint")
     return painted
+
+
+def _sheets(order: EverySample, samples: Samples, view: View) -> Sheets:
+    layers = layers_of(order, samples.position, view, samples.lattice)
+    return sheets_of(layers, order.summing, samples.position, view)

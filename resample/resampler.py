@@ -16,6 +16,7 @@ from resample.cameras.models import Camera
 from resample.culling import check_blocked, paint_blocks
 from resample.deferred import can_defer, paint_deferred
 from resample.deferred_points import can_defer_points, paint_points
+from resample.layers import layers_of, sheets_of
 from resample.profiles.correction import correction_table
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
@@ -56,7 +57,6 @@ from resample.types import (
     RadialTable,
     Records,
     Samples,
-    Seen,
     Sheets,
     Statistics,
     Style,
@@ -296,15 +296,11 @@ class Resampler:
 
     def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
         clock = Clock()
-        seen = Seen(
-            scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer
-        )
-        key, sheet = self.order(seen)
+        layers = layers_of(self.order, samples.position, scene.view, samples.lattice)
+        key, sheet = sheets_of(layers, self.order.summing, samples.position, scene.view)
         if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):  # one sum of all
             sheet = np.zeros_like(sheet)
-        sheets = Sheets(
-            np.ascontiguousarray(key, np.float32), np.ascontiguousarray(sheet, np.int32)
-        )
+        sheets = Sheets(key, sheet)
         size = tile_size(scene.footprints, scene.style)
         tiles = dealt_to_tiles(scene.footprints, scene.screen, size)
         clock.lap("bin")

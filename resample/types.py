@@ -30,6 +30,8 @@ AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
 NO_PLANES = np.zeros((0, 5))
 
+LAST_SHEET = 2e9  # sheets are numbered by 32 bits
+
 # What sheets are projected to; see `resample.engine.slabs.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
@@ -187,14 +189,20 @@ class Screen(NamedTuple):
     )
 
 
-class Seen(NamedTuple):
-    """What a compositing order may look at: N samples and the camera that sees them."""
+class Layers(NamedTuple):
+    """What a compositing order says of samples, as numbers: kernels find each sample's layer.
 
-    footprints: Records  # (N,) of FOOTPRINT
-    position: Floats  # (N, 3) scene units
-    lattice: Doubles  # (3, 3) as in Samples
-    view: View
-    layer: float  # scene units, the order's thickness
+    A sample's place is axis · position + offset, or its distance from the eye. Samples are painted
+    in ascending order of it, or of how far it is from the eye's place; those of one layer may be
+    summed before they are composited.
+    """
+
+    axis: tuple[float, float, float]  # places per scene unit, along the scene's axes
+    offset: float  # place of the scene's origin
+    thickness: float  # of a layer, in places; one begins at place 0
+    eye: float = -math.inf  # its place, on both sides of which samples lie; -inf: ahead of all
+    is_around: bool = False  # the place is the distance from the eye; there is no axis
+    begins_at_first: bool = False  # the sample of least place lies in the middle of its layer
 
 
 class Sheets(NamedTuple):
