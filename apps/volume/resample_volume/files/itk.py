@@ -1,6 +1,6 @@
 """SimpleITK, with its habits tamed: one line per error, nothing printed, nothing tolerated.
 
-What ITK 5.4 tolerates is found in `completeness` before it is asked to read.
+What ITK 5.4 tolerates is found in `integrity` before it is asked to read.
 """
 
 import re
@@ -12,7 +12,7 @@ import numpy as np
 
 from resample_volume.files.headers import Header, header, volume
 from resample_volume.files.memory import require_memory
-from resample_volume.files.quiet import quiet
+from resample_volume.files.suppression import suppressed_output
 from resample_volume.types import Volume
 
 # Pixel types whose name in lower case is NumPy's.
@@ -39,7 +39,7 @@ def read_header(path: Path, image_io: str, name: str) -> tuple[Any, Header]:
     """
     import SimpleITK
 
-    with quiet():
+    with suppressed_output():
         reader = SimpleITK.ImageFileReader()
         reader.SetFileName(str(path))
         reader.SetImageIO(image_io)
@@ -52,7 +52,7 @@ def read_values(reader: Any, known: Header) -> Volume:
     import SimpleITK
 
     require_memory(2 * known.size, known.name)  # ITK's image and NumPy's copy
-    with quiet():
+    with suppressed_output():
         image = attempt(known.name, reader.Execute)
         return volume(SimpleITK.GetArrayFromImage(image), known)
 

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files import completeness, slices
+from resample_volume.files import integrity, slices
 from resample_volume.files.headers import Header, check_type, existing_file, header, stem, volume
 from resample_volume.files.itk import read_header, read_values
 from resample_volume.files.memory import require_memory
@@ -48,10 +48,10 @@ class Nrrd:
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
 
     def __call__(self, path: Path) -> Volume:
-        detached = completeness.check_nrrd(existing_file(path))
+        detached = integrity.check_nrrd(existing_file(path))
         reader, known = read_header(path, "NrrdImageIO", stem(path, self.suffixes))
         if detached:
-            completeness.check_nrrd_size(detached, known)
+            integrity.check_nrrd_size(detached, known)
         return read_values(reader, known)
 
 
@@ -62,9 +62,9 @@ class MetaImage:
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
 
     def __call__(self, path: Path) -> Volume:
-        completeness.check_metaimage(existing_file(path))
+        integrity.check_metaimage(existing_file(path))
         reader, known = read_header(path, "MetaImageIO", stem(path, self.suffixes))
-        completeness.check_metaimage(path, known)
+        integrity.check_metaimage(path, known)
         return read_values(reader, known)
 
 
@@ -168,7 +168,7 @@ class Raw:
             return volume(_gunzipped(path, known, self.offset), known)
         given = path.stat().st_size - self.offset
         if given != known.size:
-            raise completeness.wrong_size(path.name, max(0, given), known.size)
+            raise integrity.wrong_size(path.name, max(0, given), known.size)
         values = np.memmap(path, known.dtype, "r", self.offset, known.shape[::-1])
         return volume(values, known)
 
@@ -220,20 +220,20 @@ def _unpacked(path: Path) -> Iterator[Path]:
     """
     if not path.name.lower().endswith(".gz"):
         with path.open("rb") as file:
-            size = completeness.nifti_size(file.read(348), path.name)
+            size = integrity.nifti_size(file.read(348), path.name)
         if path.stat().st_size < size:
-            raise completeness.wrong_size(path.name, path.stat().st_size, size)
+            raise integrity.wrong_size(path.name, path.stat().st_size, size)
         yield path
         return
-    with tempfile.TemporaryDirectory() as folder, completeness.unpacking(path.name):
+    with tempfile.TemporaryDirectory() as folder, integrity.unpacking(path.name):
         whole = Path(folder, "whole.nii")
         with gzip.open(path) as packed, whole.open("wb") as file:
-            size = completeness.nifti_size(packed.read(348), path.name)
+            size = integrity.nifti_size(packed.read(348), path.name)
             require_memory(size, path.name)
             packed.seek(0)
-            shutil.copyfileobj(packed, file, completeness.BLOCK)
+            shutil.copyfileobj(packed, file, integrity.BLOCK)
         if whole.stat().st_size < size:
-            raise completeness.wrong_size(path.name, whole.stat().st_size, size)
+            raise integrity.wrong_size(path.name, whole.stat().st_size, size)
         yield whole
 
 
@@ -242,14 +242,14 @@ def _gunzipped(path: Path, known: Header, offset: int) -> NDArray[Any]:
     require_memory(known.size, known.name)
     values = np.empty(known.shape[::-1], known.dtype)
     target, count = values.reshape(-1).view(np.uint8).data, 0
-    with completeness.unpacking(path.name), gzip.open(path) as packed:
+    with integrity.unpacking(path.name), gzip.open(path) as packed:
         packed.read(offset)
-        while piece := packed.readinto(target[count : count + completeness.BLOCK]):
+        while piece := packed.readinto(target[count : count + integrity.BLOCK]):
             count += piece
         rest = packed.read(1)  # reads the checksum, too
     if count != known.size or rest:
         more = " or more" if rest else ""
-        raise completeness.wrong_size(path.name, count + len(rest), known.size, more=more)
+        raise integrity.wrong_size(path.name, count + len(rest), known.size, more=more)
     return values
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from resample_volume.files.headers import Header
 from resample_volume.files.itk import attempt, described
 from resample_volume.files.memory import require_memory
-from resample_volume.files.quiet import quiet
+from resample_volume.files.suppression import suppressed_output
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
@@ -50,7 +50,7 @@ def stack_pages(paths: list[Path]) -> list[Page]:
     ValueError
         A file is no picture, has several channels, or differs from the first.
     """
-    with quiet():
+    with suppressed_output():
         pages = [page for path in paths for page, _ in _walk(path)]
     first = pages[0]
     for page in pages:
@@ -71,7 +71,7 @@ def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
     """Values (Z, Y, X) of picture files."""
     require_memory(known.size, known.name)
     values = np.empty(known.shape[::-1], known.dtype)
-    with quiet():
+    with suppressed_output():
         pages = (image for path in paths for _, image in _walk(path))
         for n, image in enumerate(pages):
             pixels = image.read_image("unknown")  # as stored
@@ -88,7 +88,7 @@ def dicom_files(folder: Path, series: str) -> list[str]:
     """
     import SimpleITK
 
-    with quiet():
+    with suppressed_output():
         reader = SimpleITK.ImageSeriesReader()
         known = {
             uid: reader.GetGDCMSeriesFileNames(str(folder), uid)
@@ -117,7 +117,7 @@ def dicom_values(files: list[str], name: str) -> tuple[NDArray[Any], Header]:
     """
     import SimpleITK
 
-    with quiet():
+    with suppressed_output():
         first = SimpleITK.ImageFileReader()
         first.SetFileName(files[0])
         attempt(name, first.ReadImageInformation)

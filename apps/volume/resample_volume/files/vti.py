@@ -9,7 +9,7 @@ import numpy as np
 
 from resample_volume.files.headers import Header, header, volume
 from resample_volume.files.memory import require_memory
-from resample_volume.files.quiet import quiet
+from resample_volume.files.suppression import suppressed_output
 from resample_volume.types import Volume
 
 
@@ -36,7 +36,7 @@ def read_vti(path: Path, array: str, name: str) -> Volume:
     reader = vtkXMLImageDataReader()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
     reader.SetFileName(str(path))
-    with quiet():
+    with suppressed_output():
         reader.UpdateInformation()
         _refuse(failures, path.name)
         _require_memory(reader, path.name)

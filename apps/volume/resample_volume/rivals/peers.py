@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.types import Doubles, Floats, View
-from resample_volume.files.quiet import quiet
+from resample_volume.files.suppression import suppressed_output
 from resample_volume.looks.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
@@ -132,7 +132,7 @@ class VtkRenderer:
         ends = np.stack(np.meshgrid(*np.stack([last * 0, last], axis=1)), axis=-1).reshape(-1, 3)
         self._corners: Doubles = volume.origin + ends * volume.spacing
         try:
-            with quiet():  # VTK complains about the lack of a display, and does without
+            with suppressed_output():  # VTK complains about the lack of a display, and does without
                 self._stage = _staged(volume, transfer, look)
                 self._stage.window.SetSize(width * look.rays, height * look.rays)
         except ImportError as error:
@@ -151,7 +151,7 @@ class VtkRenderer:
         window, renderer, mapper, _ = self._stage
         _aim(renderer, camera.view(), self._size, self._corners)
         mapper.GetRayCastImage().ClearImage()  # one outside the view would leave the last frame
-        with quiet():
+        with suppressed_output():
             window.Render()
 
     def render(self, camera: Camera) -> Floats:

@@ -9,12 +9,12 @@ _ONE_AT_A_TIME = RLock()  # two threads that swap the same descriptor would not 
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def suppressed_output() -> Iterator[None]:
     """Send what the process writes to standard error nowhere, while the block runs.
 
     ITK, VTK, libpng and niftilib write to file descriptor 2 behind Python's back; only the
-    descriptor itself can be turned away. Other threads' messages are lost as well, other `quiet`
-    blocks wait.
+    descriptor itself can be turned away. Other threads' messages are lost as well; other
+    blocks like this one wait.
     """
     with _ONE_AT_A_TIME:
         try:
