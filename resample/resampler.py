@@ -16,6 +16,7 @@ from resample.cameras.models import Camera
 from resample.culling import check_blocked, paint_blocks
 from resample.deferred import can_defer, paint_deferred
 from resample.deferred_points import can_defer_points, paint_points
+from resample.deferred_slabs import can_sum, paint_summed
 from resample.layers import layers_of, sheets_of
 from resample.profiles.correction import correction_table
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
@@ -229,6 +230,11 @@ class Resampler:
                 deferred = self._deferred(scene, checked, progress)
                 if deferred is not None:
                     return self._developed(*deferred)
+            if can_sum(scene):
+                layers = layers_of(self.order, checked.position, scene.view, checked.lattice)
+                summed = paint_summed(scene, checked, layers, self.reconstruction, progress)
+                if summed is not None:
+                    return self._developed(*summed)
             return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(
