@@ -96,10 +96,11 @@ def _painter(resampler: Resampler) -> Callable[..., None]:
     """Kernel that takes longest to compile."""
     from resample.engine.ellipsoids.deferred import paint_runs
     from resample.engine.paint import paint_tiles
+    from resample.engine.slabs.painting import paint_summed_runs
     from resample.engine.slabs.sheets import paint_sheet_tiles
 
-    if resampler.order.summing is not Summing.POINTS:
-        return paint_sheet_tiles
     is_exact = resampler.footprint in (None, Footprint.EXACT)
     is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
+    if resampler.order.summing is not Summing.POINTS:
+        return paint_summed_runs if is_exact and is_plain else paint_sheet_tiles
     return paint_runs if is_exact and is_plain else paint_tiles
