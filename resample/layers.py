@@ -5,14 +5,19 @@ import numpy as np
 from resample.profiles.orders import CompositingOrder, Summing
 from resample.types import Doubles, Floats, Layers, Sheets, View
 
+CHUNKS = 64  # of samples that are looked at in one task
+
 
 def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Doubles) -> Layers:
     """Layers by an order, the first of which begins where samples at a position (N, 3) do."""
     layers = order(view, lattice)
     if not layers.begins_at_first:
         return layers
-    place = position @ np.asarray(layers.axis) + layers.offset
-    begin = (place.min() if place.size else 0.0) - 0.5 * layers.thickness
+    from resample.engine.layers import find_first_places
+
+    first = np.full(CHUNKS, np.inf)
+    find_first_places(layers, position, first)
+    begin = (first.min() if len(position) else 0.0) - 0.5 * layers.thickness
     return layers._replace(
         offset=float(layers.offset - begin),
         eye=float(layers.eye - begin),

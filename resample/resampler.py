@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from resample.cameras.models import AnyCamera
 from resample.deferred import are_splats_exact, paint_mixture, paint_splats
 from resample.deferred_points import can_defer_points, paint_points
+from resample.deferred_slabs import can_sum, paint_summed
 from resample.layers import layers_of, sheets_of
 from resample.profiles.correction import correction_table
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
@@ -220,6 +221,11 @@ class Resampler:
             scene = self._scene(checked, camera.view(), (height, width), look, clip)
             if look is None and self.order.summing is Summing.POINTS:
                 return self._developed(*self._streamed(scene, checked, progress))
+            if can_sum(scene):
+                layers = layers_of(self.order, checked.position, scene.view, checked.lattice)
+                summed = paint_summed(scene, checked, layers, self.reconstruction, progress)
+                if summed is not None:
+                    return self._developed(*summed)
             return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(

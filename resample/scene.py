@@ -20,7 +20,6 @@ from resample.types import (
     Floats,
     Lamp,
     Layers,
-    Palette,
     Records,
     Samples,
     Screen,
@@ -348,7 +347,4 @@ class Scene:
         is_field = self.classifier is not None
         is_cutting = self.summing is Summing.SLABS
         look = self.classifier or NO_CLASSIFIER
-        palette = Palette(
-            look.table, look.low, look.high, look.steep, look.near, look.far, look.dimmed
-        )
-        paint_sheet_tiles(*common, palette, look.lamp, is_field, is_cutting, *painted)
+        paint_sheet_tiles(*common, look, is_field, is_cutting, *painted)

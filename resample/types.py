@@ -75,18 +75,6 @@ class Classifier(NamedTuple):
     dimmed: float  # share of the light that it takes away there, 0..1
 
 
-class Palette(NamedTuple):
-    """A `Classifier` without its lamp: parallel kernels take no nested bundles."""
-
-    table: Floats
-    low: float
-    high: float
-    steep: float
-    near: float
-    far: float
-    dimmed: float
-
-
 class Field(NamedTuple):
     """N samples of a scalar field; what they look like is decided after they were reconstructed."""
 

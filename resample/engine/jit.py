@@ -181,6 +181,11 @@ def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, _nrt=False)
 
 
+def lane_step(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a loop of lanes that a lane kernel runs time and again, as a part of that kernel."""
+    return _compile(function, fastmath={"contract", "nsz"}, forceinline=True)
+
+
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
     """Compile a function that all threads run at once, each with other `tasks`.
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import kernel
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Vector, combine, dot
-from resample.types import LAST_SHEET, Floats, Layers, Single
+from resample.types import LAST_SHEET, Doubles, Floats, Layers, Single
 
 
 @kernel
@@ -41,6 +41,20 @@ def key_of_sheet(layers: Layers, sheet: int) -> Single:
     ahead = sheet + 0.5 - layers.eye / layers.thickness
     away = np.float32(abs(ahead))
     return np.nextafter(away, np.float32(np.inf)) if ahead < 0.0 else away
+
+
+@parallel_kernel
+def find_first_places(counter: Counter, layers: Layers, position: Floats, first: Doubles) -> None:
+    """Least place along the axis of each part of the samples at a position (N, 3)."""
+    flat, (x, y, z) = position.reshape(-1), layers.axis
+    samples, chunks = position.shape[0], first.size
+    for chunk in tasks(counter, chunks):
+        least = np.inf
+        for n in range(samples * chunk // chunks, samples * (chunk + 1) // chunks):
+            k = np.uint64(3) * np.uint64(n)
+            place = x * flat[k] + y * flat[k + np.uint64(1)] + z * flat[k + np.uint64(2)]
+            least = min(least, place)
+        first[chunk] = least + layers.offset
 
 
 @kernel

@@ -31,7 +31,12 @@ def making_role(function: Callable[P, R]) -> Callable[P, R]:
     return _cast(function, inline="never")
 
 
-def _cast(function: Callable[P, R], inline: str) -> Callable[P, R]:
+def lane_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that is a part of loops of lanes, as a `lane_step` is."""
+    return _cast(function, inline="never", fastmath={"contract", "nsz"}, forceinline=True)
+
+
+def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
     bodies: dict[type, Body] = {}
 
     @wraps(function)
@@ -41,7 +46,7 @@ def _cast(function: Callable[P, R], inline: str) -> Callable[P, R]:
     def chosen(*given: Any) -> Body | None:
         return bodies.get(getattr(given[0], "instance_class", type(None)))
 
-    options = {**OPTIONS, "no_cpython_wrapper": True}
+    options = {**OPTIONS, **own, "no_cpython_wrapper": True}
     overload(play, jit_options=options, strict=False, inline=inline)(chosen)
     play.bodies = bodies  # type: ignore[attr-defined]
     return play

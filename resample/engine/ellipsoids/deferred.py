@@ -70,8 +70,21 @@ from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind
 from resample.engine.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
+from resample.engine.slabs.keys import key_by_sheets
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
-from resample.types import DISC, EXACT, Film, Floats, Formula, Indices, Runs, Stage, Tally, Tiles
+from resample.types import (
+    DISC,
+    EXACT,
+    Film,
+    Floats,
+    Formula,
+    Indices,
+    Layers,
+    Runs,
+    Stage,
+    Tally,
+    Tiles,
+)
 
 TAKEN = 1024  # samples that a tile takes before it paints those that it can
 TAKEN_EARLY = 64  # likewise where all of them are nearer than what is to come
@@ -113,17 +126,21 @@ def find_spacings(
 
 
 @kernel
-def _take_runs(
+def take_runs(
     pool: Pool,
     queue: Queue,
     members: Members,
     runs: Runs,
     sight: Sight,
-    window: Window,
-    open_groups: Groups,
+    shown: tuple[Window, Groups],
     mixture: Mixture | None,
+    sheets: Layers | None,
 ) -> Queue:
-    """Take the samples of a tile's next runs, until there are enough, or no room for more."""
+    """Take the samples of a tile's next runs, until there are enough, or no room for more.
+
+    Where there are sheets, samples wait in the order of these; runs have keys like that, too.
+    """
+    window, open_groups = shown
     # Arrays are taken from their bundles once: their reference counts are all threads' own.
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     color, start, known = runs.samples.color.reshape(-1), runs.start, runs.known
@@ -147,12 +164,14 @@ def _take_runs(
             else:
                 outline_batch(outline, position, extinction, begin, count, sight)
                 meet_outlined(found, outline, begin, count, window)
+            if sheets is not None:
+                key_by_sheets(found, position, begin, count, sheets, sight.optics.eye)
             waiting, farthest = take(line, waiting, found, count, farthest)
     return waiting, next_run, farthest
 
 
 @kernel
-def _form(
+def form(
     pool: Pool,
     count: int,
     runs: Runs,
@@ -241,10 +260,11 @@ def _paint_tile(
     rows, open_groups, sheet, limits = ground
     in_order(known, members)
     pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
+    shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
         if 2 * queue[0] > pool.waiting.size:
             pool = enlarged(pool)
-        queue = _take_runs(pool, queue, members, runs, sight, window, open_groups, mixture)
+        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
         waiting, next_run, farthest = queue
         limit = np.float32(np.inf)
         if next_run < members.size:
@@ -252,7 +272,7 @@ def _paint_tile(
         stay = part(pool.waiting, waiting, limit, pool.ready)
         count = waiting - stay
         sort_pairs(pool.ready[:count], pool.other[:count])
-        _form(pool, count, runs, sight, window, stage, mixture)
+        form(pool, count, runs, sight, window, stage, mixture)
         put_in_order(pool.ready[:count], pool.room, pool.offset)
         _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
         queue = (stay, next_run, farthest)

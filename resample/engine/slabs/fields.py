@@ -8,36 +8,63 @@ slab.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from resample.engine.canvas import Home
+from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, index_of
+from resample.engine.ellipsoids.splats import seen_span
 from resample.engine.jit import kernel
-from resample.engine.over import behind
+from resample.engine.over import VISIBLE
+from resample.engine.slabs.blends import Values
 from resample.engine.slabs.lighting import lit
-from resample.engine.slabs.slabs import Corners, Slab
+from resample.engine.slabs.sums import PLANES, Canvas, Cutting, Ring, Slab, clean, stride_of, sum_at
 from resample.engine.vectors import Vector
 from resample.types import (
     ADDITIVE,
-    COMPOSITE,
     FIRST_HIT,
     MAXIMUM,
+    Classifier,
     Floats,
-    Lamp,
-    Palette,
     Place,
-    Style,
     View,
 )
 
 HALF = 0.5  # of a slab that samples must cover for their mean to stand as it is
 
-# What the projection of a sub-pixel has seen so far (h, w, 8).
-VALUE, DEPTH, PRESENCE, SLOPE, SLAB = 0, 1, 2, 3, 6
+# What the projection of a sub-pixel has seen so far, and between which depths its ray is seen.
+VALUE, AT_DEPTH, PRESENCE, SLOPE, SLAB, START, END, WAY = 0, 1, 2, 3, 6, 7, 8, 9
+STATES = 10
+
+
+class Sum(NamedTuple):
+    """What a slab sums on a sub-pixel."""
+
+    weight: float
+    x: float  # of the gradients; where a field is measured, depths
+    y: float
+    z: float
+    value: float
 
 
 @kernel
-def looked_up(look: Palette, value: float, gradient: float) -> tuple[float, float, float, float]:
+def new_state(height: int, width: int, cutting: Cutting) -> Floats:
+    """Nothing seen by the rays of a tile; their length per depth, and where they are seen."""
+    place, camera, _, planes, _ = cutting
+    state, n = np.zeros((height + 1, width, STATES), np.float32), place.subpixels
+    for row in range(height):
+        for column in range(width):
+            x = (place.x + (column + 0.5) / n - camera.principal[0]) / camera.focal[0]
+            y = (place.y + (row + 0.5) / n - camera.principal[1]) / camera.focal[1]
+            state[row, column, START], state[row, column, END] = seen_span(x, y, camera, planes)
+            way = math.sqrt(1.0 + x * x + y * y) if camera.perspective else 1.0
+            state[row, column, WAY] = way
+    return state
+
+
+@kernel
+def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, float, float, float]:
     """Color and extinction at a value's position 0..1 between low and high, and a gradient."""
     table = look.table
     row = max(0.0, min(1.0, gradient / look.steep)) * (table.shape[0] - 1)
@@ -69,12 +96,13 @@ def looked_up(look: Palette, value: float, gradient: float) -> tuple[float, floa
 
 
 @kernel
-def _length(v: Vector) -> float:
+def length_of(v: Vector) -> float:
+    """Length of a vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @kernel
-def _place_at(row: int, column: int, depth: float, place: Place, view: View) -> Vector:
+def place_at(row: int, column: int, depth: float, place: Place, view: View) -> Vector:
     """Scene position of a sub-pixel's point at a depth."""
     n = place.subpixels
     x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
@@ -93,178 +121,173 @@ def _place_at(row: int, column: int, depth: float, place: Place, view: View) -> 
 
 
 @kernel
-def _seen_color(
-    color: Vector, slope: Vector, at: Vector, depth: float, look: Palette, lamp: Lamp
-) -> Vector:
+def seen_color(color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier) -> Vector:
     """Light of a surface, dimmed by its depth."""
-    light = lit(color, slope, at, lamp)
+    light = lit(color, slope, at, look.lamp)
     far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
     kept = 1.0 - look.dimmed * far
     return (kept * light[0], kept * light[1], kept * light[2])
 
 
 @kernel
-def take_in_slab(
-    slab: Floats,
-    state: Floats,
-    dirty: Corners,
-    pixel: Floats,
-    ray: Floats,
-    place: Place,
-    bounds: Slab,
-    number: int,
-    view: View,
-    style: Style,
-    look: Palette,
-    lamp: Lamp,
-) -> int:
-    """Let the projection see a slab of a field, and empty that; gives how many pixels it closed."""
-    closed = 0
-    first_row, last_row, first_column, last_column = dirty
-    for row in range(first_row, last_row):
-        for column in range(first_column, last_column):
-            weight = float(slab[row, column, 0])
-            if weight > 0.0 and pixel[row, column, 3] > style.opaque:
-                front = max(bounds.front, float(ray[row, column, 4]))
-                back = min(bounds.back, float(ray[row, column, 5]))
-                path = (back - front) * ray[row, column, 3]
-                covered = weight
-                if style.projection in (MAXIMUM, FIRST_HIT):
-                    covered = max(weight, HALF * path)
-                value = slab[row, column, 6] / covered
-                slope = (
-                    slab[row, column, 1] / weight,
-                    slab[row, column, 2] / weight,
-                    slab[row, column, 3] / weight,
-                )
-                depth = slab[row, column, 4] / weight
-                middle = depth if math.isinf(path) else 0.5 * (front + back)
-                pixel[row, column, 5] += np.float32(weight / style.layer)
-                if style.projection == COMPOSITE:
-                    red, green, blue, extinction = looked_up(look, value, _length(slope))
-                    if extinction > 0.0:
-                        at = _place_at(row, column, middle, place, view)
-                        light = _seen_color((red, green, blue), slope, at, middle, look, lamp)
-                        alpha = -math.expm1(-extinction * weight)
-                        if style.linear_opacity:
-                            of_layer = -math.expm1(-extinction * style.layer)
-                            alpha = min(1.0, of_layer * weight / style.layer)
-                        after = _put_behind(pixel, row, column, alpha, light, middle)
-                        closed += 1 if after <= style.opaque else 0
-                elif style.projection == FIRST_HIT:
-                    closed += _look_for_hit(
-                        state,
-                        pixel,
-                        row,
-                        column,
-                        value,
-                        slope,
-                        middle,
-                        front,
-                        number,
-                        place,
-                        view,
-                        style,
-                        look,
-                        lamp,
-                    )
-                elif style.projection == MAXIMUM:
-                    if state[row, column, PRESENCE] == 0.0 or value > state[row, column, VALUE]:
-                        state[row, column, VALUE] = value
-                        state[row, column, DEPTH] = middle
-                    state[row, column, PRESENCE] += weight
-                else:
-                    if style.projection == ADDITIVE:
-                        value = slab[row, column, 6]
-                    state[row, column, VALUE] = value
-                    state[row, column, DEPTH] = depth
-                    state[row, column, PRESENCE] = weight
-            for channel in range(8):
-                slab[row, column, channel] = 0.0
-    dirty[0], dirty[2] = slab.shape[0], slab.shape[1]
-    dirty[1], dirty[3] = 0, 0
-    return closed
+def _put_behind(rows: Floats, k: np.uint64, alpha: float, light: Vector, depth: float) -> float:
+    """Composite a color behind a sub-pixel; gives what it still lets pass."""
+    share = (np.float32(1.0) - rows[k + ALPHA]) * np.float32(alpha)
+    rows[k + RED] += share * np.float32(light[0])
+    rows[k + GREEN] += share * np.float32(light[1])
+    rows[k + BLUE] += share * np.float32(light[2])
+    rows[k + ALPHA] += share
+    rows[k + DEPTH] += share * np.float32(depth)
+    if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
+        rows[k + FIRST] = np.float32(depth)
+    return float(np.float32(1.0) - rows[k + ALPHA])
 
 
 @kernel
-def _put_behind(
-    pixel: Floats, row: int, column: int, alpha: float, light: Vector, depth: float
-) -> float:
-    color = (np.float32(light[0]), np.float32(light[1]), np.float32(light[2]), np.float32(depth))
-    return float(behind(pixel, row, column, np.float32(alpha), color))
+def take_in_values(
+    blend: Values, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: float
+) -> None:
+    """Let the projection see a slab of a field, and empty that."""
+    rows, sums, state, zero = canvas.rows, canvas.sums, canvas.state, np.float32(0.0)
+    stride = stride_of(ring)
+    first, last, left, right = clean(canvas.dirty, slab.slot)
+    for pair in range(first, last):
+        for lane in range(2 * left, 2 * right):
+            row, column = 2 * pair + (lane & 1), lane >> 1
+            s = sum_at(ring, slab.slot, pair, column) + np.uint64(lane & 1)
+            found = Sum(
+                float(sums[s]),
+                float(sums[s + stride]),
+                float(sums[s + np.uint64(2) * stride]),
+                float(sums[s + np.uint64(3) * stride]),
+                float(sums[s + np.uint64(4) * stride]),
+            )
+            k = index_of(row, column)
+            if found.weight > 0.0 and np.float32(1.0) - rows[k + ALPHA] > opaque:
+                if blend.is_measured:
+                    _measure(blend, state[row, column], found)
+                else:
+                    _see_mean(blend, canvas, row, column, found, slab, cutting)
+            for number in range(PLANES):
+                sums[s + np.uint64(number) * stride] = zero
+
+
+@kernel
+def _measure(blend: Values, state: Floats, found: Sum) -> None:
+    """Note the sum of all values of a ray, or their mean."""
+    state[VALUE] = found.value if blend.projection == ADDITIVE else found.value / found.weight
+    state[AT_DEPTH] = found.x / found.weight
+    state[PRESENCE] = found.weight
+
+
+@kernel
+def _see_mean(
+    blend: Values,
+    canvas: Canvas,
+    row: int,
+    column: int,
+    found: Sum,
+    slab: Slab,
+    cutting: Cutting,
+) -> None:
+    """Classify a slab's mean, or look whether it is what the projection looks for."""
+    rows, state, look = canvas.rows, canvas.state, blend.look
+    weight, k = found.weight, index_of(row, column)
+    front = max(slab.front, float(state[row, column, START]))
+    back = min(slab.back, float(state[row, column, END]))
+    covered, middle = weight, 0.5 * (front + back)
+    if blend.projection in (MAXIMUM, FIRST_HIT):
+        covered = max(weight, HALF * (back - front) * state[row, column, WAY])
+    value = found.value / covered
+    if blend.projection == MAXIMUM:
+        if state[row, column, PRESENCE] == 0.0 or value > state[row, column, VALUE]:
+            state[row, column, VALUE] = value
+            state[row, column, AT_DEPTH] = middle
+        state[row, column, PRESENCE] += weight
+        return
+    slope = (found.x / weight, found.y / weight, found.z / weight)
+    if blend.projection == FIRST_HIT:
+        _look_for_hit(blend, canvas, row, column, value, slope, middle, front, slab, cutting)
+        return
+    red, green, blue, extinction = looked_up(look, value, length_of(slope))
+    if extinction > 0.0:
+        at = place_at(row, column, middle, cutting.place, cutting.camera)
+        light = seen_color((red, green, blue), slope, at, middle, look)
+        alpha = -math.expm1(-extinction * weight)
+        if blend.is_linear:
+            of_layer = -math.expm1(-extinction * blend.layer)
+            alpha = min(1.0, of_layer * weight / blend.layer)
+        _put_behind(rows, k, alpha, light, middle)
 
 
 @kernel
 def _look_for_hit(
-    state: Floats,
-    pixel: Floats,
+    blend: Values,
+    canvas: Canvas,
     row: int,
     column: int,
     value: float,
     slope: Vector,
     middle: float,
     front: float,
-    number: int,
-    place: Place,
-    view: View,
-    style: Style,
-    look: Palette,
-    lamp: Lamp,
-) -> int:
-    """Paint where the field passes the wanted value between two slabs; gives 1 if it does.
+    slab: Slab,
+    cutting: Cutting,
+) -> None:
+    """Paint where the field passes the wanted value between two slabs.
 
     A ray that meets the field at or above the value, where a plane cuts it, hits it there.
     """
-    before, at_depth, blend = 0.0, front, 1.0
-    is_next = state[row, column, PRESENCE] > 0.0 and state[row, column, SLAB] == number - 1
+    state, look, number = canvas.state[row, column], blend.look, np.float32(slab.number)
+    before, at_depth, share = 0.0, front, 1.0
+    is_next = state[PRESENCE] > 0.0 and state[SLAB] == number - np.float32(1.0)
     if is_next:
-        before = float(state[row, column, VALUE])
-    hit = (before < style.iso) != (value < style.iso)
-    if hit:
+        before = float(state[VALUE])
+    if (before < blend.iso) != (value < blend.iso):
         if is_next:
-            blend = (style.iso - before) / (value - before)
-            at_depth = state[row, column, DEPTH] + blend * (middle - state[row, column, DEPTH])
+            share = (blend.iso - before) / (value - before)
+            at_depth = state[AT_DEPTH] + share * (middle - state[AT_DEPTH])
             slope = (
-                state[row, column, SLOPE] * (1.0 - blend) + slope[0] * blend,
-                state[row, column, SLOPE + 1] * (1.0 - blend) + slope[1] * blend,
-                state[row, column, SLOPE + 2] * (1.0 - blend) + slope[2] * blend,
+                state[SLOPE] * (1.0 - share) + slope[0] * share,
+                state[SLOPE + 1] * (1.0 - share) + slope[1] * share,
+                state[SLOPE + 2] * (1.0 - share) + slope[2] * share,
             )
-        red, green, blue, _ = looked_up(look, style.iso, _length(slope))
-        at = _place_at(row, column, at_depth, place, view)
-        light = _seen_color((red, green, blue), slope, at, at_depth, look, lamp)
-        _put_behind(pixel, row, column, 1.0, light, at_depth)
-        return 1
-    state[row, column, VALUE], state[row, column, DEPTH] = value, middle
-    state[row, column, PRESENCE], state[row, column, SLAB] = 1.0, number
+        red, green, blue, _ = looked_up(look, blend.iso, length_of(slope))
+        at = place_at(row, column, at_depth, cutting.place, cutting.camera)
+        light = seen_color((red, green, blue), slope, at, at_depth, look)
+        _put_behind(canvas.rows, index_of(row, column), 1.0, light, at_depth)
+        return
+    state[VALUE], state[AT_DEPTH] = value, middle
+    state[PRESENCE], state[SLAB] = 1.0, number
     for axis in range(3):
-        state[row, column, SLOPE + axis] = slope[axis]
-    return 0
+        state[SLOPE + axis] = slope[axis]
 
 
 @kernel
-def develop(state: Floats, pixel: Floats, voxel: float, style: Style, look: Palette) -> None:
+def develop(blend: Values, canvas: Canvas) -> None:
     """Give colors to what the projection has measured; its value is left in data units.
 
-    Colors are as opaque as a `voxel` (scene units) of that value, where the field is that long.
+    Colors are as opaque as a voxel of that value, where the field is that long.
     """
+    look, voxel = blend.look, blend.voxel
     span = look.high - look.low
-    for row in range(state.shape[0]):
-        for column in range(state.shape[1]):
-            presence = float(state[row, column, PRESENCE])
+    for row in range(canvas.height):
+        for column in range(canvas.width):
+            state = canvas.state[row, column]
+            presence = float(state[PRESENCE])
             if presence <= 0.0:
                 continue
             alpha, seen = min(1.0, presence / voxel), 1.0
-            value, depth = float(state[row, column, VALUE]), float(state[row, column, DEPTH])
-            if style.projection == ADDITIVE:
-                state[row, column, VALUE] = look.low * presence + span * value
+            value, depth = float(state[VALUE]), float(state[AT_DEPTH])
+            if blend.projection == ADDITIVE:
+                state[VALUE] = look.low * presence + span * value
                 light = (0.0, 0.0, 0.0)
             else:
                 red, green, blue, extinction = looked_up(look, value, 0.0)
                 seen = -math.expm1(-extinction * voxel)
                 light = (red, green, blue)
-                state[row, column, VALUE] = look.low + span * value
-            state[row, column, PRESENCE] = alpha
-            _put_behind(pixel, row, column, alpha * seen, light, depth)
+                state[VALUE] = look.low + span * value
+            state[PRESENCE] = alpha
+            _put_behind(canvas.rows, index_of(row, column), alpha * seen, light, depth)
 
 
 @kernel

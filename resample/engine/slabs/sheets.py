@@ -18,7 +18,8 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.lookup import absorbed
 from resample.engine.over import VISIBLE
 from resample.engine.points.adding import MOST_TAPS, add_point
-from resample.engine.slabs.fields import develop, resolve_value, take_in_slab
+from resample.engine.slabs.fields import resolve_value
+from resample.engine.slabs.record_fields import develop, take_in_slab
 from resample.engine.slabs.slabs import (
     Corners,
     Rays,
@@ -37,11 +38,10 @@ from resample.types import (
     AVERAGE,
     MAXIMUM,
     Canvas,
+    Classifier,
     Ellipsoid,
     Film,
     Floats,
-    Lamp,
-    Palette,
     Place,
     Records,
     Screen,
@@ -205,8 +205,7 @@ def _paint_sheets(
     screen: Screen,
     style: Style,
     tables: Tables,
-    look: Palette,
-    lamp: Lamp,
+    look: Classifier,
     is_field: bool,
     is_cutting: bool,
     state: Floats,
@@ -264,7 +263,7 @@ def _paint_sheets(
             )
             if is_field:
                 still_open -= take_in_slab(
-                    slab, state, dirty, pixel, ray, place, bounds, number, view, style, look, lamp
+                    slab, state, dirty, pixel, ray, place, bounds, number, view, style, look
                 )
             else:
                 still_open -= _composite(pixel, slab, sheet, dirty, style)
@@ -288,8 +287,7 @@ def paint_sheet_tiles(
     screen: Screen,
     style: Style,
     tables: Tables,
-    look: Palette,
-    lamp: Lamp,
+    look: Classifier,
     is_field: bool,
     is_cutting: bool,
     film: Film,
@@ -322,7 +320,6 @@ def paint_sheet_tiles(
             style,
             tables,
             look,
-            lamp,
             is_field,
             is_cutting,
             state,

@@ -1,0 +1,89 @@
+"""Slabs of samples that have their colors: what one sums is put behind what is painted."""
+
+import numpy as np
+
+from resample.engine.ellipsoids.rows import (
+    ALPHA,
+    BLUE,
+    COLUMNS,
+    DEEPEST,
+    E1,
+    E2,
+    E3,
+    E4,
+    E5,
+    GREEN,
+    LANES,
+    PAIR,
+    PER_DEEPEST,
+    RED,
+)
+from resample.engine.ellipsoids.rows import DEPTH as FAR
+from resample.engine.ellipsoids.rows import FIRST as NEAREST
+from resample.engine.jit import lane_kernel, lane_step
+from resample.engine.over import VISIBLE
+from resample.engine.slabs.sums import Canvas, Ring, clean, stride_of, sum_at
+from resample.types import Floats, Single
+
+LEAST = np.float32(1e-30)  # optical depth
+
+
+@lane_step
+def _composite(
+    rows: Floats,
+    sums: Floats,
+    first_k: np.uint64,
+    first: np.uint64,
+    ring: Ring,
+    opaque: Single,
+    linear: bool,
+) -> None:
+    """Put the sums of some sub-pixels behind what is painted, and empty them.
+
+    Splats of a slab overlap, so their optical depths add up.
+    """
+    zero, one, two, far = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(np.inf)
+    visible, stride = np.float32(VISIBLE), stride_of(ring)
+    for n in range(LANES):
+        k, s = first_k + np.uint64(n), first + np.uint64(n)
+        one_k, two_k = s + stride, s + np.uint64(2) * stride
+        three_k, four_k = s + np.uint64(3) * stride, s + np.uint64(4) * stride
+        depth, alpha = sums[s], rows[k + ALPHA]
+        before = one - alpha
+        is_open = (before > opaque) & (depth > zero)
+        # 1 - exp(-x) = -expm1(-x); expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
+        x = max(DEEPEST, -depth) * PER_DEEPEST
+        x2 = x * x
+        fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+        fall *= fall + two
+        part = min(depth, one) if linear else -fall
+        share = before * part if is_open else zero
+        per_depth = one / max(depth, LEAST)
+        of_sums = share * per_depth
+        after = alpha + share
+        rows[k + RED] += max(zero, of_sums * sums[one_k])
+        rows[k + GREEN] += max(zero, of_sums * sums[two_k])
+        rows[k + BLUE] += max(zero, of_sums * sums[three_k])
+        rows[k + ALPHA] = after
+        rows[k + FAR] += of_sums * sums[four_k]
+        known, near = rows[k + NEAREST], sums[four_k] * per_depth
+        rows[k + NEAREST] = near if (known == far) & is_open & (after > visible) else known
+        sums[s] = zero
+        sums[one_k] = zero
+        sums[two_k] = zero
+        sums[three_k] = zero
+        sums[four_k] = zero
+
+
+@lane_kernel
+def composite_colors(canvas: Canvas, ring: Ring, slot: int, opaque: Single, linear: bool) -> None:
+    """Put a slab behind what is painted, and empty it."""
+    rows, sums, dirty = canvas.rows, canvas.sums, canvas.dirty
+    first, last, left, right = clean(dirty, slot)
+    for pair in range(first, last):
+        for start in range(left, right, COLUMNS):
+            first_k = np.uint64(pair * PAIR + 2 * start)
+            _composite(rows, sums, first_k, sum_at(ring, slot, pair, start), ring, opaque, linear)

@@ -1,0 +1,161 @@
+"""Line integrals of a kernel around a sample, up to a place on the ray: in lanes of sub-pixels.
+
+Distances are in radii. With t = 1 - squared distance of the ray from the center, the kernel covers
+the places from -sqrt(t) to sqrt(t). A density Σ_j d_j t^j has between 0 and x the integral
+
+    Σ_j d_j ∫ (t - x²)^j dx = x Σ_m q_m(t) x^(2m)
+    q_m(t) = (-1)^m / (2m + 1) Σ_j d_j (j over m) t^(j-m)
+
+The nine q_m are found once per ray, and serve all places on it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.ellipsoids.rows import LANES
+from resample.engine.roles import lane_role, plays
+from resample.types import Floats, Profile, Single
+
+# What is known of the rays of some sub-pixels: LANES numbers each.
+HALF, ALONG, SHIFT, AMPLITUDE, BEFORE, Q0, Q1, Q2, Q3, Q4, Q5, Q6, Q7, Q8 = (
+    np.uint64(number * LANES) for number in range(14)
+)
+ROW = Q0  # of a table
+WORK = 14 * LANES
+
+Coefficients = tuple[Single, ...]  # of 1, t, t², ...
+
+
+class Smooth(NamedTuple):
+    """A kernel whose density is a polynomial in t."""
+
+    whole: Profile  # line integrals, sqrt(t) times a polynomial in t
+    q0: Coefficients  # nine of them
+    q1: Coefficients  # eight, and so on
+    q2: Coefficients
+    q3: Coefficients
+    q4: Coefficients
+    q5: Coefficients
+    q6: Coefficients
+    q7: Coefficients
+    q8: Coefficients
+
+
+class Tabulated(NamedTuple):
+    """Any other kernel."""
+
+    whole: Floats  # (K + 1,) line integrals over the squared distance, 0..1
+    part: Floats  # ((J + 1)²,) up to a place, -1..1, which moves on first, over that distance
+    steps: int  # J
+
+
+Integral = Smooth | Tabulated
+
+
+@lane_role
+def whole(integral: Integral, t: Single) -> Single:
+    """Line integral of a ray, from its t."""
+    raise NotImplementedError
+
+
+@lane_role
+def seen(
+    integral: Integral, work: Floats, lane: np.uint64, t: Single, half: Single
+) -> tuple[Single, Single]:
+    """Write down what is known of a ray, from its t and sqrt(t).
+
+    Gives where `up_to` begins, and the line integral.
+    """
+    raise NotImplementedError
+
+
+@lane_role
+def up_to(integral: Integral, work: Floats, lane: np.uint64, x: Single) -> Single:
+    """Integral up to a place within what is written down as HALF, but for a constant."""
+    raise NotImplementedError
+
+
+@plays(whole, Smooth)
+def _whole_of_formula(integral, t):  # type: ignore[no-untyped-def]
+    p0, p1, p2, p3, p4, p5, p6, p7, p8 = integral.whole
+    t2 = t * t
+    t4 = t2 * t2
+    shape = (p4 + t * p5) + t2 * (p6 + t * p7) + t4 * p8
+    shape = (p0 + t * p1) + t2 * (p2 + t * p3) + t4 * shape
+    return shape * np.sqrt(t)
+
+
+@plays(whole, Tabulated)
+def _whole_of_table(integral, t):  # type: ignore[no-untyped-def]
+    table = integral.whole
+    place = (np.float32(1.0) - t) * np.float32(table.size - 1)
+    entry = min(np.uint32(place), np.uint32(table.size - 2))
+    below = table[entry]
+    return below + (place - np.float32(entry)) * (table[entry + np.uint32(1)] - below)
+
+
+@plays(seen, Smooth)
+def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+    _, a, b, c, d, e, f, g, h, i = integral
+    t2 = t * t
+    t4 = t2 * t2
+    q0 = (a[4] + t * a[5]) + t2 * (a[6] + t * a[7]) + t4 * a[8]
+    q0 = (a[0] + t * a[1]) + t2 * (a[2] + t * a[3]) + t4 * q0
+    q1 = (b[4] + t * b[5]) + t2 * (b[6] + t * b[7])
+    q1 = (b[0] + t * b[1]) + t2 * (b[2] + t * b[3]) + t4 * q1
+    q2 = (c[0] + t * c[1]) + t2 * (c[2] + t * c[3]) + t4 * ((c[4] + t * c[5]) + t2 * c[6])
+    q3 = (d[0] + t * d[1]) + t2 * (d[2] + t * d[3]) + t4 * (d[4] + t * d[5])
+    q4 = (e[0] + t * e[1]) + t2 * (e[2] + t * e[3]) + t4 * e[4]
+    q5 = (f[0] + t * f[1]) + t2 * (f[2] + t * f[3])
+    q6 = (g[0] + t * g[1]) + t2 * g[2]
+    q7 = h[0] + t * h[1]
+    work[lane + Q0] = q0
+    work[lane + Q1] = q1
+    work[lane + Q2] = q2
+    work[lane + Q3] = q3
+    work[lane + Q4] = q4
+    work[lane + Q5] = q5
+    work[lane + Q6] = q6
+    work[lane + Q7] = q7
+    work[lane + Q8] = i[0]
+    work[lane + HALF] = half
+    rest = (q4 + t * q5) + t2 * (q6 + t * q7) + t4 * i[0]
+    middle = half * ((q0 + t * q1) + t2 * (q2 + t * q3) + t4 * rest)
+    return -middle, middle + middle
+
+
+@plays(seen, Tabulated)
+def _seen_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    steps, table = integral.steps, integral.part
+    row = (np.float32(1.0) - t) * np.float32(steps)
+    work[lane + ROW] = row
+    work[lane + HALF] = np.float32(1.0)
+    line = min(np.uint32(row), np.uint32(steps - 1))
+    last = (line + np.uint32(1)) * np.uint32(steps + 1) - np.uint32(1)
+    upper, lower = table[last], table[last + np.uint32(steps + 1)]
+    return np.float32(0.0), upper + (row - np.float32(line)) * (lower - upper)
+
+
+@plays(up_to, Smooth)
+def _up_to_by_formula(integral, work, lane, x):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    y = x * x
+    y2 = y * y
+    y4 = y2 * y2
+    low = (work[lane + Q0] + y * work[lane + Q1]) + y2 * (work[lane + Q2] + y * work[lane + Q3])
+    high = (work[lane + Q4] + y * work[lane + Q5]) + y2 * (work[lane + Q6] + y * work[lane + Q7])
+    return x * (low + y4 * (high + y4 * work[lane + Q8]))
+
+
+@plays(up_to, Tabulated)
+def _up_to_by_table(integral, work, lane, x):  # type: ignore[no-untyped-def]
+    table, steps, row = integral.part, integral.steps, work[lane + ROW]
+    line = min(np.uint32(row), np.uint32(steps - 1))
+    place = (x + np.float32(1.0)) * np.float32(0.5 * steps)
+    column = min(np.uint32(place), np.uint32(steps - 1))
+    down, right = row - np.float32(line), place - np.float32(column)
+    above = line * np.uint32(steps + 1) + column
+    below = above + np.uint32(steps + 1)
+    upper = table[above] + right * (table[above + np.uint32(1)] - table[above])
+    lower = table[below] + right * (table[below + np.uint32(1)] - table[below])
+    return upper + down * (lower - upper)

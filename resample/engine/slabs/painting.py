@@ -1,0 +1,376 @@
+"""Paint tiles from runs of samples that are summed before they are composited.
+
+As `resample.engine.ellipsoids.deferred`: a tile takes runs nearest first, skips those behind opaque
+sub-pixels, and projects the samples of the others. What it sums are slabs that cut splats, of which
+as many are open as a splat reaches over; sheets of whole splats, one after the other; or all
+samples in one sum. A slab is composited when no splat that is still to come can reach it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.canvas import Home, laid_out, pixel_weights
+from resample.engine.ellipsoids.deferred import TAKEN, form, take_runs
+from resample.engine.ellipsoids.footprints import optics_of
+from resample.engine.ellipsoids.outlines import DEPTH, NO_REACH, Window, sides_of, sight_of
+from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, part, put_in_order
+from resample.engine.ellipsoids.rows import (
+    COLUMNS,
+    PAIR,
+    RAY,
+    Limits,
+    Members,
+    cast_rays_of_rows,
+    close_rows,
+    index_of,
+    new_rows,
+    open_rows,
+    resolve_rows,
+)
+from resample.engine.grid import grid
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.roles import making_role, plays
+from resample.engine.runs import home_of, in_order
+from resample.engine.slabs.blends import Blend, Colors, Values
+from resample.engine.slabs.colors import composite_colors
+from resample.engine.slabs.fields import (
+    STATES,
+    develop,
+    new_state,
+    resolve_value,
+    take_in_values,
+)
+from resample.engine.slabs.integrals import WORK, Integral
+from resample.engine.slabs.keys import end_of_sheet, sort_by_depth
+from resample.engine.slabs.splats import Slant, Span, add_splats, slant_of
+from resample.engine.slabs.sums import (
+    Canvas,
+    Cutting,
+    Dirty,
+    Ring,
+    Slab,
+    aligned,
+    empty,
+    new_sums,
+    no_dirt,
+)
+from resample.engine.sorting import sort_pairs
+from resample.types import (
+    ADDITIVE,
+    Film,
+    Floats,
+    Indices,
+    Layers,
+    Place,
+    Runs,
+    Single,
+    Stage,
+    Tally,
+    Tiles,
+)
+
+PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole ones; one sum of all
+FAR_AHEAD = -(1 << 60)  # a slab before all others
+
+
+class Summed(NamedTuple):
+    """What is summed before it is composited."""
+
+    what: int  # PARTS, WHOLES or ALL
+    thickness: float  # scene units, of a slab
+    sheets: Layers | None  # that are summed as wholes
+    ring: Ring  # of slabs that are open at a time
+
+
+class Sweep(NamedTuple):
+    """Where a tile is: which slab is the first open one, and which one the last."""
+
+    front: int
+    slot: int
+    behind: int
+    is_open: bool
+
+
+class Ready(NamedTuple):
+    """What samples of a tile are added to slabs with."""
+
+    summed: Summed
+    slant: Slant
+    limits: Limits
+    integral: Integral
+    cutting: Cutting
+    reach: float  # half an ellipsoid's extent along the view axis, scene units
+
+
+class Sums(NamedTuple):
+    """Room that a thread's tiles have one after the other."""
+
+    work: Floats
+    sums: Floats
+    along: Floats
+    dirty: Dirty
+
+
+@making_role
+def state_of(blend: Blend, height: int, width: int, cutting: Cutting) -> Floats:
+    """What is known of each sub-pixel's ray besides what is painted."""
+    raise NotImplementedError
+
+
+@plays(state_of, Colors)
+def _no_state(blend, height, width, cutting):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.zeros((0, 0, STATES), np.float32)
+
+
+@plays(state_of, Values)
+def _state_of_values(blend, height, width, cutting):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return new_state(height, width, cutting)
+
+
+@making_role
+def close(
+    blend: Blend, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: Single
+) -> None:
+    """Composite a slab, and empty it."""
+    raise NotImplementedError
+
+
+@plays(close, Colors)
+def _close_colors(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
+
+
+@plays(close, Values)
+def _close_values(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]
+    take_in_values(blend, canvas, ring, slab, cutting, opaque)
+
+
+@making_role
+def finish(blend: Blend, canvas: Canvas, n: int, weight: Floats, home: Home, value: Floats) -> None:
+    """Resolve what was measured to pixels (H, W)."""
+    raise NotImplementedError
+
+
+@plays(finish, Colors)
+def _finish_colors(blend, canvas, n, weight, home, value):  # type: ignore[no-untyped-def]
+    pass
+
+
+@plays(finish, Values)
+def _finish_values(blend, canvas, n, weight, home, value):  # type: ignore[no-untyped-def]
+    if value.size > 0:
+        develop(blend, canvas)
+        resolve_value(canvas.state, n, weight, home, blend.projection == ADDITIVE, value)
+
+
+@kernel
+def _cast(
+    rows: Floats, along: Floats, height: int, width: int, place: Place, stage: Stage
+) -> Single:
+    """Fill in |w|, 1 beyond the last column, where amplitudes are 0; gives the least 1 / |w|²."""
+    least = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
+    for row in range(2 * ((height + 1) // 2)):
+        for column in range(width + COLUMNS):
+            k = index_of(row, column)
+            is_inside = row < height and column < width
+            along[k] = np.float32(1.0 / math.sqrt(rows[k + RAY])) if is_inside else np.float32(1.0)
+    return least
+
+
+@kernel
+def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
+    """Pairs of rows of the finest tile."""
+    finest = 1
+    for tile in turn:
+        finest = max(finest, grid(tiles.spacing[tile], stage.style))
+    return ((tiles.size + 2 * stage.tables.pixel_margin) * finest + 1) // 2
+
+
+@kernel
+def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int) -> Sweep:
+    """Composite slabs before one that is reached next."""
+    summed, opaque, is_any_open = ready.summed, ready.limits.opaque, True
+    thickness, front, slot = summed.thickness, sweep.front, sweep.slot
+    while front < until and front <= sweep.behind:
+        near, far = front * thickness, (front + 1) * thickness
+        if summed.what != PARTS:
+            near, far = -np.inf, np.inf
+        close(blend, canvas, summed.ring, Slab(front, slot, near, far), ready.cutting, opaque)
+        is_any_open = close_rows(canvas.open_groups, canvas.rows, canvas.width, opaque)
+        front, slot = front + 1, (slot + 1) % summed.ring.slots
+        if not is_any_open:
+            break
+    return Sweep(max(front, until), slot, sweep.behind, is_any_open)
+
+
+@kernel
+def _add(
+    blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, room: Floats, offset: Members
+) -> tuple[Sweep, int]:
+    """Add samples in their order, and composite slabs that no more of them reach."""
+    summed, slant, limits, integral, cutting, reach = ready
+    at_home, n, thickness = 0, 0, summed.thickness
+    is_cutting = summed.what == PARTS
+    while n < offset.size and sweep.is_open:
+        if is_cutting:
+            depth = float(room[np.uint64(offset[n]) + DEPTH])
+            first = math.floor((depth - reach) / thickness)
+            sweep = _closed(blend, canvas, ready, sweep, first)
+            if not sweep.is_open:
+                break
+        span = Span(sweep.front, sweep.slot, summed.ring, thickness, reach)
+        count, found, behind = add_splats(
+            canvas, room, offset[n:], span, slant, limits, integral, blend, cutting, is_cutting
+        )
+        n, at_home = n + count, at_home + found
+        sweep = Sweep(sweep.front, sweep.slot, max(sweep.behind, behind), True)
+    return sweep, at_home
+
+
+@kernel
+def _add_ready(
+    blend: Blend,
+    canvas: Canvas,
+    ready: Ready,
+    sweep: Sweep,
+    pool: Pool,
+    count: int,
+    seen: tuple[Runs, Window, Stage],
+    tally: Tally,
+) -> Sweep:
+    """Add the samples whose turn it is, sheet by sheet where these are summed."""
+    runs, window, stage = seen
+    sight, first = sight_of(stage, NO_REACH), 0
+    position = runs.samples.position.reshape(-1)
+    while first < count and sweep.is_open:
+        last = count
+        if ready.summed.what == WHOLES:
+            last = end_of_sheet(pool.ready[:count], first)
+            sort_by_depth(
+                pool.ready[first:last], pool.other[first:last], position, sight.optics.eye
+            )
+        size = last - first
+        sheet = Pool(
+            pool.waiting,
+            pool.ready[first:last],
+            pool.other[first:last],
+            pool.offset[:size],
+            pool.room,
+            pool.found,
+            pool.outline,
+        )
+        form(sheet, size, runs, sight, window, stage, None)
+        put_in_order(sheet.ready, sheet.room, sheet.offset)
+        sweep, at_home = _add(blend, canvas, ready, sweep, sheet.room, sheet.offset)
+        tally[1] += at_home
+        if ready.summed.what == WHOLES:
+            sweep = _closed(blend, canvas, ready, sweep, sweep.front + 1)
+        first = last
+    return sweep
+
+
+@kernel
+def _paint_tile(
+    members: Members,
+    runs: Runs,
+    window: Window,
+    stage: Stage,
+    blend: Blend,
+    canvas: Canvas,
+    ready: Ready,
+    tally: Tally,
+) -> None:
+    """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
+    sight, known = sight_of(stage, NO_REACH), runs.known
+    in_order(known, members)
+    pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
+    shown, seen = (window, canvas.open_groups), (runs, window, stage)
+    begin = FAR_AHEAD if ready.summed.what == PARTS else 0
+    sweep = Sweep(begin, 0, FAR_AHEAD, True)
+    while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
+        if 2 * queue[0] > pool.waiting.size:
+            pool = enlarged(pool)
+        queue = take_runs(pool, queue, members, runs, sight, shown, None, ready.summed.sheets)
+        waiting, next_run, farthest = queue
+        limit = np.float32(np.inf)
+        if next_run < members.size:
+            limit = known[members[next_run]]["key"]
+        stay = part(pool.waiting, waiting, limit, pool.ready)
+        count = waiting - stay
+        sort_pairs(pool.ready[:count], pool.other[:count])
+        sweep = _add_ready(blend, canvas, ready, sweep, pool, count, seen, tally)
+        queue = (stay, next_run, farthest)
+    if sweep.is_open:
+        _closed(blend, canvas, ready, sweep, sweep.behind + 1)
+
+
+@parallel_kernel
+def paint_summed_runs(
+    counter: Counter,
+    turn: Indices,
+    tiles: Tiles,
+    runs: Runs,
+    stage: Stage,
+    integral: Integral,
+    summed: Summed,
+    blend: Blend,
+    output: tuple[Film, Floats, Tally],
+) -> None:
+    """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
+
+    Parameters
+    ----------
+    turn
+        Numbers of tiles that have members.
+    tiles
+        Whose members are runs.
+    runs
+        At most BATCH samples in one, all of them splats of exact footprint.
+    stage
+        What all painters share.
+    integral
+        Line integrals of the kernel.
+    summed, blend
+        What is summed, and how sums are composited.
+    output
+        Film (H, W) written to; (H, W) what projections of fields measure, or nothing; and a tally
+        (T, 4): 0, numbers of splats painted by the tiles that hold their centers, 0, and grids.
+    """
+    (eye, shape, _), (film, value, tally) = optics_of(stage), output
+    style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
+    reach = math.sqrt(shape.covariance[2][2])
+    own = Sums(
+        aligned(WORK),
+        new_sums(summed.ring, pairs),
+        np.empty(pairs * PAIR, np.float32),
+        no_dirt(summed.ring.slots),
+    )
+    for number in tasks(counter, turn.size):
+        tile = turn[number]
+        n = grid(tiles.spacing[tile], style)
+        tally[tile, 3] = n
+        home, place, height, width = laid_out(
+            tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
+        )
+        rows, open_groups = new_rows(height, width), open_rows(height, width)
+        widest = np.float32(1.0) / _cast(rows, own.along, height, width, place, stage)
+        limits = Limits(
+            np.float32(style.opaque), np.float32(1.0 / style.layer), widest, np.float32(0.0)
+        )
+        cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
+        state = state_of(blend, height, width, cutting)
+        canvas = Canvas(
+            rows, open_groups, own.along, own.sums, own.dirty, own.work, state, height, width
+        )
+        sides = sides_of(eye, shape, place, (height, width), 0.0)
+        window = Window(place, height, width, home_of(home), sides)
+        slant = slant_of(eye, shape, place)
+        ready = Ready(summed, slant, limits, integral, cutting, reach)
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        _paint_tile(members, runs, window, stage, blend, canvas, ready, tally[tile])
+        empty(own.sums, own.dirty, summed.ring)
+        weight = pixel_weights(tables, n)
+        finish(blend, canvas, n, weight, home, value)
+        resolve_rows(rows, n, weight, home, film)

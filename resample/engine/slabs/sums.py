@@ -1,0 +1,154 @@
+"""The open slabs of a tile: sums per sub-pixel, in pairs of rows as in `ellipsoids.rows`.
+
+A slab sums the weights of its splats, and what is weighted: red, green, blue and depth, or the
+gradient and the value of a field. Slabs lie in a ring, and those of one pair of rows side by side.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.ellipsoids.rows import COLUMNS, Groups
+from resample.engine.jit import kernel
+from resample.engine.roles import lane_role, plays
+from resample.types import MOST_COLUMNS, Doubles, Ellipsoid, Floats, Place, Single, View
+
+NARROW = 72  # sub-pixels in a row of most tiles
+PLANES = 5  # numbers of a sub-pixel
+_NOWHERE = 1 << 30
+
+# (slots, 4) pairs of rows touched, the first and one past the last; columns likewise
+Dirty = NDArray[np.int64]
+
+
+class Narrow(NamedTuple):
+    """A ring of slabs of tiles with at most NARROW columns."""
+
+    slots: int  # of slabs that are open at a time
+
+
+class Wide(NamedTuple):
+    """A ring of slabs of tiles with at most MOST_COLUMNS columns."""
+
+    slots: int
+
+
+Ring = Narrow | Wide
+
+
+@lane_role
+def stride_of(ring: Ring) -> np.uint64:
+    """Where the next number of a sub-pixel is: weight, first, second, third and fourth."""
+    raise NotImplementedError
+
+
+@plays(stride_of, Narrow)
+def _narrow(ring):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.uint64(2 * (NARROW + COLUMNS))
+
+
+@plays(stride_of, Wide)
+def _wide(ring):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.uint64(2 * (MOST_COLUMNS + COLUMNS))
+
+
+class Canvas(NamedTuple):
+    """The sub-pixels of a tile, and the slabs that lie behind what is painted on them."""
+
+    rows: Floats  # see `ellipsoids.rows`
+    open_groups: Groups
+    along: Floats  # radii per scene unit of depth on a ray, |w|; first numbers of pairs of rows
+    sums: Floats
+    dirty: Dirty
+    work: Floats  # see `integrals`
+    state: Floats  # (h, w, 10) of fields, see `fields`; or nothing
+    height: int
+    width: int
+
+
+class Cutting(NamedTuple):
+    """What cuts spheres, and what they are then."""
+
+    place: Place
+    camera: View
+    ellipsoid: Ellipsoid
+    planes: Doubles  # (M, 5)
+    partial: Floats
+
+
+class Slab(NamedTuple):
+    """An open slab: its number, its place in the ring, and the depths it lies between."""
+
+    number: int
+    slot: int
+    front: float
+    back: float
+
+
+class Matter(NamedTuple):
+    """What a splat adds per unit of its line integral."""
+
+    weight: Single
+    first: Single
+    second: Single
+    third: Single
+    fourth: Single
+
+
+@kernel
+def sum_at(ring: Ring, slot: int, pair: int, column: int) -> np.uint64:
+    """Where the first number of a sub-pixel of the upper row is."""
+    line = np.uint64((pair * ring.slots + slot) * PLANES)
+    return np.uint64(line * stride_of(ring) + np.uint64(2 * column))
+
+
+@kernel
+def no_dirt(slots: int) -> Dirty:
+    """No sub-pixels touched."""
+    dirty = np.zeros((slots, 4), np.int64)
+    for slot in range(slots):
+        dirty[slot, 0] = dirty[slot, 2] = _NOWHERE
+    return dirty
+
+
+@kernel
+def touch(dirty: Dirty, slot: int, top: int, bottom: int, left: int, right: int) -> None:
+    """Note that rows and columns of a slab were touched, the last ones excluded."""
+    k = np.uint64(slot)
+    dirty[k, 0], dirty[k, 1] = min(dirty[k, 0], top >> 1), max(dirty[k, 1], (bottom + 1) >> 1)
+    dirty[k, 2], dirty[k, 3] = min(dirty[k, 2], left), max(dirty[k, 3], right)
+
+
+@kernel
+def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
+    """Pairs of rows and columns that were touched, which are forgotten."""
+    first, last, left, right = dirty[slot, 0], dirty[slot, 1], dirty[slot, 2], dirty[slot, 3]
+    dirty[slot, 0], dirty[slot, 1] = _NOWHERE, 0
+    dirty[slot, 2], dirty[slot, 3] = _NOWHERE, 0
+    return first, last, left, right
+
+
+@kernel
+def empty(sums: Floats, dirty: Dirty, ring: Ring) -> None:
+    """Empty all slabs."""
+    for slot in range(ring.slots):
+        first, last, _, _ = clean(dirty, slot)
+        for pair in range(first, last):
+            begin = sum_at(ring, slot, pair, 0)
+            for n in range(np.uint64(PLANES) * stride_of(ring)):
+                sums[begin + np.uint64(n)] = 0.0
+
+
+@kernel
+def new_sums(ring: Ring, pairs: int) -> Floats:
+    """Empty slabs with so many pairs of rows."""
+    return aligned(int(np.uint64(ring.slots * pairs * PLANES) * stride_of(ring)))
+
+
+@kernel
+def aligned(count: int) -> Floats:
+    """Room for numbers that begins where a line of the cache does."""
+    room = np.zeros(count + 16, np.float32)
+    first = (-room.ctypes.data % 64) // 4
+    return room[first : first + count]
