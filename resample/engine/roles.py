@@ -26,6 +26,11 @@ def role(function: Callable[P, R]) -> Callable[P, R]:
     return _cast(function, inline="always")
 
 
+def called_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that is called, as it is too long to become a part of a loop that plays it twice."""
+    return _cast(function, inline="never", _nrt=False)
+
+
 def making_role(function: Callable[P, R]) -> Callable[P, R]:
     """A role that may make arrays."""
     return _cast(function, inline="never")

@@ -698,7 +698,7 @@ def test_help_imports_nothing_heavy(words):
 
 INTERRUPTIBLE = """
 import contextlib, signal, time
-from resample_texture.command import session
+from resample.command import session
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 

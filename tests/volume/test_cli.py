@@ -663,7 +663,7 @@ def test_help_imports_nothing_heavy(words):
 
 INTERRUPTIBLE = """
 import contextlib, signal, sys, time
-from resample_volume.command import session
+from resample.command import session
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 

@@ -11,7 +11,7 @@ it is, and where pixels are written.
 from typing import Any
 
 from resample.engine.jit import kernel
-from resample.engine.roles import role
+from resample.engine.roles import called_role
 from resample.engine.surfaces.blocks import Block, Surfaces, composed, emptied, new_block
 from resample.types import Tiles
 
@@ -19,25 +19,25 @@ Members = Any  # a bundle of all that may be painted
 Picture = Any  # a bundle that pixels are written to
 
 
-@role
+@called_role
 def claim(members: Members, member: int, block: Block) -> None:
     """Raise the floor of the sub-pixels where a member is in front."""
     raise NotImplementedError
 
 
-@role
+@called_role
 def add(members: Members, member: int, group: int, block: Block) -> None:
     """Add a group of three channels of a member where it belongs to the surface in front."""
     raise NotImplementedError
 
 
-@role
+@called_role
 def stride(members: Members, tiles: Tiles, tile: int, block: Block) -> int:
     """Of how many sub-pixels of a row one is enough, as one surface fills the tile; else 1."""
     raise NotImplementedError
 
 
-@role
+@called_role
 def write(picture: Picture, block: Block, group: int) -> None:
     """Write the pixels of a tile whose surfaces are all composed."""
     raise NotImplementedError
