@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
+    from resample.scattering import Scatter, Scattering
     from resample.types import Frame, Samples
 
 _HOMES = {
@@ -24,6 +25,8 @@ _HOMES = {
     "Primitive": "resampler",
     "Resampler": "resampler",
     "Samples": "types",
+    "Scatter": "scattering",
+    "Scattering": "scattering",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
 }
@@ -38,6 +41,8 @@ __all__ = [
     "Primitive",
     "Resampler",
     "Samples",
+    "Scatter",
+    "Scattering",
     "look_at",
     "orbit",
 ]

@@ -214,7 +214,7 @@ class Resampler:
             Arrays do not fit together or hold values that are not finite, the size is no size, or
             a field, its projection or blocks do not go with the order.
         """
-        _check_size(height, width)
+        check_size(height, width)
         if isinstance(samples, Blocked):
             with _kernels(threads):
                 return self._render_blocked(samples, camera, (height, width), clip, progress)
@@ -238,7 +238,7 @@ class Resampler:
 
         Same parameters and errors as a call; left > right marks samples that cannot be seen.
         """
-        _check_size(height, width)
+        check_size(height, width)
         checked, look = _checked(samples)
         with _kernels(None):
             scene = self._scene(checked.lattice, camera.view(), (height, width), look, None)
@@ -478,7 +478,8 @@ def _kernels(threads: int | None) -> Iterator[None]:
         yield
 
 
-def _check_size(height: int, width: int) -> None:
+def check_size(height: int, width: int) -> None:
+    """Refuse what is no size of a picture, px."""
     if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
