@@ -10,7 +10,7 @@ from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
 from resample.cameras.models import AnyCamera
 from resample.resampler import Primitive, Resampler
-from resample.types import Blocked, Field, Samples
+from resample.types import Field, Samples
 from resample.types import View as Perspective
 from resample_volume.rendering import Appearance, Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
@@ -50,11 +50,6 @@ class Shown:
     case: timing.Case
     subject: Subject  # lit
 
-    @cached_property
-    def blocked(self) -> Subject:
-        """The same, to be skipped by blocks."""
-        return self.subject.in_blocks()
-
 
 @dataclass(frozen=True, eq=False)
 class Cropped:
@@ -91,11 +86,11 @@ class View:
         )
 
     @cached_property
-    def samples(self) -> Samples | Field | Blocked:
+    def samples(self) -> Samples | Field:
         """Lit for the camera."""
         return self.shown.subject.seen_by(self.camera)
 
-    def paint(self, form: Resampler, seen: Samples | Field | Blocked) -> Any:
+    def paint(self, form: Resampler, seen: Samples | Field) -> Any:
         """RGBA."""
         return form(seen, self.camera, height=self.side, width=self.side).rgba
 
@@ -243,9 +238,6 @@ def _contenders(view: View) -> Iterator[Contender]:
 
     yield ours(HYBRID_NAME, HYBRID)
     yield Contender("hybrid, with light", lambda: _lit(view, lambda: view.shown.subject))
-    yield Contender(
-        "hybrid, blocks skipped, with light", lambda: _lit(view, lambda: view.shown.blocked)
-    )
     if view.place == "all points":
         yield replace(ours(DISTANT_NAME, FOUR_POINTS), remark=lambda: _converged(view))
         yield ours("splats, 2 × 2 rays", FOUR_RAYS)

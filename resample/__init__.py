@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
+    from resample.library.scattering import Scatter, Scattering
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
-    from resample.scattering import Scatter, Scattering
     from resample.types import Frame, Samples
 
 _HOMES = {
@@ -25,8 +25,8 @@ _HOMES = {
     "Primitive": "resampler",
     "Resampler": "resampler",
     "Samples": "types",
-    "Scatter": "scattering",
-    "Scattering": "scattering",
+    "Scatter": "library.scattering",
+    "Scattering": "library.scattering",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
 }

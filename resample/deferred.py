@@ -1,41 +1,51 @@
-"""Splats in runs of neighbours, which only those tiles project that show them.
+"""Samples in runs of neighbours, which only those tiles project that show them.
 
-The quick way for what is painted most: splats of exact footprint, composited one by one. All
-else is painted from the records of `resample.engine.ellipsoids.footprints`. See
+Splats of exact footprint take the quicker form of the painter; where there are other footprints,
+kernels or opacities, colors of splats, or points, the samples are a mixture. See
 `resample.engine.ellipsoids.deferred`.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from resample.profiles.orders import EverySample
-from resample.runs import (
-    RUN_EXTENT,
+from resample.runs import RUN_EXTENT, breaks, counted, dealt, paint_in_steps
+from resample.scene import Clock, Painted, Progress, Scene, size_of_tiles
+from resample.types import (
+    AFFINE,
+    DISC,
+    EXACT,
+    MOST_COLUMNS,
+    RUN,
+    Film,
+    Formula,
+    Indices,
+    Pieces,
+    Profile,
+    Records,
     Runs,
-    breaks,
-    counted,
-    dealt,
-    is_by_distance,
-    paint_in_steps,
+    Samples,
+    Statistics,
+    Tally,
+    Ten,
+    Tiles,
 )
-from resample.scene import (
-    Clock,
-    Painted,
-    Progress,
-    Scene,
-    size_of_tiles,
-)
-from resample.types import DISC, EXACT, RUN, Blocks, Profile, Records, Samples, Statistics
+
+if TYPE_CHECKING:
+    from resample.engine.ellipsoids.mixed import Mixture
 
 LONGEST_RUN = 64  # samples
+NO_FORMULA = Formula(Profile(*np.zeros(9, np.float32)), 0.0)
+NOTHING: Ten = (np.float32(0.0),) * 10
+NO_PIECES = Pieces(NOTHING, NOTHING)
 
 
-def can_defer(scene: Scene, order: object) -> bool:
-    """Whether the choices that were made can be painted so; `runs_of` then looks at the samples."""
+def are_splats_exact(scene: Scene) -> bool:
+    """Whether splats have exact footprints, opacities and colors, and some may be there."""
     style = scene.style
     is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
     return (
-        type(order) is EverySample
-        and is_exact
+        is_exact
         and style.threshold < np.inf
         and not style.linear_opacity
         and style.tint_red < 0
@@ -43,82 +53,134 @@ def can_defer(scene: Scene, order: object) -> bool:
     )
 
 
-def runs_of(
-    scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
-) -> Runs | None:
-    """Samples in runs, none of which goes beyond a block; None if one is no splat."""
-    from resample.engine.ellipsoids.outlines import outline_runs
-    from resample.engine.ellipsoids.rows import MOST_COLUMNS
+def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs | None:
+    """Samples in runs; None if one may be no splat, unless they are mixed."""
+    from resample.engine.ellipsoids.outlines import NO_REACH, outline_runs, reach_of
     from resample.engine.grid import grid
 
-    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN, blocks)
+    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
     known = np.zeros(start.size - 1, RUN)
-    rest = (scene.view, scene.ellipsoid, scene.screen, scene.style.faintest)
+    beyond = reach_of(scene.style, scene.ellipsoid.radius) if are_mixed else NO_REACH
     for by_boxes in (len(scene.screen.planes) == 0, False):
-        outline_runs(known, start, samples, *rest, is_by_distance(scene, order), by_boxes)
-        if not (by_boxes and _is_vague(scene, known)):
+        outline_runs(known, start, samples, scene.stage, beyond, by_boxes)
+        if not (by_boxes and _is_vague(scene, known, are_mixed=are_mixed)):
             break
     least = known["least_spacing"].min()
-    finest = grid(least, scene.style)
-    columns = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest
-    if least * finest <= scene.style.threshold or columns > MOST_COLUMNS:
+    finest, margin = grid(least, scene.style), scene.tables.pixel_margin
+    columns = (size_of_tiles(finest, margin) + 2 * margin) * finest
+    if columns > MOST_COLUMNS:
+        raise ValueError(
+            f"{finest} sub-pixels per side of a pixel under a filter that reaches {margin} px "
+            f"beyond it; at most {MOST_COLUMNS // (1 + 2 * margin)} are possible"
+        )
+    if not are_mixed and least * finest <= scene.style.threshold:
         return None
     return Runs(samples, start, known)
 
 
-def _is_vague(scene: Scene, known: Records) -> bool:
+def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
     """Whether bounds of the least spacing do not tell the grid, or whether all are splats."""
     from resample.engine.grid import grid
 
     least, most = known["least_spacing"].min(), known["most_spacing"]
     finest = grid(least, scene.style)
     no_more = most[known["seen"] > 0].min(initial=np.inf)
-    return bool(finest != grid(no_more, scene.style) or least * finest <= scene.style.threshold)
+    if finest != grid(no_more, scene.style):
+        return True
+    return not are_mixed and bool(least * finest <= scene.style.threshold)
 
 
-def paint_deferred(
-    scene: Scene,
-    samples: Samples,
-    order: EverySample,
-    profile: Profile,
-    progress: Progress | None,
-    blocks: Blocks | None = None,
+def paint_splats(
+    scene: Scene, samples: Samples, profile: Profile, progress: Progress | None
 ) -> tuple[Painted, Statistics] | None:
-    """Picture of samples, or None if some are no splats.
+    """Picture of samples for which `are_splats_exact`, or None if some are no splats.
 
     Parameters
     ----------
     scene
-        Of which `can_defer` is true; its footprints are not read.
+        Its footprints are not read.
     samples
         As `check_samples` gives them; the nearer neighbours are in memory, the better.
-    order
-        By depth or by distance.
     profile
         Line integrals of the scene's kernel.
     progress
         Called with the share of the work that is done.
-    blocks
-        Of which it is to be said how many were outside the view, or hidden.
     """
-    from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
-
     clock = Clock()
-    runs = runs_of(scene, samples, order, blocks)
+    runs = runs_of(scene, samples, are_mixed=False)
     if runs is None:
         return None
     clock.lap("project")
-    deal = dealt(scene, runs, find_spacings)
-    clock.lap("bin")
-    painted, taken = paint_in_steps(
-        paint_runs, (profile, _peak(scene)), scene, runs, deal, order, progress
+    return _painted(scene, runs, Formula(profile, _peak(scene)), None, clock, progress)
+
+
+def paint_mixture(
+    scene: Scene,
+    samples: Samples,
+    profile: Profile | None,
+    pieces: Pieces | None,
+    progress: Progress | None,
+) -> tuple[Painted, Statistics]:
+    """Like `paint_splats`, of any samples; where there are no pieces, kernels are tabulated."""
+    from resample.engine.ellipsoids.mixed import Mixture
+
+    clock, style = Clock(), scene.style
+    runs = runs_of(scene, samples, are_mixed=True)
+    if runs is None:
+        raise ValueError("samples that are mixed have runs")
+    clock.lap("project")
+    mixture = Mixture(
+        profile or NO_FORMULA.profile,
+        pieces or NO_PIECES,
+        profile is not None,
+        pieces is not None,
+        scene.view.perspective and style.model not in (AFFINE, EXACT),
+        style.linear_opacity,
+        bool(style.threshold < np.inf),
+        float(runs.known["least_spacing"].min()),
+        _peak(scene),
+        style.layer,
     )
+    return _painted(scene, runs, NO_FORMULA, mixture, clock, progress)
+
+
+def _painted(
+    scene: Scene,
+    runs: Runs,
+    formula: Formula,
+    mixture: "Mixture | None",
+    clock: Clock,
+    progress: Progress | None,
+) -> tuple[Painted, Statistics]:
+    """Picture of samples in runs."""
+    from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
+
+    stage = scene.stage
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    clock.lap("bin")
+
+    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
+        paint_runs(turn, deal[0], runs, stage, formula, mixture, output)
+
+    painted = paint_in_steps(paint, scene, deal, progress)
     clock.lap("paint")
-    statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, counted(statistics, runs, taken, blocks, "splats")
+    statistics = painted.statistics(runs.samples.extinction.size, clock.seconds)
+    points = 0 if mixture is None else _points(scene, runs, deal[0])
+    return painted, counted(statistics, runs, points)
+
+
+def _points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
+    """How many of the samples that are seen are points."""
+    from resample.engine.ellipsoids.deferred import count_points
+    from resample.engine.ellipsoids.outlines import CHUNKS
+
+    count = np.zeros(CHUNKS, np.int64)
+    if scene.style.threshold > 0:
+        count_points(tiles, runs, scene.stage, count)
+    return int(count.sum())
 
 
 def _peak(scene: Scene) -> float:
     """Largest line integral of the kernel, through its center along its longest axis."""
     longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
-    return float(scene.tables.footprint[0] * scene.ellipsoid.scale * longest)
+    return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)

@@ -9,14 +9,12 @@ import math
 
 import numpy as np
 
-from resample.profiles.orders import EverySample
+from resample.profiles.orders import Summing
 from resample.runs import (
     RUN_EXTENT,
-    Runs,
     breaks,
     counted,
     dealt,
-    is_by_distance,
     paint_in_steps,
 )
 from resample.scene import (
@@ -26,7 +24,18 @@ from resample.scene import (
     Scene,
     size_of_tiles,
 )
-from resample.types import RUN, Blocks, Profile, Samples, Spread, Statistics
+from resample.types import (
+    MOST_COLUMNS,
+    RUN,
+    Film,
+    Indices,
+    Profile,
+    Runs,
+    Samples,
+    Spread,
+    Statistics,
+    Tally,
+)
 
 CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
 LONGEST_RUN = 256  # samples
@@ -34,31 +43,26 @@ PRECISION = 2.0**-22  # of depths; sheets that are thinner have numbers that jum
 NARROWEST = 0.51  # sub-pixels that a filter must reach, so that it meets one
 
 
-def can_defer_points(scene: Scene, order: object) -> bool:
+def can_defer_points(scene: Scene) -> bool:
     """Whether the choices that were made can be painted so; `_runs_of` then looks at samples."""
-    style = scene.style
-    return type(order) is EverySample and style.inflated == style.blurred == 0
+    style, layers = scene.style, scene.layers
+    is_of_depth = layers.axis == tuple(scene.view.rotation[2]) and layers.eye == -np.inf
+    return (
+        scene.summing is Summing.POINTS
+        and (is_of_depth or layers.is_around)
+        and layers.thickness == style.layer
+        and style.inflated == style.blurred == 0
+    )
 
 
-def _runs_of(
-    scene: Scene, samples: Samples, order: EverySample, blocks: Blocks | None
-) -> Runs | None:
-    """Samples in runs within blocks; None if one is no point, or none is seen."""
+def _runs_of(scene: Scene, samples: Samples) -> Runs | None:
+    """Samples in runs; None if one is no point, or none is seen."""
     from resample.engine.points.outlines import outline_point_runs
 
-    extent = RUN_EXTENT * min(1.0, order.thickness)
-    start = breaks(scene, samples, extent, LONGEST_RUN, blocks)
+    extent = RUN_EXTENT * min(1.0, scene.layers.thickness / scene.ellipsoid.volume ** (1 / 3))
+    start = breaks(scene, samples, extent, LONGEST_RUN)
     known, style = np.zeros(start.size - 1, RUN), scene.style
-    outline_point_runs(
-        known,
-        start,
-        samples,
-        scene.view,
-        scene.ellipsoid,
-        scene.screen,
-        style,
-        is_by_distance(scene, order),
-    )
+    outline_point_runs(known, start, samples, scene.stage)
     finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
     is_point = known["most_spacing"].max() * finest <= style.threshold
     return Runs(samples, start, known) if is_point and known["seen"].any() else None
@@ -66,7 +70,6 @@ def _runs_of(
 
 def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
     """How points are spread; None if filters, rows, sheets or crowds do not fit."""
-    from resample.engine.ellipsoids.rows import MOST_COLUMNS
     from resample.engine.points.runs import MOST_TAPS
 
     style, known, ellipsoid = scene.style, runs.known, scene.ellipsoid
@@ -78,7 +81,8 @@ def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
     crowd = style.layer / ellipsoid.volume ** (1 / 3) / (least * finest) ** 2
     reach = style.point_extent * narrowest
     farthest = float(np.abs(known["key"][known["seen"] > 0]).max())
-    columns = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest
+    margin = scene.tables.pixel_margin
+    columns = (size_of_tiles(finest, margin) + 2 * margin) * finest
     if 2 * style.point_extent * widest > MOST_TAPS or reach < NARROWEST:
         return None
     if crowd > CROWD or columns > MOST_COLUMNS or farthest * PRECISION > style.layer:
@@ -91,6 +95,7 @@ def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
         style.layer,
         _power_of_two(area * opacity),
         _power_of_two(area),
+        columns + 2 * MOST_TAPS,
     )
 
 
@@ -102,10 +107,8 @@ def _power_of_two(number: float) -> float:
 def paint_points(
     scene: Scene,
     samples: Samples,
-    order: EverySample,
     profile: Profile,
     progress: Progress | None,
-    blocks: Blocks | None = None,
 ) -> tuple[Painted, Statistics] | None:
     """Picture of samples, or None if some are no points or their filter is no such.
 
@@ -115,21 +118,17 @@ def paint_points(
         Of which `can_defer_points` is true; its footprints are not read.
     samples
         As `check_samples` gives them; the nearer neighbours are in memory, the better.
-    order
-        By depth or by distance.
     profile
         Of the filter of points, see `resample.profiles.filters.profile`.
     progress
         Called with the share of the work that is done.
-    blocks
-        Of which it is to be said how many were outside the view, or hidden.
     """
     from resample.engine.grid import grid
     from resample.engine.points.outlines import find_point_spacings
-    from resample.engine.points.runs import MOST_TAPS, paint_point_runs
+    from resample.engine.points.runs import paint_point_runs
 
     clock = Clock()
-    runs = _runs_of(scene, samples, order, blocks)
+    runs = _runs_of(scene, samples)
     if runs is None:
         return None
     finest = grid(runs.known["least_spacing"].min(), scene.style)
@@ -137,12 +136,14 @@ def paint_points(
     if form is None:
         return None
     clock.lap("project")
-    deal = dealt(scene, runs, find_point_spacings)
+    stage = scene.stage
+    deal = dealt(scene, runs, lambda tiles: find_point_spacings(tiles, runs, stage))
     clock.lap("bin")
-    size = (size_of_tiles(finest) + 2 * scene.tables.pixel_margin) * finest + 2 * MOST_TAPS
-    painted, taken = paint_in_steps(
-        paint_point_runs, (profile, form, size), scene, runs, deal, order, progress
-    )
+
+    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
+        paint_point_runs(turn, deal[0], runs, stage, profile, form, output)
+
+    painted = paint_in_steps(paint, scene, deal, progress)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, counted(statistics, runs, taken, blocks, "points")
+    return painted, counted(statistics, runs, int(runs.known["seen"].sum()))

@@ -7,15 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
-from resample.culling import check_blocked, paint_blocks
-from resample.deferred import can_defer, paint_deferred
+from resample.deferred import are_splats_exact, paint_mixture, paint_splats
 from resample.deferred_points import can_defer_points, paint_points
+from resample.layers import layers_of, sheets_of
 from resample.profiles.correction import correction_table
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
@@ -23,6 +22,7 @@ from resample.profiles.orders import CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
     Reconstruction,
+    footprint_pieces,
     footprint_profile,
     footprint_table,
     partial_table,
@@ -45,18 +45,16 @@ from resample.scene import (
 )
 from resample.types import (
     FOOTPRINT,
-    Blocked,
-    Blocks,
     Classifier,
     Doubles,
     Field,
     Floats,
     Frame,
+    Pieces,
     Profile,
     RadialTable,
     Records,
     Samples,
-    Seen,
     Sheets,
     Statistics,
     Style,
@@ -178,7 +176,7 @@ class Resampler:
 
     def __call__(
         self,
-        samples: Samples | Field | Blocked,
+        samples: Samples | Field,
         camera: AnyCamera,
         *,
         height: int,
@@ -193,9 +191,7 @@ class Resampler:
         ----------
         samples
             What is seen; the result does not depend on their order. A `Field` is classified after
-            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does. Of
-            `Blocked` samples those are skipped that lie outside the view or are hidden, block by
-            block, which needs `EverySample` and leaves the picture as it is.
+            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does.
         camera
             Where from.
         height, width
@@ -212,23 +208,18 @@ class Resampler:
         ------
         ValueError
             Arrays do not fit together or hold values that are not finite, the size is no size, or
-            a field, its projection or blocks do not go with the order.
+            a field or its projection does not go with the order.
         """
         check_size(height, width)
-        if isinstance(samples, Blocked):
-            with _kernels(threads):
-                return self._render_blocked(samples, camera, (height, width), clip, progress)
         self._check_field(isinstance(samples, Field))
         checked, look = _checked(samples)
         if checked.extinction.size == 0:
             nothing = nothing_painted(height, width, has_values=True)
             return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
         with _kernels(threads):
-            scene = self._scene(checked.lattice, camera.view(), (height, width), look, clip)
-            if look is None:
-                deferred = self._deferred(scene, checked, progress)
-                if deferred is not None:
-                    return self._developed(*deferred)
+            scene = self._scene(checked, camera.view(), (height, width), look, clip)
+            if look is None and self.order.summing is Summing.POINTS:
+                return self._developed(*self._streamed(scene, checked, progress))
             return self._render(self._project(scene, checked), checked, progress)
 
     def footprints(
@@ -241,7 +232,7 @@ class Resampler:
         check_size(height, width)
         checked, look = _checked(samples)
         with _kernels(None):
-            scene = self._scene(checked.lattice, camera.view(), (height, width), look, None)
+            scene = self._scene(checked, camera.view(), (height, width), look, None)
             return self._project(scene, checked).footprints
 
     def _check_field(self, is_field: bool) -> None:
@@ -259,52 +250,23 @@ class Resampler:
                 "can be shown by composite"
             )
 
-    def _render_blocked(
-        self,
-        samples: Blocked,
-        camera: AnyCamera,
-        size: tuple[int, int],
-        clip: ArrayLike | None,
-        progress: Progress | None,
-    ) -> Frame:
-        if not isinstance(self.order, EverySample):
-            raise ValueError(
-                f"{self.order} needs all samples at once, so blocks of them cannot be skipped; "
-                "every-sample can do without"
-            )
-        checked = check_blocked(samples)
-        scene = self._scene(checked.samples.lattice, camera.view(), size, None, clip)
-        result = self._deferred(scene, check_samples(checked.samples), progress, checked.blocks)
-        return self._developed(*(result or paint_blocks(scene, checked, self.order, progress)))
-
-    def _deferred(
-        self,
-        scene: Scene,
-        samples: Samples,
-        progress: Progress | None,
-        blocks: Blocks | None = None,
-    ) -> tuple[Painted, Statistics] | None:
-        """Picture by the quick way, where that can be gone."""
-        order, painted = cast(EverySample, self.order), None
-        if not samples.extinction.size:
-            return None
-        if self._profile is not None and can_defer(scene, order):
-            painted = paint_deferred(scene, samples, order, self._profile, progress, blocks)
-        if painted is None and self._point_profile is not None and can_defer_points(scene, order):
-            return paint_points(scene, samples, order, self._point_profile, progress, blocks)
-        return painted
+    def _streamed(
+        self, scene: Scene, samples: Samples, progress: Progress | None
+    ) -> tuple[Painted, Statistics]:
+        """Picture of samples that are composited one by one, or as points in layers."""
+        painted = None
+        if self._profile is not None and are_splats_exact(scene):
+            painted = paint_splats(scene, samples, self._profile, progress)
+        if painted is None and self._point_profile is not None and can_defer_points(scene):
+            painted = paint_points(scene, samples, self._point_profile, progress)
+        return painted or paint_mixture(scene, samples, self._profile, self._pieces, progress)
 
     def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
         clock = Clock()
-        seen = Seen(
-            scene.footprints, samples.position, samples.lattice, scene.view, scene.style.layer
-        )
-        key, sheet = self.order(seen)
+        key, sheet = sheets_of(scene.layers, self.order.summing, samples.position, scene.view)
         if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):  # one sum of all
             sheet = np.zeros_like(sheet)
-        sheets = Sheets(
-            np.ascontiguousarray(key, np.float32), np.ascontiguousarray(sheet, np.int32)
-        )
+        sheets = Sheets(key, sheet)
         size = tile_size(scene.footprints, scene.style)
         tiles = dealt_to_tiles(scene.footprints, scene.screen, size)
         clock.lap("bin")
@@ -332,13 +294,14 @@ class Resampler:
 
     def _scene(
         self,
-        lattice: Doubles,
+        samples: Samples,
         view: View,
         size: tuple[int, int],
         look: Classifier | None,
         clip: ArrayLike | None,
     ) -> Scene:
         """All but the footprints."""
+        lattice = samples.lattice
         tables, style = self._tables, self._style(lattice, look)
         ellipsoid = ellipsoid_of(lattice, view, self.reconstruction.radius)
         # Where points have the pixel's filter, that is the farther reach.
@@ -348,8 +311,9 @@ class Resampler:
         summing = self.order.summing
         if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):
             summing = Summing.SHEETS
+        layers = layers_of(self.order, samples.position, view, lattice)
         nothing = np.zeros(0, FOOTPRINT)
-        return Scene(nothing, view, ellipsoid, screen, style, tables, summing, look, 0.0)
+        return Scene(nothing, view, ellipsoid, screen, style, tables, summing, layers, look, 0.0)
 
     @cached_property
     def _points(self) -> RadialTable:
@@ -363,6 +327,11 @@ class Resampler:
     def _profile(self) -> Profile | None:
         """Line integrals as a formula, where there is one."""
         return footprint_profile(self.reconstruction)
+
+    @cached_property
+    def _pieces(self) -> Pieces | None:
+        """Line integrals as a formula of more kernels, where there is one."""
+        return footprint_pieces(self.reconstruction)
 
     @cached_property
     def _point_profile(self) -> Profile | None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.profiles.orders import Summing
 from resample.types import (
     FOOTPRINT,
+    MOST_COLUMNS,
     Classifier,
     Doubles,
     Ellipsoid,
@@ -18,11 +19,13 @@ from resample.types import (
     Film,
     Floats,
     Lamp,
+    Layers,
     Palette,
     Records,
     Samples,
     Screen,
     Sheets,
+    Stage,
     Statistics,
     Style,
     Tables,
@@ -190,9 +193,13 @@ def tile_size(footprints: Records, style: Style) -> int:
     return size_of_tiles(finest_grid(footprints, style))
 
 
-def size_of_tiles(subpixels: int) -> int:
-    """Side of a tile in px where pixels are divided into so many sub-pixels per side at most."""
-    return max(8, 32 // subpixels)
+def size_of_tiles(subpixels: int, margin: int = 0) -> int:
+    """Side of a tile in px where pixels are divided into so many sub-pixels per side at most.
+
+    A row of its sub-pixels, with a margin px wide on both sides for the pixel filter, has at most
+    MOST_COLUMNS of them.
+    """
+    return max(1, min(max(8, 32 // subpixels), MOST_COLUMNS // subpixels - 2 * margin))
 
 
 def tiles_along(screen: Screen, size: int) -> tuple[int, int]:
@@ -283,6 +290,7 @@ class Scene:
     style: Style
     tables: Tables
     summing: Summing
+    layers: Layers
     classifier: Classifier | None  # of a field; None: samples have their colors already
     seconds: float  # that it took to project the samples
 
@@ -294,6 +302,11 @@ class Scene:
             footprints = np.zeros(samples.extinction.size, FOOTPRINT)
         project(footprints, samples, self.view, self.ellipsoid, self.screen, self.style)
         return footprints
+
+    @property
+    def stage(self) -> Stage:
+        """What all painters share."""
+        return Stage(self.view, self.ellipsoid, self.screen, self.style, self.tables, self.layers)
 
     def blank(self, tiles: int) -> Painted:
         """A picture of nothing, and counts for so many tiles."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from resample.profiles.filters import PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, Interpolation, prefilter, taps
-from resample.profiles.orders import CompositingOrder, Summing
+from resample.profiles.orders import CompositingOrder, Summing, of_depth
 from resample.profiles.reconstruction import Reconstruction, ripple
-from resample.types import FOOTPRINT, Seen, Sheets, View
+from resample.types import Layers, View
 
 LARGEST_RIPPLE = 0.1  # of a constant field; a plainly visible lattice
 
@@ -131,56 +131,55 @@ def check_order(order: CompositingOrder) -> None:
     Raises
     ------
     AssertionError
-        It is not callable; its thickness is not a positive number; it does not give `Sheets` of one
-        float32 key and one int32 sheet per footprint, gives keys that are not finite, fails where
-        there is no footprint, overwrites the footprints, changes from call to call, or treats a
-        footprint differently where others come before it.
+        It is not callable; its thickness is not a positive number; it does not give `Layers` of
+        finite numbers along some axis, or around the eye, of some thickness; it changes from call
+        to call or overwrites what it is given; or it sums slabs that are not of even depth.
     """
     name = repr(order)
-    _require(callable(order), f"{name} has no __call__(seen)")
-    thickness = _positive(order, "thickness", "voxels")
+    _require(callable(order), f"{name} has no __call__(view, lattice)")
+    _positive(order, "thickness", "voxels")
+    summing = getattr(order, "summing", None)
     _require(
-        getattr(order, "summing", None) in list(Summing),
-        f"{name} has the summing {getattr(order, 'summing', None)!r}; give one of {list(Summing)}",
+        summing in list(Summing), f"{name} has the summing {summing!r}; give one of {list(Summing)}"
     )
-    rng = np.random.default_rng(7)
-    footprints = np.zeros(257, FOOTPRINT)
-    for field in ("x", "y", "extinction", "spacing"):
-        footprints[field] = rng.uniform(0, 100, footprints.size)
-    footprints["depth"] = rng.uniform(-5, 50, footprints.size)
-    footprints["depth"][:9] = 20.0  # as lattices seen along an axis have them
-    footprints["obliquity"] = rng.uniform(1, 2, footprints.size)
-    position = rng.uniform(-9, 9, (footprints.size, 3)).astype(np.float32)
-    view = View(np.eye(3), np.array([0.5, 0.0, 20.0]), np.ones(2), np.zeros(2), 0.0, True)
-    seen = Seen(footprints, position, np.diag([1.0, 1.0, 1.5]), view, thickness)
-    _sheets(order, seen._replace(footprints=footprints[:0], position=position[:0]))
-    sheets = _sheets(order, seen)
-    turn = rng.permutation(footprints.size)
-    mixed = _sheets(order, seen._replace(footprints=footprints[turn], position=position[turn]))
-    _require(
-        np.array_equal(mixed.key, sheets.key[turn])
-        and np.array_equal(mixed.sheet, sheets.sheet[turn]),
-        f"{name} depends on the order in which footprints are given; it must not",
-    )
+    cosine, sine = math.cos(0.3), math.sin(0.3)
+    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    for perspective in (True, False):
+        view = View(turn, np.array([0.5, 0.0, 20.0]), np.ones(2), np.zeros(2), 0.0, perspective)
+        for lattice in (np.diag([1.0, 1.0, 1.5]), np.diag([0.2, -0.1, 0.1]) @ turn):
+            layers = _layers(order, view, lattice)
+            depth = of_depth(view, layers.thickness)
+            _require(
+                summing is not Summing.SLABS or layers == depth,
+                f"{name} sums slabs, whose layers are those of depth; it gives {layers}",
+            )
 
 
-def _sheets(order: CompositingOrder, seen: Seen) -> Sheets:
-    """Order of samples, once its form has been checked."""
-    name, footprints = repr(order), seen.footprints
-    given, place = footprints.copy(), seen.position.copy()
-    sheets = order(seen)
-    _require(np.array_equal(footprints, given), f"{name} overwrites the footprints")
-    _require(np.array_equal(seen.position, place), f"{name} overwrites the positions")
-    _require(isinstance(sheets, Sheets), f"{name} gives {type(sheets).__name__}, not Sheets")
-    for field, kind in (("key", np.float32), ("sheet", np.int32)):
-        array = np.asarray(getattr(sheets, field))
-        _require(
-            array.shape == (footprints.size,) and array.dtype == kind,
-            f"{name} gives {field} as {array.dtype} {array.shape} for {footprints.size} "
-            f"footprints; it must be {np.dtype(kind)} ({footprints.size},)",
-        )
-    _require(bool(np.isfinite(sheets.key).all()), f"{name} gives keys that are not finite")
-    return sheets
+def _layers(order: CompositingOrder, view: View, lattice: NDArray[Any]) -> Layers:
+    """Layers of an order, once their form has been checked."""
+    name, given = repr(order), lattice.copy()
+    turn, shift = view.rotation.copy(), view.translation.copy()
+    layers = order(view, lattice)
+    _require(np.array_equal(lattice, given), f"{name} overwrites the lattice")
+    _require(
+        np.array_equal(view.rotation, turn) and np.array_equal(view.translation, shift),
+        f"{name} overwrites the view",
+    )
+    _require(isinstance(layers, Layers), f"{name} gives {type(layers).__name__}, not Layers")
+    _require(np.shape(layers.axis) == (3,), f"{name} gives the axis {layers.axis}; it is (x, y, z)")
+    numbers = (*layers.axis, layers.offset, layers.thickness)
+    _require(
+        all(isinstance(number, float | np.floating) for number in (*numbers, layers.eye)),
+        f"{name} gives {layers}; its numbers must be floating-point numbers",
+    )
+    _require(bool(np.isfinite(numbers).all()), f"{name} gives {layers}, which is not finite")
+    _require(layers.eye < np.inf, f"{name} gives the eye's place {layers.eye}")
+    _require(layers.thickness > 0.0, f"{name} gives layers of the thickness {layers.thickness}")
+    _require(
+        layers.is_around or any(layers.axis), f"{name} gives an axis of no length, and no shells"
+    )
+    _require(order(view, lattice) == layers, f"{name} gives other layers when it is called again")
+    return layers
 
 
 def _positive(plugin: Any, field: str, unit: str) -> float:

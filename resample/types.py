@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Records = NDArray[np.void]
+Indices = NDArray[np.int64]
+Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
 Record = Any  # one element of Records
 Single = Any  # a number kept in float32: half the bytes, and twice as many at once
 
@@ -30,6 +32,11 @@ AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
 NO_PLANES = np.zeros((0, 5))
 
+# Sub-pixels in a row of a tile, with the margins of its filter.
+MOST_COLUMNS = 200
+
+LAST_SHEET = 2e9  # sheets are numbered by 32 bits
+
 # What sheets are projected to; see `resample.engine.slabs.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
@@ -41,21 +48,6 @@ class Samples(NamedTuple):
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
     extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
-
-
-class Blocks(NamedTuple):
-    """B blocks of samples that lie together, in the scene and in memory."""
-
-    start: NDArray[np.int64]  # (B + 1,) block b holds the samples from start[b] to start[b + 1]
-    low: Floats  # (B, 3) scene units, corners of the boxes around the samples' centers
-    high: Floats  # (B, 3) scene units
-
-
-class Blocked(NamedTuple):
-    """Samples that can be skipped block by block; see `resample.culling.blocked`."""
-
-    samples: Samples
-    blocks: Blocks
 
 
 class Lamp(NamedTuple):
@@ -152,6 +144,14 @@ RUN = np.dtype(
 )
 
 
+class Runs(NamedTuple):
+    """R runs of samples that follow each other, and what is known of them."""
+
+    samples: Samples
+    start: Indices  # (R + 1,) where each run begins
+    known: Records  # (R,) of RUN
+
+
 class View(NamedTuple):
     """A camera as kernels see it."""
 
@@ -187,14 +187,20 @@ class Screen(NamedTuple):
     )
 
 
-class Seen(NamedTuple):
-    """What a compositing order may look at: N samples and the camera that sees them."""
+class Layers(NamedTuple):
+    """What a compositing order says of samples, as numbers: kernels find each sample's layer.
 
-    footprints: Records  # (N,) of FOOTPRINT
-    position: Floats  # (N, 3) scene units
-    lattice: Doubles  # (3, 3) as in Samples
-    view: View
-    layer: float  # scene units, the order's thickness
+    A sample's place is axis · position + offset, or its distance from the eye. Samples are painted
+    in ascending order of it, or of how far it is from the eye's place; those of one layer may be
+    summed before they are composited.
+    """
+
+    axis: tuple[float, float, float]  # places per scene unit, along the scene's axes
+    offset: float  # place of the scene's origin
+    thickness: float  # of a layer, in places; one begins at place 0
+    eye: float = -math.inf  # its place, on both sides of which samples lie; -inf: ahead of all
+    is_around: bool = False  # the place is the distance from the eye; there is no axis
+    begins_at_first: bool = False  # the sample of least place lies in the middle of its layer
 
 
 class Sheets(NamedTuple):
@@ -225,6 +231,26 @@ class Profile(NamedTuple):
     p8: Single
 
 
+Ten = tuple[Single, Single, Single, Single, Single, Single, Single, Single, Single, Single]
+
+
+class Pieces(NamedTuple):
+    """A kernel's line integrals at distance d, as sqrt(1 - d²) times two polynomials.
+
+    Each has a half of 0..1, and powers of the distance from that half's middle.
+    """
+
+    near: Ten
+    far: Ten
+
+
+class Formula(NamedTuple):
+    """Line integrals of splats of exact footprint."""
+
+    profile: Profile
+    peak: float  # the largest of them, scene units
+
+
 class Spread(NamedTuple):
     """How points are spread over sub-pixels, and about the most that one adds."""
 
@@ -234,6 +260,7 @@ class Spread(NamedTuple):
     layer: float  # scene units, thickness of a sheet
     opacity: float  # largest opacity times area, sub-pixels
     area: float  # largest area, sub-pixels
+    cells: int  # in a row of the largest tile, with those around it
 
 
 class Tables(NamedTuple):
@@ -269,6 +296,17 @@ class Style(NamedTuple):
     tint_red: float  # color that splats are drawn in; negative: their own
     tint_green: float
     tint_blue: float
+
+
+class Stage(NamedTuple):
+    """All that the painters of a picture share."""
+
+    camera: View
+    ellipsoid: Ellipsoid
+    screen: Screen
+    style: Style
+    tables: Tables
+    layers: Layers
 
 
 class Tiles(NamedTuple):
@@ -316,21 +354,11 @@ class Statistics(NamedTuple):
     hidden: int  # of both, those that every pixel's opacity had covered before their turn
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
-    outside: int = 0  # samples in blocks that lie outside the view
-    occluded: int = 0  # samples in blocks of which nothing could be seen
-    blocks: int = 0  # of samples, if these can be skipped by blocks
-    blocks_outside: int = 0
-    blocks_occluded: int = 0
 
     @property
     def splat_fraction(self) -> float:
         """Share of the painted samples that were splats."""
         return self.splats / max(1, self.points + self.splats)
-
-    @property
-    def skipped_fraction(self) -> float:
-        """Share of the samples that were skipped by blocks, before any were looked at."""
-        return (self.outside + self.occluded) / max(1, self.samples)
 
 
 if TYPE_CHECKING:  # what a plain `Frame` counts; Python itself knows no defaults before 3.13

@@ -5,12 +5,10 @@ from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats, Seen, Sheets
+from resample.types import Doubles, Layers, View
 
 THINNEST = 1e-3  # voxels; thinner slabs change nothing and take as many times as long
-LAST_SHEET = 2e9  # sheets are numbered by 32 bits
 
 
 class Summing(IntEnum):
@@ -22,7 +20,7 @@ class Summing(IntEnum):
 
 
 class CompositingOrder(Protocol):
-    """Role of an order plugin. It returns indices only; painting is the kernels' work."""
+    """Role of an order plugin. It gives a few numbers; painting is the kernels' work."""
 
     @property
     def thickness(self) -> float:
@@ -32,8 +30,8 @@ class CompositingOrder(Protocol):
     def summing(self) -> Summing:
         """What is summed."""
 
-    def __call__(self, seen: Seen) -> Sheets:
-        """Order of N samples; under `Summing.SLABS` the key must be their depth."""
+    def __call__(self, view: View, lattice: Doubles) -> Layers:
+        """Layers of samples with a lattice (3, 3); of `Summing.SLABS` they are those of depth."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +58,11 @@ class EverySample:
         if self.key not in ("depth", "distance"):
             raise ValueError(f"samples are ordered by depth or distance, not by {self.key!r}")
 
-    def __call__(self, seen: Seen) -> Sheets:
-        view = seen.view
-        key = np.ascontiguousarray(seen.footprints["depth"])
+    def __call__(self, view: View, lattice: Doubles) -> Layers:
+        layers = of_depth(view, thickness_of(lattice, self.thickness))
         if self.key == "distance" and view.perspective:
-            away = seen.position - (-view.rotation.T @ view.translation)
-            key = np.sqrt(np.einsum("nd,nd->n", away, away)).astype(np.float32)
-        return Sheets(key, _numbered(key / seen.layer))
+            return layers._replace(axis=(0.0, 0.0, 0.0), offset=0.0, is_around=True)
+        return layers
 
 
 @dataclass(frozen=True)
@@ -80,22 +76,21 @@ class AxisSheets:
     thickness = 1.0
     summing = Summing.SHEETS
 
-    def __call__(self, seen: Seen) -> Sheets:
-        forward = seen.view.rotation[2]
-        steps = seen.lattice / np.linalg.norm(seen.lattice, axis=0)
-        axis = int(np.argmax(np.abs(forward @ steps)))
-        to_lattice = np.linalg.inv(seen.lattice)[axis]
-        place = seen.position @ to_lattice
-        first = place.min() if place.size else 0.0  # a lattice may begin between whole numbers
-        number = np.rint(place - first)
-        if not seen.view.perspective:
-            ahead = np.sign(forward @ steps[:, axis]) * number
-            return Sheets(ahead.astype(np.float32), _numbered(number))
-        eye = -seen.view.rotation.T @ seen.view.translation @ to_lattice - first
-        away = np.abs(number - eye).astype(np.float32)
-        # An eye between sheets has some on both sides, which must not mix where they are as far.
-        key = np.where(number < eye, np.nextafter(away, np.float32(np.inf)), away)
-        return Sheets(key, _numbered(number))
+    def __call__(self, view: View, lattice: Doubles) -> Layers:
+        steps = lattice / np.linalg.norm(lattice, axis=0)
+        cosine = view.rotation[2] @ steps
+        nearest = int(np.argmax(np.abs(cosine)))
+        to_lattice = np.linalg.inv(lattice)[nearest]
+        if not view.perspective:
+            to_lattice = np.sign(cosine[nearest]) * to_lattice
+        eye = float(-view.rotation.T @ view.translation @ to_lattice)
+        return Layers(
+            _vector(to_lattice),
+            0.0,  # a lattice may begin between whole numbers
+            1.0,
+            eye if view.perspective else -np.inf,
+            begins_at_first=True,
+        )
 
 
 @dataclass(frozen=True)
@@ -121,16 +116,22 @@ class ImageSheets:
         if self.thickness < THINNEST:
             raise ValueError(f"slabs of {self.thickness} voxels; {THINNEST} is the least")
 
-    def __call__(self, seen: Seen) -> Sheets:
-        depth = np.ascontiguousarray(seen.footprints["depth"])
-        return Sheets(depth, _numbered(depth / seen.layer))
+    def __call__(self, view: View, lattice: Doubles) -> Layers:
+        return of_depth(view, thickness_of(lattice, self.thickness))
 
 
-def _numbered(layers: Doubles | Floats) -> NDArray[np.int32]:
-    """Whole numbers of layers; those of samples that cannot be seen mean nothing."""
-    whole = np.floor(np.nan_to_num(layers, nan=0.0))
-    number: NDArray[np.int32] = np.clip(whole, -LAST_SHEET, LAST_SHEET).astype(np.int32)
-    return number
+def of_depth(view: View, thickness: float) -> Layers:
+    """Layers of even depth; `thickness` in scene units."""
+    return Layers(_vector(view.rotation[2]), float(view.translation[2]), thickness)
+
+
+def thickness_of(lattice: Doubles, voxels: float) -> float:
+    """Scene units of a thickness in voxels."""
+    return float(abs(np.linalg.det(lattice)) ** (1 / 3) * voxels)
+
+
+def _vector(array: Doubles) -> tuple[float, float, float]:
+    return (float(array[0]), float(array[1]), float(array[2]))
 
 
 def _check_thickness(thickness: float) -> None:

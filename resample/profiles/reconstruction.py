@@ -11,11 +11,12 @@ from typing import Protocol
 
 import numpy as np
 
-from resample.types import Doubles, Floats, Profile, RadialTable
+from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
 PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the peak
 PROFILE_ERROR = 5e-6  # of the peak
+PIECES_ERROR = 1e-5  # likewise
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 
 
@@ -92,12 +93,7 @@ def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     Normalised as `density_table` is: the integral over the unit disk is 1 (paper, section 4.2,
     "footprint table", here for any radial kernel and without a square root per look-up).
     """
-    node, weight = QUADRATURE
-    squared = np.linspace(0, 1, STEPS + 1)[:, None]
-    half_chord = np.sqrt(1 - squared)
-    along = half_chord * node
-    density = reconstruction(np.sqrt(squared + along**2) * reconstruction.radius)
-    integral = (density * weight).sum(axis=1) * half_chord[:, 0] / _mass(reconstruction)
+    integral = _line_integrals(reconstruction, np.linspace(0, 1, STEPS + 1))
     return RadialTable(integral.astype(np.float32), 1.0)
 
 
@@ -117,6 +113,28 @@ def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
     if np.abs(fitted - exact).max() > PROFILE_ERROR * exact.max() or fitted.min() < 0:
         return None
     return Profile(*coefficient)
+
+
+def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
+    """Like `footprint_profile`, in two pieces and of more kernels; None where none is as good.
+
+    Splines and kernels with other knots are smooth in the distance, not in its square.
+    """
+    pieces, terms, coefficients = len(Pieces._fields), np.arange(10), []
+    peak = float(np.abs(_line_integrals(reconstruction, np.linspace(0, 1, STEPS + 1))).max())
+    for piece in range(pieces):
+        distance = np.linspace(piece / pieces, (piece + 1) / pieces, STEPS // pieces + 1)
+        away = (distance - (piece + 0.5) / pieces)[:, None]
+        rim = np.sqrt(1 - distance**2)[:, None]
+        powers = rim * (away * 2 * pieces) ** terms
+        exact = _line_integrals(reconstruction, distance**2)
+        fitted = np.linalg.lstsq(powers, exact, rcond=None)[0]
+        coefficient = (fitted * (2.0 * pieces) ** terms).astype(np.float32)
+        error = np.abs(rim[:, 0] * (away**terms @ coefficient) - exact).max()
+        if not error <= PIECES_ERROR * peak:
+            return None
+        coefficients.append(tuple(coefficient))
+    return Pieces(*coefficients)
 
 
 def partial_table(reconstruction: Reconstruction) -> Floats:
@@ -155,6 +173,17 @@ def ripple(reconstruction: Reconstruction, steps: int = 12) -> tuple[float, floa
         _mass(reconstruction) * reconstruction.radius**3
     )
     return float(field.min() - 1), float(field.max() - 1)
+
+
+def _line_integrals(reconstruction: Reconstruction, squared: Doubles) -> Doubles:
+    """Integrals along lines at squared distances (K,) of the center, radii²; over the disk 1."""
+    node, weight = QUADRATURE
+    squared = squared[:, None]
+    half_chord = np.sqrt(1 - squared)
+    along = half_chord * node
+    density = reconstruction(np.sqrt(squared + along**2) * reconstruction.radius)
+    integral = (density * weight).sum(axis=1) * half_chord[:, 0] / _mass(reconstruction)
+    return np.asarray(integral, np.float64)
 
 
 def _shells(reconstruction: Reconstruction) -> tuple[Doubles, Doubles]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample import deferred, resampler
+from resample import deferred
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import outlines
@@ -13,6 +13,7 @@ from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
 from resample.resampler import Primitive, Resampler
 from resample.types import Samples
+from tests.records import from_records
 
 SIZE = {"height": 44, "width": 57}
 ARRAYS = ("rgba", "depth", "first_depth", "coverage")
@@ -44,13 +45,6 @@ def box(rng, extinction=0.4, side=15):
     )
 
 
-def from_records(monkeypatch, *args, **choices):
-    """The same picture by the other way."""
-    with monkeypatch.context() as patch:
-        patch.setattr(resampler, "can_defer", lambda *_: False)
-        return Resampler(**choices)(*args, **SIZE)
-
-
 def assert_same(first, second):
     for name in ARRAYS:
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
@@ -58,9 +52,9 @@ def assert_same(first, second):
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
-def test_pictures_are_those_painted_from_records(rng, monkeypatch, camera, extinction):
+def test_pictures_are_those_painted_from_records(rng, camera, extinction):
     samples = box(rng, extinction)
-    frame, other = Resampler()(samples, camera, **SIZE), from_records(monkeypatch, samples, camera)
+    frame, other = Resampler()(samples, camera, **SIZE), from_records(samples, camera, **SIZE)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
     np.testing.assert_array_equal(np.isfinite(frame.depth), np.isfinite(other.depth))
@@ -69,12 +63,10 @@ def test_pictures_are_those_painted_from_records(rng, monkeypatch, camera, extin
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_a_plane_cuts_as_it_cuts_records(rng, monkeypatch, camera):
+def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples = box(rng)
     frame = Resampler()(samples, camera, clip=PLANE, **SIZE)
-    with monkeypatch.context() as patch:
-        patch.setattr(resampler, "can_defer", lambda *_: False)
-        other = Resampler()(samples, camera, clip=PLANE, **SIZE)
+    other = from_records(samples, camera, clip=PLANE, **SIZE)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     assert frame.statistics.splats == other.statistics.splats
 
@@ -92,7 +84,7 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
 def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
     samples = box(rng)
     frame = Resampler()(samples, camera, **SIZE)
-    monkeypatch.setattr(deferred, "_is_vague", lambda *_: True)
+    monkeypatch.setattr(deferred, "_is_vague", lambda *_, **__: True)
     other = Resampler()(samples, camera, **SIZE)
     assert_same(frame, other)
     assert frame.statistics.splats == other.statistics.splats
@@ -109,7 +101,7 @@ def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
         found.append(runs.copy())
 
     monkeypatch.setattr(outlines, "outline_runs", spy)
-    monkeypatch.setattr(deferred, "_is_vague", lambda *_: True)
+    monkeypatch.setattr(deferred, "_is_vague", lambda *_, **__: True)
     Resampler(order=order)(samples, camera, **SIZE)
     bound, exact = found
     np.testing.assert_array_equal(bound["seen"], exact["seen"])
@@ -129,20 +121,18 @@ def test_the_order_of_samples_changes_no_bit(rng, key):
 
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5, 8, 16])
 @pytest.mark.parametrize("extinction", [0.4, 6.0])
-def test_splats_of_any_width_are_those_painted_from_records(
-    rng, monkeypatch, subpixels, extinction
-):
+def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, extinction):
     samples, choice = box(rng, extinction, 7), {"primitive": Primitive.SPLATS}
     choice["subpixels"] = subpixels
     frame = Resampler(**choice)(samples, CAMERAS["far"], **SIZE)
-    other = from_records(monkeypatch, samples, CAMERAS["far"], **choice)
+    other = from_records(samples, CAMERAS["far"], **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
     np.testing.assert_array_equal(np.isfinite(frame.first_depth), np.isfinite(other.first_depth))
 
 
 @pytest.mark.parametrize("side", [5, 20, 100])
-def test_any_number_of_samples_may_be_equally_near(rng, monkeypatch, side):
+def test_any_number_of_samples_may_be_equally_near(rng, side):
     across, down = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2
     samples = Samples(
         np.stack([across, down, np.zeros(side**2)], 1).astype(np.float32),
@@ -156,21 +146,21 @@ def test_any_number_of_samples_may_be_equally_near(rng, monkeypatch, side):
     choice = {"primitive": Primitive.SPLATS, "subpixels": 2}
     frame = Resampler(**choice)(samples, camera, **SIZE)
     assert_same(frame, Resampler(**choice)(other, camera, **SIZE))
-    records = from_records(monkeypatch, samples, camera, **choice)
+    records = from_records(samples, camera, **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, records.rgba, atol=TOLERANCE)
 
 
-def test_filters_reach_into_other_tiles(rng, monkeypatch):
+def test_filters_reach_into_other_tiles(rng):
     samples, pixel = box(rng), Gaussian(0.7, 2.0)
     frame = Resampler(pixel_filter=pixel)(samples, CLOSE, **SIZE)
-    other = from_records(monkeypatch, samples, CLOSE, pixel_filter=pixel)
+    other = from_records(samples, CLOSE, **SIZE, pixel_filter=pixel)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
-def test_many_rays_per_pixel_fit_the_rows(rng, monkeypatch):
+def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
     frame = Resampler(**choice)(samples, CLOSE, **SIZE)
-    other = from_records(monkeypatch, samples, CLOSE, **choice)
+    other = from_records(samples, CLOSE, **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 

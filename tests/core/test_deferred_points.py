@@ -6,13 +6,13 @@ import pytest
 from resample import deferred_points, resampler
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.culling import blocked
 from resample.engine.eights import spread
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Opacity, Primitive, Resampler
 from resample.types import Samples
+from tests.records import from_records
 
 SIZE = {"height": 44, "width": 57}
 ARRAYS = ("rgba", "depth", "first_depth", "coverage")
@@ -59,14 +59,7 @@ def deferred_only(monkeypatch):
     return painted
 
 
-def from_records(monkeypatch, *args, clip=None, **choices):
-    """The same picture by the other way."""
-    with monkeypatch.context() as patch:
-        patch.setattr(resampler, "can_defer_points", lambda *_: False)
-        return Resampler(**choices)(*args, clip=clip, **SIZE)
-
-
-def assert_alike(frame, other):
+def assert_alike(frame, other, *, are_counted=True):
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
     for name in ("depth", "first_depth"):
@@ -74,7 +67,9 @@ def assert_alike(frame, other):
         np.testing.assert_array_equal(np.isfinite(depth), np.isfinite(expected))
         clear = other.rgba[..., 3] > 0.01
         np.testing.assert_allclose(depth[clear], expected[clear], rtol=1e-3)
-    for name in ("points", "splats", "subpixels"):
+    # Beside the frame, points among splats are bounded by their kernels: more of them may be seen.
+    counts = ("points", "splats", "subpixels") if are_counted else ("subpixels",)
+    for name in counts:
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
@@ -86,13 +81,11 @@ def assert_same(first, second):
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
-def test_pictures_are_those_painted_from_records(
-    rng, monkeypatch, deferred_only, camera, extinction, primitive
-):
+def test_pictures_are_those_painted_from_records(rng, deferred_only, camera, extinction, primitive):
     samples = box(rng, extinction)
     frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
     assert deferred_only == [True]
-    assert_alike(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+    assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
 
 
 CHOICES = {
@@ -109,30 +102,30 @@ CHOICES = {
 
 @pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
 @pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
-def test_choices_are_those_of_records(rng, monkeypatch, deferred_only, camera, choice):
+def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
     samples, choices = box(rng), {"primitive": Primitive.POINTS, **choice}
     frame = Resampler(**choices)(samples, CAMERAS[camera], **SIZE)
     assert deferred_only == [True]
-    assert_alike(frame, from_records(monkeypatch, samples, CAMERAS[camera], **choices))
+    assert_alike(frame, from_records(samples, CAMERAS[camera], **SIZE, **choices))
 
 
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
 @pytest.mark.parametrize("scale", [1.0, 0.02])
-def test_the_hybrid_s_points_are_those_of_records(rng, monkeypatch, scale, primitive):
+def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
     samples, camera = (
         box(rng),
         Camera.from_intrinsics(scale, scale, *PIXEL, look_at((8, -60, 12), (0, 0, 0))),
     )
     frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
     assert frame.statistics.points == samples.extinction.size
-    assert_alike(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+    assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_a_plane_cuts_as_it_cuts_records(rng, monkeypatch, camera):
+def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples, choice = box(rng), {"primitive": Primitive.POINTS}
     frame = Resampler(**choice)(samples, camera, clip=PLANE, **SIZE)
-    assert_alike(frame, from_records(monkeypatch, samples, camera, clip=PLANE, **choice))
+    assert_alike(frame, from_records(samples, camera, **SIZE, clip=PLANE, **choice))
 
 
 UNFIT = {
@@ -146,36 +139,36 @@ UNFIT = {
 
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
-def test_what_is_no_small_point_is_painted_from_records(
-    rng, monkeypatch, deferred_only, camera, primitive
-):
+def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera, primitive):
     samples = box(rng)
     frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
     assert deferred_only == [False]
-    assert_same(frame, from_records(monkeypatch, samples, camera, primitive=primitive))
+    assert_alike(
+        frame, from_records(samples, camera, **SIZE, primitive=primitive), are_counted=False
+    )
 
 
 @pytest.mark.parametrize("pixel", [Box(), Mitchell(), Gaussian(0.1, 0.3, lowered=True)], ids=repr)
-def test_filters_without_a_formula_are_painted_from_records(rng, monkeypatch, pixel):
+def test_filters_without_a_formula_are_painted_in_order(rng, pixel):
     samples, choices = box(rng), {"primitive": Primitive.PAPER, "pixel_filter": pixel}
     frame = Resampler(**choices)(samples, FAR, **SIZE)
-    assert_same(frame, from_records(monkeypatch, samples, FAR, **choices))
+    assert_alike(frame, from_records(samples, FAR, **SIZE, **choices), are_counted=False)
 
 
 @pytest.mark.parametrize("choice", [{"subpixels": 32}, {"pixel_filter": Gaussian(1.0, 4.0)}])
-def test_rows_that_are_too_long_are_painted_from_records(rng, monkeypatch, choice):
+def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
     camera = Camera.from_intrinsics(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
     samples, choices = box(rng, side=7), {"primitive": Primitive.POINTS, **choice}
     frame = Resampler(**choices)(samples, camera, **SIZE)
-    assert_same(frame, from_records(monkeypatch, samples, camera, **choices))
+    assert_alike(frame, from_records(samples, camera, **SIZE, **choices), are_counted=False)
 
 
 @pytest.mark.parametrize("thickness", [1e-6, 1e-3, 0.02])
-def test_sheets_may_be_thin(rng, monkeypatch, thickness):
+def test_sheets_may_be_thin(rng, thickness):
     samples = box(rng)
     choices = {"primitive": Primitive.POINTS, "order": EverySample(thickness=thickness)}
     frame = Resampler(**choices)(samples, FAR, **SIZE)
-    other = from_records(monkeypatch, samples, FAR, **choices)
+    other = from_records(samples, FAR, **SIZE, **choices)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     # Areas are as large as layers are thin, and so are the steps of what they cover at rims.
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=1e-3)
@@ -205,12 +198,12 @@ def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
     assert_same(resample(samples, FAR, **SIZE), resample(other, FAR, **SIZE))
 
 
-def test_samples_beside_the_view_do_no_harm(rng, monkeypatch):
+def test_samples_beside_the_view_do_no_harm(rng):
     samples, choice = box(rng, side=40), {"primitive": Primitive.POINTS}
     camera = Camera.from_intrinsics(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
     frame = Resampler(**choice)(samples, camera, **SIZE)
     assert 0 < frame.statistics.points < samples.extinction.size
-    assert_alike(frame, from_records(monkeypatch, samples, camera, **choice))
+    assert_alike(frame, from_records(samples, camera, **SIZE, **choice))
 
 
 def test_threads_change_no_bit(rng):
@@ -221,16 +214,13 @@ def test_threads_change_no_bit(rng):
 def test_hidden_points_are_skipped(rng):
     samples = box(rng, 50.0, 64)
     resample = Resampler(primitive=Primitive.POINTS)
-    frame, other = (resample(s, FAR, **SIZE) for s in (samples, blocked(samples, 4)))
-    assert frame.statistics.hidden > 10000
-    assert other.statistics.blocks_occluded > 10
-    assert_same(frame, other)
+    assert resample(samples, FAR, **SIZE).statistics.hidden > 10000
 
 
-def test_colors_may_be_bright(rng, monkeypatch):
+def test_colors_may_be_bright(rng):
     samples = box(rng)._replace(color=rng.uniform(0, 500, (15**3, 3)).astype(np.float32))
     frame = Resampler(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
-    other = from_records(monkeypatch, samples, FAR, primitive=Primitive.POINTS)
+    other = from_records(samples, FAR, **SIZE, primitive=Primitive.POINTS)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=500 * TOLERANCE)
 
 

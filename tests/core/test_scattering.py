@@ -5,7 +5,7 @@ import pytest
 
 from resample import Scatter, registry
 from resample.engine.surfaces.stamps import RIM
-from resample.scattering import FILTER_SIGMA, SIGMA
+from resample.library.scattering import FILTER_SIGMA, SIGMA
 from tests import naive
 
 METHODS = ("hybrid", "points", "splats")

@@ -8,11 +8,12 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
+from resample.layers import layers_of, sheets_of
 from resample.measuring.quality import psnr
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Summing
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Primitive, Resampler
-from resample.types import FOOTPRINT, Samples, Seen
+from resample.types import Samples
 from tests import naive
 
 SIDE = 18  # px
@@ -114,9 +115,8 @@ def test_every_layer_of_a_lattice_is_a_sheet_of_its_own():
     for forward in (1.0, -1.0):
         pose = look_at((0, 0, 10 - 30 * forward), (0, 0, 10), (0, 1, 0))
         view = Orthographic(1.0, 1.0, 8.0, 8.0, pose).view()
-        footprints = np.zeros(40, FOOTPRINT)
-        lattice = spacing * np.eye(3)
-        sheets = AxisSheets()(Seen(footprints, place, lattice, view, spacing))
+        layers = layers_of(AxisSheets(), place, view, spacing * np.eye(3))
+        sheets = sheets_of(layers, Summing.SHEETS, place, view)
         assert np.unique(sheets.sheet).size == 40
         assert np.unique(sheets.key).size == 40
 

@@ -1,13 +1,17 @@
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 import pytest
 
 from resample import registry
-from resample.profiles.orders import EverySample, Summing
+from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import GaussianKernel, ripple
 from resample.testing import check_filter, check_order, check_reconstruction
-from resample.types import Sheets
+from resample.types import Layers
+
+ALONG = Layers((0.0, 0.6, 0.8), 1.5, 0.7)
+COUNT = count(1.0)
 
 
 @pytest.mark.parametrize("name", registry.names("filters"))
@@ -108,57 +112,52 @@ def test_a_reconstruction_may_be_negative_somewhere():
 
 @dataclass
 class Order:
-    """A plugin of two functions."""
+    """A plugin of some numbers, or of what gives them."""
 
-    key: object = lambda footprints: footprints["depth"].copy()
-    sheet: object = lambda footprints: np.zeros(footprints.size, np.int32)
+    given: object = ALONG
     thickness: object = 1.0
     summing: object = Summing.POINTS
 
-    def __call__(self, seen):
-        return Sheets(self.key(seen.footprints), self.sheet(seen.footprints))
+    def __call__(self, view, lattice):
+        return self.given(view, lattice) if callable(self.given) else self.given
 
 
-def zeroed(footprints):
-    footprints["depth"] = 0
-    return footprints["depth"].copy()
+def overwriting(_, lattice):
+    lattice *= 2.0
+    return ALONG
+
+
+def turning(view, _):
+    view.rotation[0] = 0.0
+    return ALONG
 
 
 @pytest.mark.parametrize(
     ("order", "complaint"),
     [
-        (object(), r"has no __call__\(seen\)"),
+        (object(), r"has no __call__\(view, lattice\)"),
         (Order(thickness=0), "has the thickness 0; it must be a positive, finite number of voxels"),
         (Order(summing=7), "has the summing 7; give one of"),
-        (Order(key=lambda f: f["depth"].astype(float)), "gives key as float64"),
-        (Order(key=lambda f: f["depth"][1:]), "it must be float32"),
-        (Order(key=lambda f: f["depth"] * np.float32("inf")), "keys that are not finite"),
-        (Order(sheet=lambda f: np.zeros(f.size, np.int64)), "gives sheet as int64"),
-        (Order(sheet=lambda f: np.zeros((f.size, 1), np.int32)), "it must be int32"),
-        (Order(sheet=lambda f: np.arange(f.size, dtype=np.int32)), "depends on the order"),
-        (Order(key=zeroed), "overwrites the footprints"),
+        (Order(tuple(ALONG)), "gives tuple, not Layers"),
+        (Order(ALONG._replace(axis=(0.0, 1.0))), r"the axis \(0.0, 1.0\); it is \(x, y, z\)"),
+        (Order(ALONG._replace(offset=np.zeros(9))), "must be floating-point numbers"),
+        (Order(ALONG._replace(offset=np.inf)), "which is not finite"),
+        (Order(ALONG._replace(eye=np.inf)), "the eye's place inf"),
+        (Order(ALONG._replace(thickness=0.0)), "layers of the thickness 0.0"),
+        (Order(ALONG._replace(axis=(0.0, 0.0, 0.0))), "an axis of no length"),
+        (Order(ALONG, summing=Summing.SLABS), "sums slabs, whose layers are those of depth"),
+        (Order(lambda *_: ALONG._replace(offset=next(COUNT))), "other layers when it is called"),
+        (Order(overwriting), "overwrites the lattice"),
+        (Order(turning), "overwrites the view"),
     ],
 )
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 def test_a_wrong_order_is_told(order, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_order(order)
 
 
-def test_an_order_gives_sheets():
-    class Tuples(EverySample):
-        def __call__(self, seen):
-            return tuple(super().__call__(seen))
-
-    with pytest.raises(AssertionError, match="gives tuple, not Sheets"):
-        check_order(Tuples())
-
-
-def test_an_order_must_take_no_footprints():
-    class Greedy(EverySample):
-        def __call__(self, seen):
-            seen.footprints["depth"].min()
-            return super().__call__(seen)
-
-    with pytest.raises(ValueError, match="zero-size array"):
-        check_order(Greedy())
+@pytest.mark.parametrize("summing", [Summing.POINTS, Summing.SHEETS])
+def test_an_order_along_any_axis_will_do(summing):
+    check_order(Order(ALONG, summing=summing))
+    check_order(Order(ALONG._replace(eye=3.0, begins_at_first=True), summing=summing))
+    check_order(Order(ALONG._replace(axis=(0.0, 0.0, 0.0), is_around=True), summing=summing))

@@ -164,22 +164,3 @@ def test_colors_after_reconstruction_make_narrower_surfaces():
         for look in (PLAIN, POST)
     )
     assert 0 < after.sum() < 0.9 * before.sum()
-
-
-def test_a_subject_in_blocks_looks_the_same():
-    volume = vessel_tree(24)
-    subject = Subject.of(volume, Appearance("vessels"))
-    camera = subject.camera(Orbit(zoom=2.0), 32, 32)
-    whole, skipped = (
-        Resampler()(one.seen_by(camera), camera, height=32, width=32)
-        for one in (subject, subject.in_blocks())
-    )
-    assert whole.rgba.tobytes() == skipped.rgba.tobytes()
-    assert skipped.statistics.blocks > 1
-
-
-def test_a_field_has_no_blocks():
-    look = Appearance("vessels", classification=Classification.POST)
-    subject = Subject.of(vessel_tree(8), look, Resampler(order=ImageSheets()))
-    with pytest.raises(ValueError, match="blocks of voxels can be skipped where"):
-        subject.in_blocks()

@@ -1,7 +1,7 @@
 """From a volume to a picture: classify, shade, resample."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +12,12 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.profiles.orders import Summing
 from resample.resampler import MEASURING, Projection, Resampler
-from resample.types import Blocked, Blocks, Doubles, Field, Frame, Samples, View
+from resample.types import Doubles, Field, Frame, Samples, View
 from resample_volume.looks.presets import transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.transfer import Transfer, from_points
 from resample_volume.types import Volume
-from resample_volume.voxels.cropping import chosen, faced, keep, planes
+from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import Shifted, centered, sphere_around
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
@@ -189,7 +189,6 @@ class Subject:
     sphere: Sphere  # around all that is seen
     middle: Doubles  # (3,) where the volume's middle was, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
-    blocks: Blocks | None = None  # of the voxels, if these are to be skipped by blocks
 
     @classmethod
     def of(
@@ -217,24 +216,6 @@ class Subject:
         shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
 
-    def in_blocks(self) -> "Subject":
-        """Subject of which a renderer skips, block by block, what is outside the view or hidden.
-
-        Raises
-        ------
-        ValueError
-            It is a field, of which all is summed.
-        """
-        from resample.culling import bricks
-
-        if not isinstance(self.voxels, Voxels):
-            raise ValueError(
-                "blocks of voxels can be skipped where voxels are composited; leave out cull, or "
-                "the projection and the classification post"
-            )
-        order, blocks = bricks(self.voxels.position, self.voxels.lattice)
-        return replace(self, voxels=chosen(self.voxels, order), blocks=blocks)
-
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
@@ -257,15 +238,8 @@ class Subject:
             "depth cue": repr(self.appearance.cue),
         }
 
-    def seen_by(self, camera: AnyCamera) -> Samples | Blocked | Field:
+    def seen_by(self, camera: AnyCamera) -> Samples | Field:
         """What a renderer takes: samples or a field with the light that a camera sees."""
-        seen = self.lit_for(camera)
-        if self.blocks is None or isinstance(seen, Field):
-            return seen
-        return Blocked(seen, self.blocks)
-
-    def lit_for(self, camera: AnyCamera) -> Samples | Field:
-        """Samples or field with the light that a camera sees."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):

@@ -33,7 +33,7 @@ class Parts(NamedTuple):
 
 
 @making_role
-def begun(source: Source, part: int, spread: Spread) -> Work:
+def begun(source: Source, part: int) -> Work:
     """What is needed to place a part's cells, with room for a batch of them."""
     raise NotImplementedError
 
@@ -66,7 +66,7 @@ def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: W
 def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) -> None:
     """Add the cells of every part to pixels of its own; for an application's parallel kernel."""
     for n in tasks(counter, parts.bounds.shape[0]):
-        _paint_part(source, n, spread, parts, begun(source, n, spread))
+        _paint_part(source, n, spread, parts, begun(source, n))
 
 
 def parts_of(bounds: Integers, lanes: int) -> Parts:

@@ -1,4 +1,4 @@
-"""Paint splats that are projected by the tiles which show them, run by run and nearest runs first.
+"""Paint samples that are projected by the tiles which show them, run by run and nearest runs first.
 
 A tile knows which runs of neighbouring samples it may show, and how near these come. It takes them
 in that order, skips those that lie behind opaque sub-pixels only, and projects the samples of the
@@ -8,24 +8,52 @@ cache. This is occlusion culling (Zhang, Manocha, Hudson and Hoff 1997) with the
 occlusion map.
 """
 
-import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
-from resample.engine.ellipsoids.footprints import Eye, Shape, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.footprints import optics_of
+from resample.engine.ellipsoids.mixed import (
+    Mixture,
+    flatten_rays,
+    paint_models_on_rows,
+)
+from resample.engine.ellipsoids.models import POINT, choose_points, form_models
 from resample.engine.ellipsoids.outlines import (
     BATCH,
+    CHUNKS,
+    CUT,
+    KEY,
+    LEFT,
+    NO_REACH,
+    RIGHT,
     ROOM,
-    Bounds,
+    SPACING,
+    Sight,
+    Window,
+    X,
+    Y,
     clip_batch,
     form_batch,
     meet_batch,
+    meet_outlined,
     outline_batch,
+    pad_of_tile,
+    reach_of,
     sides_of,
+    sight_of,
 )
-from resample.engine.ellipsoids.pool import ask_for, enlarged, gather, part, put_in_order, take
+from resample.engine.ellipsoids.pool import (
+    Pool,
+    ask_for,
+    enlarged,
+    gather,
+    new_pool,
+    part,
+    put_in_order,
+    take,
+)
 from resample.engine.ellipsoids.rows import (
     Groups,
     Limits,
@@ -40,140 +68,197 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind
 from resample.engine.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
-from resample.engine.sorting import HALF, Pairs, bits_of, sort_pairs
-from resample.types import (
-    Doubles,
-    Ellipsoid,
-    Film,
-    Floats,
-    Place,
-    Profile,
-    Records,
-    Samples,
-    Screen,
-    Style,
-    Tables,
-    Tiles,
-    View,
-)
+from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
+from resample.types import DISC, EXACT, Film, Floats, Formula, Indices, Runs, Stage, Tally, Tiles
 
-WINDOW = 1024  # samples that a tile takes before it paints those that it can
-SHORT_WINDOW = 64  # likewise where all of them are nearer than what is to come
+TAKEN = 1024  # samples that a tile takes before it paints those that it can
+TAKEN_EARLY = 64  # likewise where all of them are nearer than what is to come
 AHEAD = 2  # runs after which one is looked at that is asked for
 BETWEEN_LOOKS = 64  # splats painted before it is looked at again what is opaque by now
 
-Indices = NDArray[np.int64]
-Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
-Flags = NDArray[np.uint8]
+Queue = tuple[int, int, np.uint64]  # samples that wait, runs taken, largest pair of all samples
+
+
+class Ground(NamedTuple):
+    """What the samples of a tile are painted on."""
+
+    rows: Floats
+    open_groups: Groups
+    sheet: Sheet  # of points; without a mixture it has no cells
+    limits: Limits
 
 
 @parallel_kernel
 def find_spacings(
-    counter: Counter,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
+    counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, mixture: Mixture | None
 ) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    position, extinction = samples.position.reshape(-1), samples.extinction
+    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
+    sight, planes, style = sight_of(stage, beyond), stage.screen.planes, stage.style
+    position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
+    start = runs.start
     room = np.empty(ROOM, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
-            if may_be_finer(runs[run], finest, style):
+            if may_be_finer(runs.known[run], finest, style):
                 begin, count = start[run], start[run + 1] - start[run]
-                outline_batch(
-                    room,
-                    position,
-                    extinction,
-                    begin,
-                    count,
-                    eye,
-                    shape,
-                    area,
-                    style.faintest,
-                    False,
-                )
-                if screen.planes.shape[0] > 0:
-                    clip_batch(room, position, begin, count, eye, shape, screen.planes)
-                finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
+                outline_batch(room, position, extinction, begin, count, sight)
+                if planes.shape[0] > 0:
+                    clip_batch(room, position, begin, count, sight, planes)
+                finest = min(finest, finest_of(room, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest
 
 
 @kernel
+def _take_runs(
+    pool: Pool,
+    queue: Queue,
+    members: Members,
+    runs: Runs,
+    sight: Sight,
+    window: Window,
+    open_groups: Groups,
+    mixture: Mixture | None,
+) -> Queue:
+    """Take the samples of a tile's next runs, until there are enough, or no room for more."""
+    # Arrays are taken from their bundles once: their reference counts are all threads' own.
+    position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
+    color, start, known = runs.samples.color.reshape(-1), runs.start, runs.known
+    found, outline, line = pool.found, pool.outline, pool.waiting
+    waiting, next_run, farthest = queue
+    before, place, height, width = waiting, window.place, window.height, window.width
+    while next_run < members.size and waiting < before + TAKEN:
+        run = members[next_run]
+        if waiting >= before + TAKEN_EARLY and bits_of(known[run]["key"]) > farthest >> HALF:
+            break
+        begin, count = start[run], start[run + 1] - start[run]
+        if waiting + count >= line.size:
+            break
+        next_run += 1
+        if next_run + AHEAD < members.size:
+            soon = members[next_run + AHEAD]
+            ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
+        if is_run_open(known[run], place, height, width, open_groups):
+            if mixture is None or mixture.is_plain:
+                meet_batch(found, position, extinction, begin, count, sight, window)
+            else:
+                outline_batch(outline, position, extinction, begin, count, sight)
+                meet_outlined(found, outline, begin, count, window)
+            waiting, farthest = take(line, waiting, found, count, farthest)
+    return waiting, next_run, farthest
+
+
+@kernel
 def _form(
-    ready: Pairs,
-    room: Floats,
-    samples: Samples,
-    eye: Eye,
-    shape: Shape,
-    place: Place,
-    height: int,
-    width: int,
-    home: Bounds,
-    planes: Doubles,
+    pool: Pool,
+    count: int,
+    runs: Runs,
+    sight: Sight,
+    window: Window,
+    stage: Stage,
+    mixture: Mixture | None,
 ) -> None:
-    """Fill in batch after batch of samples."""
-    position = np.empty(3 * BATCH, np.float32)
-    for first in range(0, ready.size, BATCH):
-        count, begin = min(BATCH, ready.size - first), first // BATCH * ROOM
-        batch = room[begin : begin + ROOM]
-        gather(ready[first : first + count], samples, position, batch)
-        form_batch(batch, position, 0, count, eye, shape, place, height, width, home)
+    """Fill in batch after batch of the samples that are ready."""
+    position, planes = np.empty(3 * BATCH, np.float32), stage.screen.planes
+    every, room, samples, style = pool.ready, pool.room, runs.samples, stage.style
+    for first in range(0, count, BATCH):
+        size, begin = min(BATCH, count - first), first // BATCH * ROOM
+        ready, batch = every[first : first + size], room[begin : begin + ROOM]
+        gather(ready, samples, position, batch)
+        form_batch(batch, position, size, sight, window)
+        if mixture is not None:
+            are_measured = mixture.least * window.place.subpixels <= style.threshold
+            are_measured |= planes.shape[0] > 0
+            form_models(batch, position, size, sight, window, style, are_measured)
+            for n in range(size):
+                batch[np.uint64(n) + KEY] = key_of_bits(np.uint32(ready[n] >> HALF))
         if planes.shape[0] > 0:
-            clip_batch(batch, position, 0, count, eye, shape, planes)
+            clip_batch(batch, position, 0, size, sight, planes)
+        if mixture is not None:
+            choose_points(batch, size, window, style, are_measured)
 
 
 @kernel
 def _paint_samples(
-    rows: Floats,
-    open_groups: Groups,
-    room: Floats,
-    offset: Members,
-    place: Place,
-    width: int,
-    view: View,
-    ellipsoid: Ellipsoid,
-    planes: Doubles,
-    partial: Floats,
-    profile: Profile,
-    peak: float,
-    limits: Limits,
-) -> int:
-    """Paint samples in their order; gives how many are at home in the tile, if not hidden."""
-    at_home, step = 0, np.float32(1.0 / place.subpixels)
-    for first in range(0, offset.size, BETWEEN_LOOKS):
-        if not close_rows(open_groups, rows, width, limits.opaque):
+    ground: Ground,
+    pool: Pool,
+    count: int,
+    window: Window,
+    stage: Stage,
+    formula: Formula,
+    mixture: Mixture | None,
+    tally: Tally,
+) -> None:
+    """Paint samples in their order, and count those that are at home in the tile, if not hidden."""
+    (rows, open_groups, sheet, limits), room = ground, pool.room
+    place, step = window.place, np.float32(1.0 / window.place.subpixels)
+    every, table, at_home, points = pool.offset, stage.tables.footprint, 0, 0
+    for first in range(0, count, BETWEEN_LOOKS):
+        if not close_rows(open_groups, rows, window.width, limits.opaque):
             break
-        n, last = first, min(first + BETWEEN_LOOKS, offset.size)
+        n, last = first, min(first + BETWEEN_LOOKS, count)
         while n < last:
-            painted, found = paint_splats_on_rows(
-                rows, open_groups, room, offset[n:last], step, profile, peak, limits
-            )
+            offset = every[n:last]
+            if mixture is None:
+                painted, found = paint_splats_on_rows(
+                    rows, open_groups, room, offset, step, formula, limits
+                )
+            else:
+                painted, found = paint_models_on_rows(
+                    rows, open_groups, room, offset, step, mixture, table, limits
+                )
             at_home += found
             n += painted
-            if n < last:
+            if n < last and mixture is not None and room[every[n] + CUT] == POINT:
+                points += add_among(sheet, rows, open_groups, room, every[n], place, stage)
+                n += 1
+            elif n < last:
                 at_home += paint_cut_splat_on_rows(
-                    rows,
-                    open_groups,
-                    room,
-                    offset[n],
-                    place,
-                    view,
-                    ellipsoid,
-                    planes,
-                    partial,
-                    limits,
+                    rows, open_groups, room, every[n], place, stage, limits
                 )
                 n += 1
-    return at_home
+    tally[0] += points
+    tally[1] += at_home
+
+
+@kernel
+def _paint_tile(
+    members: Members,
+    runs: Runs,
+    window: Window,
+    stage: Stage,
+    formula: Formula,
+    mixture: Mixture | None,
+    ground: Ground,
+    tally: Tally,
+) -> None:
+    """Paint what a tile's runs show of their samples, nearest first, until all is opaque."""
+    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
+    sight, known = sight_of(stage, beyond), runs.known
+    rows, open_groups, sheet, limits = ground
+    in_order(known, members)
+    pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
+    while is_any_open and (queue[1] < members.size or queue[0] > 0):
+        if 2 * queue[0] > pool.waiting.size:
+            pool = enlarged(pool)
+        queue = _take_runs(pool, queue, members, runs, sight, window, open_groups, mixture)
+        waiting, next_run, farthest = queue
+        limit = np.float32(np.inf)
+        if next_run < members.size:
+            limit = known[members[next_run]]["key"]
+        stay = part(pool.waiting, waiting, limit, pool.ready)
+        count = waiting - stay
+        sort_pairs(pool.ready[:count], pool.other[:count])
+        _form(pool, count, runs, sight, window, stage, mixture)
+        put_in_order(pool.ready[:count], pool.room, pool.offset)
+        _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
+        queue = (stay, next_run, farthest)
+        is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
+    if mixture is not None:
+        put_behind(sheet, rows, limits.opaque)
 
 
 @parallel_kernel
@@ -181,20 +266,11 @@ def paint_runs(
     counter: Counter,
     turn: Indices,
     tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    by_distance: bool,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
-    profile: Profile,
-    peak: float,
-    film: Film,
-    taken: Flags,
-    tally: Tally,
+    runs: Runs,
+    stage: Stage,
+    formula: Formula,
+    mixture: Mixture | None,
+    output: tuple[Film, Tally],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 
@@ -204,121 +280,68 @@ def paint_runs(
         Numbers of tiles that have members.
     tiles
         Whose members are runs.
-    runs, start
-        Runs (R,), and where the samples of each begin, (R + 1,); at most BATCH in one.
-    samples
-        N samples, of which each run has some that follow each other.
-    by_distance
-        Whether samples are ordered by distance from the eye, or by depth.
-    view, ellipsoid, screen, style, tables
-        As for all painters.
-    profile, peak
-        Line integrals of the kernel, and the largest of all, scene units.
-    film
-        (H, W) written to.
-    taken
-        (R,) set to 1 for runs whose samples were looked at.
-    tally
-        (T, 4) numbers of splats painted by the tiles that hold their centers, and grids.
+    runs
+        At most BATCH samples in one.
+    stage
+        What all painters share.
+    formula
+        Line integrals of the kernel, where there is a mixture of no importance.
+    mixture
+        Where samples are no splats of exact footprint and opacity, or their kernel has no formula.
+        A function is compiled without what is done for it where it is None.
+    output
+        Film (H, W) written to, and a tally (T, 4): numbers of points and of splats painted by the
+        tiles that hold their centers, 0, and grids.
     """
-    eye, shape = eye_of(view), shape_of(ellipsoid)
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    color = samples.color.reshape(-1)
-    reach, faintest = math.sqrt(shape.covariance[2][2]), np.float32(style.faintest)
+    eye, shape, _ = optics_of(stage)
+    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
+    film, tally = output
+    style, tables = stage.style, stage.tables
     for number in tasks(counter, turn.size):
         tile = turn[number]
-        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         n = grid(tiles.spacing[tile], style)
         tally[tile, 3] = n
         home, place, height, width = laid_out(
-            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
+            tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
         )
-        rows, open_groups = new_rows(height, width), open_rows(height, width)
-        least_ray = cast_rays_of_rows(rows, height, width, place, view, ellipsoid)
-        limits = Limits(
-            np.float32(style.opaque),
-            np.float32(1.0 / style.layer),
-            np.float32(1.0) / least_ray,
-        )
-        bounds = home_of(home)
-        in_order(runs, members)
-        sides = sides_of(eye, shape, place, height, width)
-        pair, pool = np.empty(BATCH, np.uint64), np.empty(8 * WINDOW, np.uint64)
-        ready, other = np.empty_like(pool), np.empty_like(pool)
-        room, offset = (
-            np.empty(pool.size // BATCH * ROOM, np.float32),
-            np.empty(pool.size, np.int32),
-        )
-        waiting, next_run, farthest, is_any_open = 0, 0, np.uint64(0), True
-        while is_any_open and (next_run < members.size or waiting > 0):
-            before = waiting
-            while next_run < members.size and waiting < before + WINDOW:
-                run = members[next_run]
-                if (
-                    waiting >= before + SHORT_WINDOW
-                    and bits_of(runs[run]["key"]) > farthest >> HALF
-                ):
-                    break
-                next_run += 1
-                if next_run + AHEAD < members.size:
-                    soon = members[next_run + AHEAD]
-                    ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
-                if is_run_open(runs[run], place, height, width, open_groups):
-                    taken[run] = 1
-                    begin, count = start[run], start[run + 1] - start[run]
-                    if waiting + count >= pool.size:
-                        pool = enlarged(pool)
-                    meet_batch(
-                        pair,
-                        position,
-                        extinction,
-                        begin,
-                        count,
-                        eye,
-                        reach,
-                        sides,
-                        faintest,
-                        by_distance,
-                    )
-                    waiting, farthest = take(pool, waiting, pair, count, farthest)
-            if ready.size < pool.size:
-                ready, other = np.empty_like(pool), np.empty_like(pool)
-                offset = np.empty(pool.size, np.int32)
-                room = np.empty(pool.size // BATCH * ROOM, np.float32)
-            limit = np.float32(np.inf)
-            if next_run < members.size:
-                limit = runs[members[next_run]]["key"]
-            stay = part(pool, waiting, limit, ready)
-            count = waiting - stay
-            sort_pairs(ready[:count], other[:count])
-            _form(
-                ready[:count],
-                room,
-                samples,
-                eye,
-                shape,
-                place,
-                height,
-                width,
-                bounds,
-                screen.planes,
-            )
-            put_in_order(ready[:count], room, offset)
-            tally[tile, 1] += _paint_samples(
-                rows,
-                open_groups,
-                room,
-                offset[:count],
-                place,
-                width,
-                view,
-                ellipsoid,
-                screen.planes,
-                tables.partial,
-                profile,
-                peak,
-                limits,
-            )
-            waiting = stay
-            is_any_open = close_rows(open_groups, rows, width, limits.opaque)
+        pad = 0.0 if mixture is None else pad_of_tile(style, beyond.beyond, n)
+        sides = sides_of(eye, shape, place, (height, width), pad)
+        window = Window(place, height, width, home_of(home), sides)
+        rows = new_rows(height, width)
+        least_ray = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
+        linear, size = np.float32(0.0), (0, 0)
+        if mixture is not None:
+            flatten_rays(rows, height, width, style.model)
+            least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
+            linear = np.float32(style.layer if style.linear_opacity else 0.0)
+            size = (height, width)
+        widest = np.float32(1.0) / least_ray
+        limits = Limits(np.float32(style.opaque), np.float32(1.0 / style.layer), widest, linear)
+        ground = Ground(rows, open_rows(height, width), new_sheet(size[0], size[1]), limits)
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        _paint_tile(members, runs, window, stage, formula, mixture, ground, tally[tile])
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
+
+
+@parallel_kernel
+def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count: Indices) -> None:
+    """Numbers of seen samples (CHUNKS,) that are points in the tiles that hold their centers."""
+    style, start, planes = stage.style, runs.start, stage.screen.planes
+    position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
+    sight = sight_of(stage, reach_of(style, stage.ellipsoid.radius))
+    room, tile_rows = np.empty(ROOM, np.float32), tiles.spacing.size // tiles.columns
+    for chunk in tasks(counter, CHUNKS):
+        size = runs.known.size
+        for run in range(size * chunk // CHUNKS, size * (chunk + 1) // CHUNKS):
+            begin, many = start[run], start[run + 1] - start[run]
+            outline_batch(room, position, extinction, begin, many, sight)
+            if planes.shape[0] > 0:
+                clip_batch(room, position, begin, many, sight, planes)
+            for n in range(many):
+                k = np.uint64(n)
+                if room[k + LEFT] <= room[k + RIGHT] and room[k + CUT] == 0.0:
+                    column = int(max(0.0, min(tiles.columns - 1.0, room[k + X] // tiles.size)))
+                    row = int(max(0.0, min(tile_rows - 1.0, room[k + Y] // tiles.size)))
+                    finest = grid(tiles.spacing[row * tiles.columns + column], style)
+                    is_point = room[k + SPACING] * np.float32(finest) <= style.threshold
+                    count[chunk] += 1 if is_point else 0

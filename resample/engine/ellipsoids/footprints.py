@@ -49,6 +49,7 @@ from resample.types import (
     Records,
     Samples,
     Screen,
+    Stage,
     Style,
     View,
 )
@@ -91,6 +92,14 @@ class Area(NamedTuple):
     height: int
     margin: float
     sides: tuple[Side, Side, Side, Side]
+
+
+class Optics(NamedTuple):
+    """What samples are projected by, as numbers."""
+
+    eye: Eye
+    shape: Shape
+    area: Area
 
 
 @kernel
@@ -136,6 +145,12 @@ def area_of(screen: Screen) -> Area:
     s = screen.sides
     sides = (_side_of(s, 0), _side_of(s, 1), _side_of(s, 2), _side_of(s, 3))
     return Area(screen.width, screen.height, screen.margin, sides)
+
+
+@kernel
+def optics_of(stage: Stage) -> Optics:
+    """Take apart what samples are projected by."""
+    return Optics(eye_of(stage.camera), shape_of(stage.ellipsoid), area_of(stage.screen))
 
 
 @kernel

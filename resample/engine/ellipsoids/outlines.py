@@ -6,25 +6,30 @@ numbers at fixed distances, for the same reason as in `resample.engine.ellipsoid
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, Side, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.footprints import Eye, Optics, Shape, Side, optics_of
+from resample.engine.grid import POINT_SPACING, point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.layers import key_of, place_of
 from resample.engine.sorting import Pairs, bits_of, paired
 from resample.engine.vectors import Vector, column, combine, cross, dot, multiply
 from resample.types import (
+    AFFINE,
+    SMALL_ANGLE,
     Doubles,
-    Ellipsoid,
     Floats,
+    Layers,
     Place,
     Record,
     Records,
     Samples,
-    Screen,
     Single,
-    View,
+    Stage,
+    Style,
 )
 
 BATCH = 256  # samples
@@ -34,7 +39,8 @@ LEFT, TOP, RIGHT, BOTTOM, DEPTH, KEY, SPACING, CUT, X, Y, A, B, C = (
 ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
     np.uint64(number * BATCH) for number in range(13, 20)
 )
-ROOM = 20 * BATCH  # numbers of a batch
+AMPLITUDE, FLAT, BENT, AREA, OPACITY = (np.uint64(number * BATCH) for number in range(20, 25))
+ROOM = 25 * BATCH  # numbers of a batch
 EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
 # What rounding may take away, at most
 SLACK = 1e-9  # share of a half extent or a distance
@@ -46,6 +52,87 @@ Indices = NDArray[np.int64]
 Integers = NDArray[np.int32]
 Sides = tuple[Side, Side, Side, Side]
 Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
+
+
+class Reach(NamedTuple):
+    """How far beyond the outlines of their ellipsoids samples are painted."""
+
+    mirrored: bool  # footprints may reach as far on one side of their center as on the other
+    beyond: Single  # px that they are made wider by, at most
+    threshold: Single  # px of spacing up to which samples may be points; 0: none is
+    extent: Single  # widths at which the filter of points ends
+    variance: Single  # voxels², as in `Style`
+    fixed: Single  # sub-pixels per side of a pixel; 0: as samples ask for
+    for_splats: Single  # at most
+    for_points: Single
+    closest: Single  # sub-pixels between points, at most
+
+
+NO_REACH = Reach(False, *np.zeros(8, np.float32))  # all samples are splats of exact footprint
+
+
+class Sight(NamedTuple):
+    """What outlines of samples depend on, as numbers."""
+
+    optics: Optics
+    layers: Layers
+    beyond: Reach
+    faintest: Single  # samples of this extinction or less are left out
+
+
+class Window(NamedTuple):
+    """The sub-pixels of a tile, as numbers."""
+
+    place: Place
+    height: int  # sub-pixels
+    width: int
+    home: Bounds  # px, where centers lie of samples that are the tile's own
+    sides: Sides  # half spaces in which centers lie of samples that touch it
+
+
+@kernel
+def sight_of(stage: Stage, beyond: Reach) -> Sight:
+    """What outlines depend on of samples that reach so far."""
+    return Sight(optics_of(stage), stage.layers, beyond, np.float32(stage.style.faintest))
+
+
+@kernel
+def reach_of(style: Style, radius: float) -> Reach:
+    """How far samples of an ellipsoid reach; `radius` in voxels."""
+    widened = style.inflated * radius + math.sqrt(style.blurred)
+    return Reach(
+        style.model in (AFFINE, SMALL_ANGLE),
+        np.float32(widened),
+        np.float32(min(style.threshold, 1e30)),
+        np.float32(style.point_extent),
+        np.float32(style.variance),
+        np.float32(style.subpixels),
+        np.float32(style.most_for_splats),
+        np.float32(style.most_for_points),
+        np.float32(min(style.threshold, POINT_SPACING)),
+    )
+
+
+@kernel
+def pad_of(spacing: Single, reach: Reach) -> Single:
+    """Px that a sample of this spacing is painted beyond its outline; a tile may be finer."""
+    one, zero = np.float32(1.0), np.float32(0.0)
+    apart = max(spacing, np.float32(1e-6))
+    finest = min(reach.for_points, np.floor(reach.closest / apart))
+    finest = max(one, min(reach.for_splats, np.ceil(one / apart)), finest)
+    finest = reach.fixed if reach.fixed > zero else finest
+    width = np.sqrt(reach.variance * apart * apart + np.float32(1.0 / 12.0) / (finest * finest))
+    pad = reach.extent * (width if reach.variance > zero else one)
+    return max(reach.beyond, pad if spacing <= reach.threshold else zero)
+
+
+@kernel
+def pad_of_tile(style: Style, widened: Single, subpixels: int) -> float:
+    """Px that samples of a tile are painted beyond their outlines, at most; points are finite."""
+    pad = style.point_extent
+    if style.variance > 0.0:
+        pad *= point_width(style.threshold, style.variance) / subpixels
+    return max(float(widened), pad if style.threshold > 0.0 else 0.0)
 
 
 @kernel
@@ -74,17 +161,15 @@ def outline_batch(
     extinction: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
-    area: Area,
-    faintest: float,
-    by_distance: bool,
+    sight: Sight,
 ) -> None:
     """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen.
 
     Samples that the near plane cuts are marked, and have no spacing.
     """
+    (eye, shape, area), layers, beyond, faintest = sight
     v = shape.covariance
+    low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
     far, reach, per_radius = eye.perspective, math.sqrt(v[2][2]), 1.0 / shape.radius
     to_left, to_right, to_top, to_bottom = area.sides
     least = reach if far else -np.inf
@@ -96,6 +181,7 @@ def outline_batch(
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
         center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
         cx, cy, cz = center
+        key = key_of(layers, place_of(layers, (x, y, z), center))
         per_z = 1.0 / cz if far else 1.0
         x = cx * per_z if far else 0.0
         y = cy * per_z if far else 0.0
@@ -112,43 +198,58 @@ def outline_batch(
             to_top[0] * cx + to_top[1] * cy + to_top[2] * cz + to_top[3],
             to_bottom[0] * cx + to_bottom[1] * cy + to_bottom[2] * cz + to_bottom[3],
         )
-        is_seen = (
-            (beside <= 0.0) & (cz + reach > eye.near) & (extinction[sample] > np.float32(faintest))
-        )
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_around = cz <= least  # the sphere reaches behind the eye
-        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
+        spacing = np.float32(np.inf) if is_cut else np.float32(major * per_radius)
+        on_x, on_y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        wide, high = max(on_x - left, right - on_x), max(on_y - top, bottom - on_y)
+        left, right = (on_x - wide, on_x + wide) if beyond.mirrored else (left, right)
+        top, bottom = (on_y - high, on_y + high) if beyond.mirrored else (top, bottom)
+        pad = float(pad_of(spacing, beyond))
+        left, top, right, bottom = left - pad, top - pad, right + pad, bottom + pad
+        is_inside = (right >= low) & (left <= high_x) & (bottom >= low) & (top <= high_y)
+        is_wider = (pad > 0.0) | beyond.mirrored
+        is_inside = is_inside if is_wider & (not is_cut) else beside <= 0.0
+        is_seen = is_inside & (cz + reach > eye.near)
+        is_seen &= extinction[sample] > faintest
         left, right = (-EVERYWHERE, EVERYWHERE) if is_around else (left, right)
         top, bottom = (-EVERYWHERE, EVERYWHERE) if is_around else (top, bottom)
         room[k + LEFT] = np.float32(left) if is_seen else np.float32(np.inf)
         room[k + RIGHT] = np.float32(right) if is_seen else np.float32(-np.inf)
         room[k + TOP] = np.float32(top)
         room[k + BOTTOM] = np.float32(bottom)
-        room[k + KEY] = np.float32(key)
-        room[k + SPACING] = np.float32(np.inf) if is_cut else np.float32(major * per_radius)
+        room[k + KEY] = key
+        room[k + SPACING] = spacing
         room[k + CUT] = np.float32(1.0) if is_cut else np.float32(0.0)
+        room[k + X] = np.float32(on_x)
+        room[k + Y] = np.float32(on_y)
 
 
 @kernel
 def _side(normal: Vector, offset: float, eye: Eye, shape: Shape) -> Side:
     """Half space of centers of ellipsoids that reach where a product in camera axes is at most 0.
 
-    In axes of the scene, and wider than it need be by more than rounding takes away.
+    In axes of the scene, wider than it need be by more than rounding takes away, and in reaches of
+    the ellipsoid beyond it.
     """
     reach = math.sqrt(dot(normal, multiply(shape.covariance, normal)))
-    r = eye.rotation
+    r, per_reach = eye.rotation, 1.0 / reach
     return (
-        dot(column(r, 0), normal),
-        dot(column(r, 1), normal),
-        dot(column(r, 2), normal),
-        dot(normal, eye.shift) + offset - (1.0 + SLACK) * reach,
+        per_reach * dot(column(r, 0), normal),
+        per_reach * dot(column(r, 1), normal),
+        per_reach * dot(column(r, 2), normal),
+        per_reach * (dot(normal, eye.shift) + offset - (1.0 + SLACK) * reach),
     )
 
 
 @kernel
-def sides_of(eye: Eye, shape: Shape, place: Place, height: int, width: int) -> Sides:
-    """Half spaces in which centers lie of samples that touch a canvas."""
-    far, half = eye.perspective, 0.5 / place.subpixels
+def sides_of(eye: Eye, shape: Shape, place: Place, size: tuple[int, int], pad: float) -> Sides:
+    """Half spaces in which centers lie of samples that reach within `pad` px of a canvas.
+
+    It has a size of so many rows and columns.
+    """
+    far, half = eye.perspective, 0.5 / place.subpixels - pad
+    height, width = size
     left, right = place.x + half - eye.cx, place.x + width / place.subpixels - half - eye.cx
     top, bottom = place.y + half - eye.cy, place.y + height / place.subpixels - half - eye.cy
     along, beside = (1.0, 0.0) if far else (0.0, 1.0)
@@ -167,17 +268,14 @@ def meet_batch(
     extinction: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    reach: float,
-    sides: Sides,
-    faintest: Single,
-    by_distance: bool,
+    sight: Sight,
+    window: Window,
 ) -> None:
-    """Keys with numbers of `count` samples from `begin` on; 0 for those that touch no sub-pixel.
-
-    `reach` is half an ellipsoid's extent along the view axis.
-    """
-    to_left, to_right, to_top, to_bottom = sides
+    """Keys with numbers of `count` samples from `begin` on; 0 for those that touch no sub-pixel."""
+    (eye, shape, _), layers, beyond, faintest = sight
+    is_mirrored = beyond.mirrored and eye.perspective
+    reach = math.sqrt(shape.covariance[2][2])
+    to_left, to_right, to_top, to_bottom = window.sides
     least = reach if eye.perspective else -np.inf
     for n in range(count):
         sample = np.uint64(begin) + np.uint64(n)
@@ -190,32 +288,48 @@ def meet_batch(
             to_top[0] * x + to_top[1] * y + to_top[2] * z + to_top[3],
             to_bottom[0] * x + to_bottom[1] * y + to_bottom[2] * z + to_bottom[3],
         )
-        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
-        is_met = ((beside <= 0.0) | (cz <= least)) & (extinction[sample] > faintest)
-        found = paired(bits_of(np.float32(key)), int(sample))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        key = key_of(layers, place_of(layers, (x, y, z), center))
+        # What reaches as far on one side as an ellipsoid does on the other reaches farther than it
+        # by at most this many reaches: edges seen at an angle change no more than depths do.
+        excess = 2.0 * reach / (center[2] - 2.0 * reach) if is_mirrored else 0.0
+        is_met = (beside <= excess) | (center[2] <= (2.0 * least if is_mirrored else least))
+        is_met &= extinction[sample] > faintest
+        found = paired(bits_of(key), int(sample))
         pair[np.uint64(n)] = found if is_met else np.uint64(0)
+
+
+@kernel
+def meet_outlined(pair: Pairs, room: Floats, begin: int, count: int, window: Window) -> None:
+    """Like `meet_batch`, of samples outlined by `outline_batch`."""
+    place, height, width = window.place, window.height, window.width
+    half = np.float32(0.5 / place.subpixels)
+    left, top = np.float32(place.x) + half, np.float32(place.y) + half
+    right = np.float32(place.x + width / place.subpixels) - half
+    bottom = np.float32(place.y + height / place.subpixels) - half
+    for n in range(count):
+        k = np.uint64(n)
+        is_met = (room[k + LEFT] <= right) & (room[k + RIGHT] >= left)
+        is_met &= (room[k + TOP] <= bottom) & (room[k + BOTTOM] >= top)
+        found = paired(bits_of(room[k + KEY]), begin + n)
+        pair[k] = found if is_met else np.uint64(0)
 
 
 @kernel
 def form_batch(
     room: Floats,
     position: Floats,
-    begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
-    place: Place,
-    height: int,
-    width: int,
-    home: Bounds,
+    sight: Sight,
+    window: Window,
 ) -> None:
-    """All that painting needs of `count` samples from `begin` on.
+    """All that painting needs of `count` samples.
 
     Bounds are the first sub-pixels and those behind the last, as whole numbers, of a canvas with
     `height` rows and `width` columns. Samples that the near plane cuts have their centers in place
     of forms.
     """
+    (eye, shape, _), (place, height, width, home, _) = sight.optics, window
     t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
     far, per_px = eye.perspective, float(place.subpixels)
     least = reach if far else -np.inf
@@ -223,10 +337,9 @@ def form_batch(
     first_x, last_x, first_y, last_y = home
     for n in range(count):
         k = np.uint64(n)
-        sample = np.uint64(begin) + k
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        x = float(position[np.uint64(3) * k])
+        y = float(position[np.uint64(3) * k + np.uint64(1)])
+        z = float(position[np.uint64(3) * k + np.uint64(2)])
         center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
         cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
@@ -268,23 +381,33 @@ def clip_batch(
     position: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
+    sight: Sight,
     planes: Doubles,
 ) -> None:
-    """Hide what lies beyond a clipping plane (M, 5), and mark the samples that one cuts."""
+    """Hide what lies beyond a clipping plane (M, 5), and mark the samples that one cuts.
+
+    Points are as small as sub-pixels: their centers decide.
+    """
+    (eye, shape, _), beyond = sight.optics, sight.beyond
+    finest = max(beyond.for_splats, beyond.for_points) if beyond.fixed == 0.0 else beyond.fixed
     for n in range(count):
         k, first = np.uint64(n), 3 * (begin + n)
         world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
-        nearest = np.inf
+        center, nearest, is_point = (
+            combine(eye.shift, 1.0, multiply(eye.rotation, world)),
+            np.inf,
+            False,
+        )
+        if beyond.threshold > 0.0:
+            is_point = room[k + SPACING] * finest <= beyond.threshold and room[k + CUT] == 0.0
         for m in range(planes.shape[0]):
             inside = planes[m, 0] * center[0] + planes[m, 1] * center[1]
             inside += planes[m, 2] * center[2] + planes[m, 3]
-            if inside <= -planes[m, 4]:
+            reach = 0.0 if is_point else planes[m, 4]
+            if inside <= -reach:
                 room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
-            nearest = min(nearest, inside - planes[m, 4])
-        if nearest < 0.0:
+            nearest = min(nearest, inside - reach)
+        if nearest < 0.0 and not is_point:
             unit = multiply(shape.to_unit, center)
             room[k + CUT] = 1.0
             room[k + A], room[k + B], room[k + C] = unit
@@ -395,6 +518,24 @@ def _spread(of: Vector, half: Vector) -> float:
 
 
 @kernel
+def _least_key(
+    layers: Layers, middle: Vector, world: Vector, center: Vector, half: Vector
+) -> float:
+    """Bound of the keys of samples in a box, given in axes of the scene and of the camera."""
+    if layers.is_around:
+        x = max(0.0, abs(center[0]) - half[0])
+        y = max(0.0, abs(center[1]) - half[1])
+        z = max(0.0, abs(center[2]) - half[2])
+        return math.sqrt(x * x + y * y + z * z)
+    along, place = _spread(layers.axis, world), layers.offset + dot(layers.axis, middle)
+    far = (abs(middle[0]), abs(middle[1]), abs(middle[2]))
+    along += SLACK * (_spread(layers.axis, far) + along + abs(layers.offset))
+    if layers.eye == -np.inf:
+        return place - along
+    return max(0.0, abs(place - layers.eye) - along - SLACK * abs(layers.eye))
+
+
+@kernel
 def _interval(x: float, half: float, near: float, far: float) -> tuple[float, float]:
     """Least and greatest x / z, where x is within `half` and z between `near` and `far`."""
     low, high = x - half, x + half
@@ -424,20 +565,49 @@ def _spacings_of(center: Vector, half: Vector, eye: Eye, shape: Shape) -> tuple[
 
 
 @kernel
+def _bounds_of_box(
+    center: Vector,
+    half: Vector,
+    depths: tuple[float, float],
+    eye: Eye,
+    shape: Shape,
+    mirrored: bool,
+) -> Side:
+    """Bounds in px of ellipsoids whose centers lie in a box, and which reach over these depths."""
+    v, (near, far) = shape.covariance, depths
+    wide, high = math.sqrt(v[0][0]), math.sqrt(v[1][1])
+    left, right = _interval(center[0], half[0] + wide, near, far)
+    top, bottom = _interval(center[1], half[1] + high, near, far)
+    if mirrored:  # as far from the centers as the farther edge of one may be
+        deep = math.sqrt(v[2][2])
+        nearest = center[2] - half[2] if eye.perspective else 1.0
+        first, last = _interval(center[0], half[0], near, far)
+        aside = (wide + max(abs(left), abs(right)) * deep) / nearest
+        left, right = min(left, first - aside), max(right, last + aside)
+        first, last = _interval(center[1], half[1], near, far)
+        aside = (high + max(abs(top), abs(bottom)) * deep) / nearest
+        top, bottom = min(top, first - aside), max(bottom, last + aside)
+    return (
+        eye.fx * left + eye.cx - BORDER,
+        eye.fy * top + eye.cy - BORDER,
+        eye.fx * right + eye.cx + BORDER,
+        eye.fy * bottom + eye.cy + BORDER,
+    )
+
+
+@kernel
 def _is_outlined_by_box(
     run: Record,
     low: Floats,
     high: Floats,
     seen: int,
-    eye: Eye,
-    shape: Shape,
-    sides: Sides,
-    by_distance: bool,
+    sight: Sight,
 ) -> bool:
     """Fill in a run of which `seen` samples are not too faint, if their box says enough.
 
     That is where all of them are seen or none is, and no near plane cuts one.
     """
+    (eye, shape, area), layers, beyond, _ = sight
     middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     world = (high[0] - middle[0], high[1] - middle[1], high[2] - middle[2])
     center, r, v = (
@@ -453,45 +623,44 @@ def _is_outlined_by_box(
     near, far = center[2] - half[2] - reach[2], center[2] + half[2] + reach[2]
     if near <= eye.near or (eye.perspective and near <= 0.0):
         return False
-    for side in sides:
+    spacings = _spacings_of(center, half, eye, shape)
+    pad = 0.0
+    if spacings[0] <= beyond.threshold or beyond.beyond > 0.0:
+        pad = float(pad_of(np.float32(min(spacings[1], beyond.threshold)), beyond))
+    is_inside = True
+    for side in area.sides:
         normal = (side[0], side[1], side[2])
         beside, spread = dot(normal, center) + side[3], _spread(normal, half)
-        if beside > spread:
+        if beside > spread and pad == 0.0 and not beyond.mirrored:
             seen = 0
         elif beside > -spread and seen > 0:
-            return False
+            is_inside = False
+    depths = (near, far) if eye.perspective else (1.0, 1.0)
+    bounds = _bounds_of_box(center, half, depths, eye, shape, beyond.mirrored)
+    bounds = (bounds[0] - pad, bounds[1] - pad, bounds[2] + pad, bounds[3] + pad)
+    if bounds[2] < -area.margin or bounds[0] > area.width + area.margin:
+        seen = 0
+    if bounds[3] < -area.margin or bounds[1] > area.height + area.margin:
+        seen = 0
     if seen == 0:
         far = np.inf
         _write(run, (far, far, -far, -far), far, (far, -far), 0)
         return True
-    near, far = (near, far) if eye.perspective else (1.0, 1.0)
-    left, right = _interval(center[0], half[0] + reach[0], near, far)
-    top, bottom = _interval(center[1], half[1] + reach[1], near, far)
-    key = center[2] - half[2]
-    if by_distance:
-        x, y = max(0.0, abs(center[0]) - half[0]), max(0.0, abs(center[1]) - half[1])
-        key = math.sqrt(x * x + y * y + key * key)
-    bounds = (
-        eye.fx * left + eye.cx - BORDER,
-        eye.fy * top + eye.cy - BORDER,
-        eye.fx * right + eye.cx + BORDER,
-        eye.fy * bottom + eye.cy + BORDER,
-    )
-    _write(run, bounds, key, _spacings_of(center, half, eye, shape), seen)
+    if not is_inside:
+        return False
+    key = _least_key(layers, middle, world, center, half)
+    _write(run, bounds, key, spacings, seen)
     return True
 
 
 @parallel_kernel
 def outline_runs(
     counter: Counter,
-    runs: Records,
+    known: Records,
     start: Indices,
     samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    faintest: float,
-    by_distance: bool,
+    stage: Stage,
+    beyond: Reach,
     by_boxes: bool,
 ) -> None:
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next.
@@ -499,25 +668,21 @@ def outline_runs(
     `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
     of what would else be known of it, and no sample is projected. Not with clipping planes.
     """
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    sight, planes = sight_of(stage, beyond), stage.screen.planes
     position, extinction = samples.position.reshape(-1), samples.extinction
     bits = position.view(np.int32)
     room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
     for chunk in tasks(counter, CHUNKS):
-        for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+        for run in range(known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS):
             begin, count = start[run], start[run + 1] - start[run]
             if by_boxes:
                 seen = 0
                 for n in range(begin, begin + count):
-                    seen += extinction[np.uint64(n)] > np.float32(faintest)
+                    seen += extinction[np.uint64(n)] > sight.faintest
                 box_of(bits[3 * begin : 3 * (begin + count)], low, high)
-                if _is_outlined_by_box(
-                    runs[run], low, high, seen, eye, shape, area.sides, by_distance
-                ):
+                if _is_outlined_by_box(known[run], low, high, seen, sight):
                     continue
-            outline_batch(
-                room, position, extinction, begin, count, eye, shape, area, faintest, by_distance
-            )
-            if screen.planes.shape[0] > 0:
-                clip_batch(room, position, begin, count, eye, shape, screen.planes)
-            sum_up(runs[run], room, 0, count)
+            outline_batch(room, position, extinction, begin, count, sight)
+            if planes.shape[0] > 0:
+                clip_batch(room, position, begin, count, sight, planes)
+            sum_up(known[run], room, 0, count)

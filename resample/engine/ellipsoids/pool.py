@@ -4,6 +4,8 @@ They wait as numbers with their keys. What painting needs of them is found when 
 known, batch by batch, as columns of numbers (see `resample.engine.ellipsoids.outlines`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from resample.engine.ellipsoids.outlines import (
@@ -54,12 +56,38 @@ def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, cou
         load_soon(extinction, n)
 
 
+class Pool(NamedTuple):
+    """Samples that wait, and those whose turn it is; room to work in."""
+
+    waiting: Pairs  # (M,)
+    ready: Pairs  # (M,)
+    other: Pairs  # (M,)
+    offset: Members  # (M,) where in `room` a sample that is ready begins
+    room: Floats  # (M / BATCH * ROOM,)
+    found: Pairs  # (BATCH,)
+    outline: Floats  # (ROOM,)
+
+
 @kernel
-def enlarged(pool: Pairs) -> Pairs:
-    """Pool for twice as many pairs."""
-    larger = np.empty(2 * pool.size, np.uint64)
-    for n in range(pool.size):
-        larger[n] = pool[n]
+def new_pool(most: int) -> Pool:
+    """Pool for so many samples, a multiple of BATCH."""
+    return Pool(
+        np.empty(most, np.uint64),
+        np.empty(most, np.uint64),
+        np.empty(most, np.uint64),
+        np.empty(most, np.int32),
+        np.empty(most // BATCH * ROOM, np.float32),
+        np.empty(BATCH, np.uint64),
+        np.empty(ROOM, np.float32),
+    )
+
+
+@kernel
+def enlarged(pool: Pool) -> Pool:
+    """Pool for twice as many samples."""
+    larger = new_pool(2 * pool.waiting.size)
+    for n in range(pool.waiting.size):
+        larger.waiting[n] = pool.waiting[n]
     return larger
 
 

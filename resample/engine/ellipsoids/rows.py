@@ -35,11 +35,21 @@ from resample.engine.ellipsoids.splats import cut_integral, seen_span
 from resample.engine.jit import kernel, lane_kernel
 from resample.engine.lookup import absorbed
 from resample.engine.over import VISIBLE, Light
-from resample.types import Doubles, Ellipsoid, Film, Floats, Place, Profile, Single, View
+from resample.types import (
+    MOST_COLUMNS,
+    Ellipsoid,
+    Film,
+    Floats,
+    Formula,
+    Place,
+    Profile,
+    Single,
+    Stage,
+    View,
+)
 
 COLUMNS = 8  # that are painted at once
 LANES = 2 * COLUMNS
-MOST_COLUMNS = 200  # sub-pixels in a row of a tile with the margins of its filter
 _STRIDE = 2 * (MOST_COLUMNS + COLUMNS)  # what is painted may run over the end
 RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST, RAY, CHORD = (
     np.uint64(number * _STRIDE) for number in range(9)
@@ -63,6 +73,7 @@ class Limits(NamedTuple):
     opaque: Single  # transmittance below which nothing is painted
     per_layer: Single  # coverage of a line integral of 1
     widest: Single  # value of the quadratic form beyond which nothing is touched
+    linear_layer: Single  # scene units that linear opacities are those of; 0: they are exact
 
 
 @kernel
@@ -141,7 +152,7 @@ def narrowed(
 
 
 @lane_kernel
-def _line_integral(form: Single, ray: Single, chord: Single, profile: Profile) -> Single:
+def line_integral(form: Single, ray: Single, chord: Single, profile: Profile) -> Single:
     """Integral of a splat's kernel along the ray of a sub-pixel."""
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
     t = max(np.float32(0.0), np.float32(1.0) - form * ray)
@@ -153,7 +164,7 @@ def _line_integral(form: Single, ray: Single, chord: Single, profile: Profile) -
 
 
 @lane_kernel
-def _fall(x: Single, is_thin: bool) -> Single:
+def fall_of(x: Single, is_thin: bool) -> Single:
     """Change of what passes, expm1 of x or of 16 x."""
     one, two = np.float32(1.0), np.float32(2.0)
     x2 = x * x
@@ -167,7 +178,7 @@ def _fall(x: Single, is_thin: bool) -> Single:
 
 
 @lane_kernel
-def _lay_behind(
+def lay_behind(
     rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: Limits
 ) -> None:
     """Composite light behind what a sub-pixel holds."""
@@ -195,8 +206,7 @@ def paint_splats_on_rows(
     room: Floats,
     offset: Members,
     step: Single,
-    profile: Profile,
-    peak: float,
+    formula: Formula,
     limits: Limits,
 ) -> tuple[int, int]:
     """Composite splats of exact footprint up to the first one that a plane cuts.
@@ -211,11 +221,12 @@ def paint_splats_on_rows(
         Columns of numbers as `form_batch` fills them, and where in the first one splats are.
     step
         Px between sub-pixels.
-    profile, peak
-        Line integrals of the kernel, and the largest of them.
+    formula
+        Line integrals of the kernel.
     limits
         What all splats of a tile share.
     """
+    profile, peak = formula
     zero, one, two, at_home = np.float32(0.0), np.float32(1.0), np.float32(2.0), 0
     for n in range(offset.size):
         s = np.uint64(offset[n])
@@ -264,9 +275,9 @@ def paint_splats_on_rows(
                     is_below = lane & 1 != 0
                     form = (a * dx + (cross_below if is_below else cross)) * dx
                     form += rest_below if is_below else rest
-                    integral = _line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
-                    fall = _fall(max(-one, integral * depth_per), is_thin)
-                    _lay_behind(rows, k, fall, integral, light, limits)
+                    integral = line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
+                    fall = fall_of(max(-one, integral * depth_per), is_thin)
+                    lay_behind(rows, k, fall, integral, light, limits)
                 continue
             for start in range(first_column, last_column, COLUMNS):
                 first_k = base + np.uint64(2 * start)
@@ -277,9 +288,9 @@ def paint_splats_on_rows(
                     is_below = lane & 1 != 0
                     form = (a * dx + (cross_below if is_below else cross)) * dx
                     form += rest_below if is_below else rest
-                    integral = _line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
-                    fall = _fall(max(-one, integral * depth_per), is_thin)
-                    _lay_behind(rows, k, fall, integral, light, limits)
+                    integral = line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
+                    fall = fall_of(max(-one, integral * depth_per), is_thin)
+                    lay_behind(rows, k, fall, integral, light, limits)
     return offset.size, at_home
 
 
@@ -290,10 +301,7 @@ def paint_cut_splat_on_rows(
     room: Floats,
     offset: int,
     place: Place,
-    view: View,
-    ellipsoid: Ellipsoid,
-    planes: Doubles,
-    partial: Floats,
+    stage: Stage,
     limits: Limits,
 ) -> int:
     """Composite what is seen of a sphere that a plane cuts; its form is its center.
@@ -301,6 +309,8 @@ def paint_cut_splat_on_rows(
     Gives 1 if it is at home in the tile and not hidden.
     """
     n, one, s = place.subpixels, np.float32(1.0), np.uint64(offset)
+    view, ellipsoid, planes = stage.camera, stage.ellipsoid, stage.screen.planes
+    partial, thick = stage.tables.partial, limits.linear_layer
     top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
     left, right = int(room[s + LEFT]), int(room[s + RIGHT])
     if left >= right or not is_open(open_groups, top, bottom, left, right):
@@ -319,7 +329,9 @@ def paint_cut_splat_on_rows(
             integral = np.float32(cut_integral(center, x, y, seen, view, ellipsoid, partial))
             if integral <= np.float32(0.0):
                 continue
-            share = before * absorbed(extinction * integral)
+            alpha = absorbed(extinction * (thick if thick > 0.0 else integral))
+            alpha = min(one, alpha * integral / thick) if thick > 0.0 else alpha
+            share = before * alpha
             rows[k + RED] += share * room[s + LIT_RED]
             rows[k + GREEN] += share * room[s + LIT_GREEN]
             rows[k + BLUE] += share * room[s + LIT_BLUE]

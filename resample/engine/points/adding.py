@@ -54,6 +54,34 @@ class Box(NamedTuple):
 
 
 @kernel
+def box_around(
+    sheet: Floats,
+    x: float,
+    y: float,
+    reach: float,
+    profile: Floats,
+    across: Floats,
+    down: Floats,
+) -> Box:
+    """Weights of a filter around a place of a sheet, in `across` and `down`, and what they meet.
+
+    All in sub-pixels.
+    """
+    reach = min(reach, 0.5 * (MOST_TAPS - 2))
+    per_reach = np.float32(1.0 / reach)
+    left, columns = _weigh(x, reach, per_reach, profile, across)
+    top, rows = _weigh(y, reach, per_reach, profile, down)
+    return Box(
+        max(0, top),
+        min(sheet.shape[0], top + rows),
+        max(0, left),
+        min(sheet.shape[1], left + columns),
+        top,
+        left,
+    )
+
+
+@kernel
 def box_of_point(
     sheet: Floats,
     place: Place,
@@ -68,18 +96,8 @@ def box_of_point(
     width = float(n)
     if style.variance > 0.0:
         width = point_width(record["spacing"] * n, style.variance)
-    reach = min(width * style.point_extent, 0.5 * (MOST_TAPS - 2))
-    per_reach = np.float32(1.0 / reach)
-    left, columns = _weigh((record["x"] - place.x) * n, reach, per_reach, profile, across)
-    top, rows = _weigh((record["y"] - place.y) * n, reach, per_reach, profile, down)
-    return Box(
-        max(0, top),
-        min(sheet.shape[0], top + rows),
-        max(0, left),
-        min(sheet.shape[1], left + columns),
-        top,
-        left,
-    )
+    x, y = (record["x"] - place.x) * n, (record["y"] - place.y) * n
+    return box_around(sheet, x, y, width * style.point_extent, profile, across, down)
 
 
 @kernel

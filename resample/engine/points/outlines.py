@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     CHUNKS,
@@ -22,19 +22,20 @@ from resample.engine.ellipsoids.outlines import (
 )
 from resample.engine.grid import POINT_SPACING
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.layers import key_of, place_of
 from resample.engine.runs import finest_of, may_be_finer
 from resample.engine.vectors import combine, dot, multiply
 from resample.types import (
     Doubles,
-    Ellipsoid,
     Floats,
+    Layers,
     Records,
+    Runs,
     Samples,
-    Screen,
     Single,
+    Stage,
     Style,
     Tiles,
-    View,
 )
 
 TOO_WIDE = 1e30  # px, spacing that stands for samples which the near plane cuts
@@ -81,7 +82,7 @@ def outline_points(
     shape: Shape,
     area: Area,
     style: Style,
-    by_distance: bool,
+    layers: Layers,
 ) -> None:
     """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen."""
     far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
@@ -100,12 +101,13 @@ def outline_points(
         x = float(position[np.uint64(3) * sample])
         y = float(position[np.uint64(3) * sample + np.uint64(1)])
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        cx, cy, cz = center
+        key = key_of(layers, place_of(layers, (x, y, z), center))
         per_z = 1.0 / cz if far else 1.0
         x, y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_seen = (cz + reach > eye.near) & (extinction[sample] > np.float32(style.faintest))
-        key = math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz
         # From here on, what need not be told to the last bit.
         near = np.float32(per_z)
         right = np.float32(cx) * near if far else zero
@@ -126,7 +128,7 @@ def outline_points(
         room[k + RIGHT] = np.float32(x + pad) if is_seen else np.float32(-np.inf)
         room[k + TOP] = np.float32(y - pad)
         room[k + BOTTOM] = np.float32(y + pad)
-        room[k + KEY] = np.float32(key)
+        room[k + KEY] = key
         room[k + SPACING] = np.float32(TOO_WIDE) if is_cut else spacing
 
 
@@ -143,69 +145,39 @@ def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool
 
 
 @kernel
-def _outline_run(
-    room: Floats,
-    samples: Samples,
-    begin: int,
-    count: int,
-    eye: Eye,
-    shape: Shape,
-    area: Area,
-    screen: Screen,
-    style: Style,
-    by_distance: bool,
-) -> None:
+def _outline_run(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
     """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    outline_points(room, position, extinction, begin, count, eye, shape, area, style, by_distance)
-    if screen.planes.shape[0] > 0:
+    (eye, shape, area), layers, planes = optics_of(stage), stage.layers, stage.screen.planes
+    position, extinction, style = samples.position.reshape(-1), samples.extinction, stage.style
+    outline_points(room, position, extinction, begin, count, eye, shape, area, style, layers)
+    if planes.shape[0] > 0:
         for n in range(count):
-            if is_clipped(position, begin + n, eye, screen.planes):
+            if is_clipped(position, begin + n, eye, planes):
                 room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
 
 
 @parallel_kernel
 def outline_point_runs(
-    counter: Counter,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    by_distance: bool,
+    counter: Counter, known: Records, start: Indices, samples: Samples, stage: Stage
 ) -> None:
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
     room = np.empty(ROOM, np.float32)
     for chunk in tasks(counter, CHUNKS):
-        for run in range(runs.size * chunk // CHUNKS, runs.size * (chunk + 1) // CHUNKS):
+        for run in range(known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS):
             begin, count = start[run], start[run + 1] - start[run]
-            _outline_run(room, samples, begin, count, eye, shape, area, screen, style, by_distance)
-            sum_up(runs[run], room, 0, count)
+            _outline_run(room, samples, begin, count, stage)
+            sum_up(known[run], room, 0, count)
 
 
 @parallel_kernel
-def find_point_spacings(
-    counter: Counter,
-    tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-) -> None:
+def find_point_spacings(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
-    room = np.empty(ROOM, np.float32)
+    room, start = np.empty(ROOM, np.float32), runs.start
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
-            if may_be_finer(runs[run], finest, style):
+            if may_be_finer(runs.known[run], finest, stage.style):
                 begin, count = start[run], start[run + 1] - start[run]
-                _outline_run(room, samples, begin, count, eye, shape, area, screen, style, False)
-                finest = min(finest, finest_of(room, count, tile, tiles, screen.margin))
+                _outline_run(room, runs.samples, begin, count, stage)
+                finest = min(finest, finest_of(room, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.eights import spread
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, area_of, eye_of, shape_of
+from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
 from resample.engine.ellipsoids.outlines import BATCH, Bounds
 from resample.engine.ellipsoids.rows import (
     DEEPEST,
@@ -29,6 +29,7 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.grid import grid, point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.layers import key_of, place_of
 from resample.engine.points.cells import (
     LINE,
     ROUND,
@@ -47,21 +48,17 @@ from resample.engine.runs import home_of, in_order, is_run_open
 from resample.engine.vectors import combine, multiply
 from resample.types import (
     Doubles,
-    Ellipsoid,
     Film,
     Floats,
+    Layers,
     Place,
     Profile,
     Record,
-    Records,
-    Samples,
-    Screen,
+    Runs,
     Single,
     Spread,
-    Style,
-    Tables,
+    Stage,
     Tiles,
-    View,
 )
 
 MOST_TAPS = 8  # sub-pixels that a point is spread over, along a row and along a column
@@ -78,7 +75,6 @@ STEP = np.uint64(BATCH)
 NOWHERE = 1e9  # column of a sample that is not painted
 
 Indices = NDArray[np.int64]
-Flags = NDArray[np.uint8]
 Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
 
 
@@ -96,7 +92,7 @@ def place_points(
     bounds: Bounds,
     view_area: Area,
     faintest: float,
-    by_distance: bool,
+    layers: Layers,
 ) -> None:
     """Where `count` samples from `begin` on fall on a canvas, and their amounts."""
     far, n_side, view_x, view_y = eye.perspective, float(place.subpixels), eye.fx, eye.fy
@@ -122,10 +118,11 @@ def place_points(
         x = float(position[np.uint64(3) * sample])
         y = float(position[np.uint64(3) * sample + np.uint64(1)])
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        cx, cy, cz = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        cx, cy, cz = center
+        key = key_of(layers, place_of(layers, (x, y, z), center))
         per_z = 1.0 / cz if far else 1.0
         x, y = view_x * (cx * per_z) + eye.cx, view_y * (cy * per_z) + eye.cy
-        key = np.float32(math.sqrt(cx * cx + cy * cy + cz * cz) if by_distance else cz)
         # From here on, what need not be told to the last bit.
         near = np.float32(per_z)
         right = np.float32(cx) * near if far else np.float32(0.0)
@@ -310,21 +307,11 @@ def paint_point_runs(
     counter: Counter,
     turn: Indices,
     tiles: Tiles,
-    runs: Records,
-    start: Indices,
-    samples: Samples,
-    by_distance: bool,
-    view: View,
-    ellipsoid: Ellipsoid,
-    screen: Screen,
-    style: Style,
-    tables: Tables,
+    runs: Runs,
+    stage: Stage,
     profile: Profile,
     form: Spread,
-    size: int,
-    film: Film,
-    taken: Flags,
-    tally: Tally,
+    output: tuple[Film, Tally],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 
@@ -334,27 +321,20 @@ def paint_point_runs(
         Numbers of tiles, all of which have members.
     tiles
         Whose members are runs.
-    runs, start
-        Runs (R,), and where the samples of each begin, (R + 1,); at most BATCH in one.
-    samples
-        N samples, of which each run has some that follow each other. A run reaches over at most
-        SLOTS - 1 sheets.
-    by_distance
-        Whether samples are ordered by distance from the eye, or by depth.
-    view, ellipsoid, screen, style, tables
-        As for all painters.
+    runs
+        At most BATCH samples in one, which reaches over at most SLOTS - 1 sheets.
+    stage
+        As for all painters; its layers are of depth, or around the eye.
     profile, form
         Filter of points as a polynomial in the squared distance, and how they are spread.
-    size
-        Cells in a row of the largest tile, with those around it.
-    film
-        (H, W) written to.
-    taken
-        (R,) set to 1 for runs whose samples were looked at.
-    tally
-        (T, 4) numbers of points painted by the tiles that hold their centers, and grids.
+    output
+        Film (H, W) written to, and a tally (T, 4): numbers of points painted by the tiles that
+        hold their centers, and grids.
     """
-    eye, shape, area = eye_of(view), shape_of(ellipsoid), area_of(screen)
+    eye, shape, area = optics_of(stage)
+    samples, start, known = runs.samples, runs.start, runs.known
+    style, screen, tables, size = stage.style, stage.screen, stage.tables, form.cells
+    film, tally = output
     position, extinction = samples.position.reshape(-1), samples.extinction
     layer, opaque = np.float32(form.layer), np.float32(style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
@@ -372,12 +352,12 @@ def paint_point_runs(
         taps = _taps(form, n)
         ring = Ring(height + 2 * taps, width + 2 * taps, taps)
         dirty = no_dirt(ring)
-        in_order(runs, members)
-        front = _sheet_of(runs[members[0]], layer)
+        in_order(known, members)
+        front = _sheet_of(known[members[0]], layer)
         slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
         for m in range(members.size):
             run = members[m]
-            sheet = _sheet_of(runs[run], layer)
+            sheet = _sheet_of(known[run], layer)
             while front < sheet and front <= behind:
                 scales = _scales(form, front)
                 close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
@@ -388,8 +368,7 @@ def paint_point_runs(
                 is_any_open = close_rows(open_groups, rows, width, opaque)
                 if not is_any_open:
                     break
-            if is_run_open(runs[run], place, height, width, open_groups):
-                taken[run] = 1
+            if is_run_open(known[run], place, height, width, open_groups):
                 begin, count = start[run], start[run + 1] - start[run]
                 place_points(
                     room,
@@ -404,7 +383,7 @@ def paint_point_runs(
                     bounds,
                     area,
                     style.faintest,
-                    by_distance,
+                    stage.layers,
                 )
                 if screen.planes.shape[0] > 0:
                     drop_clipped(room, position, begin, count, eye, screen.planes)

@@ -46,7 +46,6 @@ def render(
     picture: Annotated[PictureFormat, Flat] = PICTURE,
     source: Annotated[Source, Flat] = SOURCE,
     color_bar: Annotated[bool, Parameter(negative="")] = False,
-    cull: Annotated[bool, Parameter(negative="")] = False,
     stats: Path | None = None,
 ) -> None:
     """Render a volume to a picture.
@@ -61,8 +60,6 @@ def render(
         Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
-    cull
-        Skip blocks of voxels outside the picture or hidden; it pays where much is opaque.
     stats
         Also write sizes, counts and times (.json).
     """
@@ -86,8 +83,6 @@ def render(
     with session.stage("read"):
         scene = opened(source, volume)
     subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
-    if cull:
-        subject = subject.in_blocks()
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
     frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)

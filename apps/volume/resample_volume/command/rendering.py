@@ -8,7 +8,7 @@ from resample.command.console import progress_bar, say
 from resample.command.session import Session, announce_compilation
 from resample.profiles.orders import Summing
 from resample.resampler import Footprint, Primitive, Resampler
-from resample.types import Blocked, Doubles, Field, Frame, Samples
+from resample.types import Doubles, Field, Frame, Samples
 from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
 
@@ -28,7 +28,7 @@ def subject_of(
     return subject
 
 
-def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Blocked | Field:
+def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field:
     """What a camera sees of a subject."""
     with session.stage("shade"):
         return subject.seen_by(camera)
@@ -37,7 +37,7 @@ def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Bloc
 def painted(
     session: Session,
     resampler: Resampler,
-    samples: Samples | Blocked | Field,
+    samples: Samples | Field,
     camera: AnyCamera,
     size: tuple[int, int],
     threads: int | None = None,
@@ -69,9 +69,6 @@ def report(session: Session, frame: Frame) -> dict[str, Any]:
         "splat_fraction": counts.splat_fraction,
         "hidden": counts.hidden,
         "subpixels": counts.subpixels,
-        "outside": counts.outside,
-        "occluded": counts.occluded,
-        "skipped_fraction": counts.skipped_fraction,
         "seconds": session.times(),
     }
 

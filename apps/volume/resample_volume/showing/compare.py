@@ -117,7 +117,7 @@ class Contest:
             iso=resampler.iso,
             clip=self.subject.clip,
         )
-        seen = self.subject.lit_for(self.camera)
+        seen = self.subject.seen_by(self.camera)
         cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
         self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
 

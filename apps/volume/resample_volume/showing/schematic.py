@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
+from resample.layers import layers_of, sheets_of
 from resample.profiles.orders import EverySample
 from resample.resampler import LITERAL_FILTER, Primitive, Resampler
-from resample.types import Doubles, Records, Samples, Seen, Sheets
+from resample.types import Doubles, Records, Samples, Sheets
 from resample_volume.files.source import generate
 from resample_volume.rendering import Appearance, visible_voxels
 from resample_volume.showing.data import Shelf
@@ -143,8 +144,9 @@ def _classified(samples: Samples, camera: Camera, width: int, title: str) -> Lay
     footprints = np.ascontiguousarray(records[seen])
     voxel = float(np.cbrt(abs(np.linalg.det(samples.lattice))))
     view = camera.view()
-    layer = voxel * resample.order.thickness
-    sheets = resample.order(Seen(footprints, kept.position, kept.lattice, view, layer))
+    order = resample.order
+    layers = layers_of(order, kept.position, view, kept.lattice)
+    sheets = sheets_of(layers, order.summing, kept.position, view)
     rank = np.empty(len(footprints), np.int64)
     rank[np.argsort(sheets.key, kind="stable")] = np.arange(len(footprints))
     local = kept.position @ view.rotation.T + view.translation

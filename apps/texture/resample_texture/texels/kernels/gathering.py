@@ -138,7 +138,7 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
 
 
 @plays(begun, Pixels)
-def _begun(source: Pixels, part: int, spread: Spread) -> Points:  # noqa: ARG001
+def _begun(source: Pixels, part: int) -> Points:  # noqa: ARG001
     return Points(new_batch(source.channels[1], MOST * MOST))
 
 

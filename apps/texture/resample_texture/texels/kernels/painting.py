@@ -79,7 +79,7 @@ def _as_densities(batch: Batch, count: int, texels: float) -> None:
 
 
 @plays(begun, Texture)
-def _begun(source: Texture, part: int, spread: Spread) -> Lines:  # noqa: ARG001
+def _begun(source: Texture, part: int) -> Lines:
     block, (first, count) = source.axes[part], source.channels
     reach = source.taps.shape[0] // 2
     pad = reach * (block[0, CUT] > 1), reach * (block[1, CUT] > 1)

@@ -1,0 +1,140 @@
+"""Points among splats: summed sheet by sheet in the order of all samples, then put behind."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.ellipsoids.outlines import (
+    AREA,
+    BOTTOM,
+    DEPTH,
+    HOME,
+    KEY,
+    LEFT,
+    OPACITY,
+    RIGHT,
+    SPACING,
+    TOP,
+    X,
+    Y,
+)
+from resample.engine.ellipsoids.outlines import BLUE as LIT_BLUE
+from resample.engine.ellipsoids.outlines import GREEN as LIT_GREEN
+from resample.engine.ellipsoids.outlines import RED as LIT_RED
+from resample.engine.ellipsoids.rows import (
+    ALPHA,
+    BLUE,
+    FIRST,
+    GREEN,
+    RED,
+    WEIGHT,
+    Groups,
+    index_of,
+    is_open,
+)
+from resample.engine.ellipsoids.rows import DEPTH as FAR
+from resample.engine.grid import point_width
+from resample.engine.jit import kernel
+from resample.engine.over import VISIBLE
+from resample.engine.points.adding import MOST_TAPS, box_around
+from resample.types import Floats, Place, Single, Stage
+
+_NOWHERE = 1 << 30
+
+
+class Sheet(NamedTuple):
+    """The open sheet of points of a tile."""
+
+    cell: Floats  # (h, w, 8): sums of opacity, of that × RGB and × depth, and of area; 0, 0
+    dirty: NDArray[np.int64]  # (5,) first and last row, first and last column touched; the number
+    across: Floats  # (MOST_TAPS,) room for weights
+    down: Floats
+
+
+@kernel
+def new_sheet(height: int, width: int) -> Sheet:
+    """Empty sheet of so many rows and columns of sub-pixels."""
+    return Sheet(
+        np.zeros((height, width, 8), np.float32),
+        np.array([_NOWHERE, 0, _NOWHERE, 0, 0]),
+        np.empty(MOST_TAPS, np.float32),
+        np.empty(MOST_TAPS, np.float32),
+    )
+
+
+@kernel
+def add_among(
+    sheet: Sheet,
+    rows: Floats,
+    open_groups: Groups,
+    room: Floats,
+    offset: int,
+    place: Place,
+    stage: Stage,
+) -> int:
+    """Add a point to the open sheet, which is put behind first if it is another's.
+
+    Gives 1 if the point is at home in the tile, and not hidden.
+    """
+    s = np.uint64(offset)
+    top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
+    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    if left >= right or top >= bottom or not is_open(open_groups, top, bottom, left, right):
+        return 0
+    cell, dirty, across, down = sheet
+    n, style, profile = place.subpixels, stage.style, stage.tables.point
+    number = np.int64(np.floor(room[s + KEY] / np.float32(stage.layers.thickness)))
+    if number != dirty[4]:
+        put_behind(sheet, rows, np.float32(style.opaque))
+        dirty[4] = number
+    width = float(n)
+    if style.variance > 0.0:
+        width = point_width(room[s + SPACING] * n, style.variance)
+    x, y = (room[s + X] - place.x) * n, (room[s + Y] - place.y) * n
+    box = box_around(cell, x, y, width * style.point_extent, profile, across, down)
+    if box.top >= box.bottom or box.left >= box.right:
+        return int(room[s + HOME])
+    dirty[0], dirty[1] = min(dirty[0], box.top), max(dirty[1], box.bottom)
+    dirty[2], dirty[3] = min(dirty[2], box.left), max(dirty[3], box.right)
+    red, green, blue = room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE]
+    zero, one, depth, alpha = np.float32(0.0), np.float32(1.0), room[s + DEPTH], room[s + OPACITY]
+    cover = room[s + AREA] / alpha
+    for row in range(box.top, box.bottom):
+        seen = alpha * down[row - box.first_row]
+        for column in range(box.left, box.right):
+            opacity = seen * across[column - box.first_column]
+            cell[row, column, 0] += opacity * one  # eight products: one instruction
+            cell[row, column, 1] += opacity * red
+            cell[row, column, 2] += opacity * green
+            cell[row, column, 3] += opacity * blue
+            cell[row, column, 4] += opacity * depth
+            cell[row, column, 5] += opacity * cover
+            cell[row, column, 6] += opacity * zero
+            cell[row, column, 7] += opacity * zero
+    return int(room[s + HOME])
+
+
+@kernel
+def put_behind(sheet: Sheet, rows: Floats, opaque: Single) -> None:
+    """Put the open sheet behind what is painted on rows of sub-pixels, and empty it."""
+    cell, dirty = sheet.cell, sheet.dirty
+    zero, one = np.float32(0.0), np.float32(1.0)
+    for row in range(dirty[0], dirty[1]):
+        for column in range(dirty[2], dirty[3]):
+            k, total = index_of(row, column), cell[row, column, 0]
+            before = one - rows[k + ALPHA]
+            if total > zero and before > opaque:
+                alpha = min(total, one)
+                share = before * alpha / total
+                rows[k + RED] += max(zero, share * cell[row, column, 1])
+                rows[k + GREEN] += max(zero, share * cell[row, column, 2])
+                rows[k + BLUE] += max(zero, share * cell[row, column, 3])
+                rows[k + ALPHA] += before * alpha
+                rows[k + FAR] += share * cell[row, column, 4]
+                rows[k + WEIGHT] += cell[row, column, 5]
+                if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
+                    rows[k + FIRST] = cell[row, column, 4] / total
+            for channel in range(8):
+                cell[row, column, channel] = zero
+    dirty[0], dirty[1], dirty[2], dirty[3] = _NOWHERE, 0, _NOWHERE, 0

@@ -1,0 +1,32 @@
+"""Samples in the layers of a compositing order."""
+
+import numpy as np
+
+from resample.profiles.orders import CompositingOrder, Summing
+from resample.types import Doubles, Floats, Layers, Sheets, View
+
+
+def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Doubles) -> Layers:
+    """Layers by an order, the first of which begins where samples at a position (N, 3) do."""
+    layers = order(view, lattice)
+    if not layers.begins_at_first:
+        return layers
+    place = position @ np.asarray(layers.axis) + layers.offset
+    begin = (place.min() if place.size else 0.0) - 0.5 * layers.thickness
+    return layers._replace(
+        offset=float(layers.offset - begin),
+        eye=float(layers.eye - begin),
+        begins_at_first=False,
+    )
+
+
+def sheets_of(layers: Layers, summing: Summing, position: Floats, view: View) -> Sheets:
+    """Key and sheet of samples at a position (N, 3), as painters find them."""
+    from resample.engine.layers import fill_layers
+
+    count = len(position)
+    sheets = Sheets(np.zeros(count, np.float32), np.zeros(count, np.int32))
+    eye = -view.rotation.T @ view.translation
+    by_sheets = summing is Summing.SHEETS
+    fill_layers(layers, by_sheets, position, (float(eye[0]), float(eye[1]), float(eye[2])), *sheets)
+    return sheets

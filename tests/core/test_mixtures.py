@@ -1,0 +1,158 @@
+"""Any footprint, kernel, opacity and order streams, and looks as it does from records."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
+from resample.profiles.filters import Box, Gaussian, Lanczos
+from resample.profiles.orders import EverySample, Summing
+from resample.profiles.reconstruction import (
+    BSplineKernel,
+    GaussianKernel,
+    _line_integrals,
+    footprint_pieces,
+)
+from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.types import Layers, Samples
+from tests.records import from_records
+
+SIZE = {"height": 44, "width": 57}
+ARRAYS = ("rgba", "depth", "first_depth", "coverage")
+CLOSE = Camera.from_intrinsics(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
+CAMERAS = {
+    "close": CLOSE,
+    "far": Camera.from_intrinsics(60.0, 60.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
+    "inside": Camera.from_intrinsics(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
+    "near plane": Camera.from_intrinsics(
+        90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0
+    ),
+    "parallel": Orthographic(1.9, 1.7, 26.0, 21.0, look_at((30, 20, -30), (0, 0, 0)), -60.0),
+}
+PLANE = [[0.3, 1.0, 0.2, 2.0]]
+
+
+@dataclass(frozen=True)
+class Shell:
+    """A plugin's kernel with an edge, which no polynomial fits."""
+
+    radius: float = 2.0
+
+    def __call__(self, distance):
+        return np.where(distance < 1.2, 1.0, 0.2) * (distance < self.radius)
+
+
+@dataclass(frozen=True)
+class Along:
+    """A plugin's order along an axis of the scene, nearest to the eye first."""
+
+    thickness: float = 1.0
+    summing = Summing.POINTS
+
+    def __call__(self, view, _):
+        eye = float((-view.rotation.T @ view.translation)[1])
+        return Layers((0.0, 1.0, 0.0), 0.0, self.thickness, eye if view.perspective else -np.inf)
+
+
+CHOICES = {
+    "spline": {"reconstruction": BSplineKernel()},
+    "narrow": {"reconstruction": GaussianKernel(0.35)},
+    "shell": {"reconstruction": Shell()},
+    "linear": {"opacity": Opacity.LINEAR},
+    "tint": {"splat_color": (1.0, 0.5, 0.0)},
+    "affine": {"footprint": Footprint.AFFINE},
+    "corrected": {"footprint": Footprint.CORRECTED},
+    "small angles": {"footprint": Footprint.SMALL_ANGLE},
+    "disc": {"footprint": Footprint.DISC},
+    "inflate": {"primitive": Primitive.INFLATE},
+    "ewa": {"primitive": Primitive.EWA},
+    "paper": {"primitive": Primitive.PAPER},
+    "paper under a box": {"primitive": Primitive.PAPER, "pixel_filter": Box(), "threshold": 1.5},
+    "points and splats": {"threshold": 1.3, "subpixels": 1, "splat_color": (0.0, 1.0, 0.0)},
+    "points of a spline": {"threshold": 9.0, "subpixels": 4, "reconstruction": BSplineKernel()},
+    "points": {"primitive": Primitive.POINTS},
+    "along an axis": {"order": Along()},
+    "a wide filter": {"pixel_filter": Lanczos(3), "opacity": Opacity.LINEAR},
+    "by distance": {"order": EverySample(key="distance", thickness=2.0), "threshold": 1.3},
+}
+
+
+# From inside, records leave out splats that reach into the frame by models which bend their rims,
+# and put samples that are equally far, or cut by the eye's plane, in another order.
+UNLIKE = [CHOICES[name] for name in ("affine", "small angles", "along an axis", "by distance")]
+
+
+def box(rng, extinction=0.4, side=13):
+    """Samples of a sheared lattice, z slowest."""
+    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
+    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
+    return Samples(
+        (index @ lattice.T).astype(np.float32),
+        rng.uniform(0, 1, index.shape).astype(np.float32),
+        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
+        lattice,
+    )
+
+
+def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one splat sooner
+    np.testing.assert_allclose(frame.rgba, other.rgba, atol=atol)
+    np.testing.assert_allclose(frame.coverage, other.coverage, atol=atol)
+    clear = other.rgba[..., 3] > 0.01
+    np.testing.assert_allclose(frame.depth[clear], other.depth[clear], rtol=1e-3)
+
+
+def assert_same(first, second):
+    for name in ARRAYS:
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+
+
+@pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
+    if camera is CAMERAS["inside"] and choice in UNLIKE:
+        camera = CLOSE
+    samples = box(rng)
+    frame = Resampler(**choice)(samples, camera, **SIZE)
+    other = from_records(samples, camera, **SIZE, **choice)
+    assert_alike(frame, other)
+    assert frame.statistics.subpixels == other.statistics.subpixels
+    for name in ("points", "splats") if camera is not CAMERAS["inside"] else ():
+        assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
+
+
+@pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
+def test_a_plane_cuts_what_streams(rng, choice):
+    samples = box(rng)
+    frame = Resampler(**choice)(samples, CLOSE, clip=PLANE, **SIZE)
+    assert_alike(frame, from_records(samples, CLOSE, clip=PLANE, **SIZE, **choice))
+
+
+@pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
+def test_order_of_samples_and_threads_change_no_bit(rng, choice):
+    samples, resample = box(rng, 2.0), Resampler(**choice)
+    mixed = rng.permutation(samples.extinction.size)
+    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    frame = resample(samples, CLOSE, threads=1, **SIZE)
+    assert_same(frame, resample(other, CLOSE, threads=2, **SIZE))
+
+
+@pytest.mark.parametrize("kernel", [BSplineKernel(), GaussianKernel(), GaussianKernel(0.35)])
+def test_pieces_are_the_line_integrals(kernel):
+    distance = np.linspace(0, 1, 999)
+    exact = _line_integrals(kernel, distance**2)
+    piece = np.minimum((2 * distance).astype(int), 1)
+    powers = (distance - (piece + 0.5) / 2)[:, None] ** np.arange(10)
+    fitted = (np.array(footprint_pieces(kernel))[piece] * powers).sum(1) * np.sqrt(1 - distance**2)
+    np.testing.assert_allclose(fitted, exact, atol=1e-5 * exact.max())
+
+
+def test_kernels_with_edges_have_no_pieces():
+    assert footprint_pieces(Shell()) is None
+
+
+def test_filters_that_reach_too_far_for_so_many_sub_pixels_are_refused(rng):
+    resample = Resampler(pixel_filter=Gaussian(4.0, 16.0), subpixels=32)
+    with pytest.raises(ValueError, match="at most 6 are possible"):
+        resample(box(rng), CLOSE, **SIZE)
