@@ -302,8 +302,10 @@ def box_shares(center, size, count):
     return np.maximum(high - low, 0) / size
 
 
-def scatter(position, value, jacobian, *, height, width, sigma, filter_sigma, rim, longest):
+def scatter(position, value, jacobian, *, height, width, sigma, filter_sigma, rim, longest, turned):
     """Sums of w v and of w (height, width) of samples, those up to `longest` px boxes, else splats.
+
+    Those whose bounds are `turned[0]` times as large as they are: up to `turned[1]` of that.
 
     A splat's Gaussian ends where its squared distance is `rim`; its weights, summed over pixels
     wherever they lie, are the sample's area.
@@ -311,8 +313,10 @@ def scatter(position, value, jacobian, *, height, width, sigma, filter_sigma, ri
     total, coverage = np.zeros((height, width)), np.zeros((height, width))
     for (x, y), v, j in zip(position, value, jacobian, strict=True):
         area = abs(np.linalg.det(j))
-        if np.linalg.svd(j)[1][0] <= longest:
-            wide, high = np.minimum(np.linalg.norm(j, axis=1), 1)
+        box = np.linalg.norm(j, axis=1)
+        is_turned = np.abs(j).sum(axis=1).prod() > turned[0] * area
+        if np.linalg.svd(j)[1][0] <= longest * (turned[1] if is_turned else 1):
+            wide, high = np.minimum(box, 1)
             weight = np.outer(box_shares(y, high, height), box_shares(x, wide, width)) * area
         else:
             form = np.linalg.inv(sigma**2 * j @ j.T + filter_sigma**2 * np.eye(2))

@@ -18,6 +18,9 @@ from resample.resampler import check_size
 from resample.types import Doubles, Floats
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; splats are longer
+# Upright boxes stand in for samples, which turned ones of a pixel would cover unevenly: those whose
+# bounds are larger than themselves by the first factor are splats from the second times a pixel on.
+UPRIGHT, TURNED = 1.02, 0.5
 # Deviation of a splat in units of its sample: those of a lattice then sum to 1 within 0.5 %.
 SIGMA = 0.6
 FILTER_SIGMA = 0.5  # px, of the filter that splats are seen under
@@ -51,7 +54,8 @@ class Scatter:
     Parameters
     ----------
     method
-        `hybrid`: samples longer than a pixel are splats, the others points; `points`: all are
+        `hybrid`: samples longer than a pixel, or than half of one if they are not upright, are
+        splats, the others points; `points`: all are
         points, which leaves gaps where they lie apart; `splats`: all are elliptical Gaussians.
     pixel_filter
         What points are spread by: a filter plugin's name, with parameters, or a filter. Under the
@@ -149,7 +153,9 @@ class Scatter:
         area = np.abs(np.linalg.det(jacobian)) if len(jacobian) else np.zeros(0)
         total = squared.sum(axis=1)
         twist = np.sqrt(np.maximum(total**2 - 4 * area**2, 0))
-        is_splat = np.sqrt(0.5 * (total + twist)) > THRESHOLD[self.method] * (1 + 1e-9)
+        is_turned = np.abs(jacobian).sum(axis=2).prod(axis=1) > UPRIGHT * area
+        threshold = THRESHOLD[self.method] * np.where(is_turned, TURNED, 1 + 1e-9)
+        is_splat = np.sqrt(0.5 * (total + twist)) > threshold
         splat_reach = np.sqrt(RIM * (SIGMA**2 * squared + FILTER_SIGMA**2))
         reach = np.where(is_splat[:, None], splat_reach, max(1.0, 0.5 * self._taps))
         low, high = place - reach, place + reach

@@ -5,7 +5,7 @@ import pytest
 
 from resample import Scatter, registry
 from resample.engine.surfaces.stamps import RIM
-from resample.library.scattering import FILTER_SIGMA, SIGMA
+from resample.library.scattering import FILTER_SIGMA, SIGMA, TURNED, UPRIGHT
 from tests import naive
 
 METHODS = ("hybrid", "points", "splats")
@@ -65,6 +65,14 @@ def test_a_lattice_of_splats_covers_every_pixel_once_but_for_their_ripple(spacin
     np.testing.assert_allclose(result.value, 7, rtol=1e-5)
 
 
+@pytest.mark.parametrize("spacing", [0.3, 0.5, 0.7, 1.0, 3.0])
+def test_a_turned_lattice_covers_every_pixel_within_a_twentieth(spacing):
+    turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+    position = lattice(spacing, (40, 40), beyond=round(40 / spacing)) @ turn.T
+    result = Scatter()(position, np.ones(len(position)), jacobian=spacing * turn, size=(30, 30))
+    np.testing.assert_allclose(result.coverage, 1, atol=0.05)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_points_and_splats_are_those_of_the_obvious_loop(method):
     position, value, jacobian = scattered(60)
@@ -72,7 +80,7 @@ def test_points_and_splats_are_those_of_the_obvious_loop(method):
     longest = {"hybrid": 1.0, "points": np.inf, "splats": 0.0}[method]
     total, coverage = naive.scatter(
         position, value, jacobian, height=60, width=90, sigma=SIGMA, filter_sigma=FILTER_SIGMA,
-        rim=RIM, longest=longest,
+        rim=RIM, longest=longest, turned=(UPRIGHT, TURNED),
     )  # fmt: skip
     result = Scatter(method)(position, value, jacobian=jacobian, size=(60, 90))
     np.testing.assert_allclose(result.coverage, coverage, atol=2e-4)  # of a polynomial for exp
