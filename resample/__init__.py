@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
+    from resample.library.particles import absorbed, particles
+    from resample.library.scattering import Scatter, Scattering
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
     from resample.types import Frame, Samples
 
@@ -24,8 +26,12 @@ _HOMES = {
     "Primitive": "resampler",
     "Resampler": "resampler",
     "Samples": "types",
+    "Scatter": "library.scattering",
+    "Scattering": "library.scattering",
+    "absorbed": "library.particles",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
+    "particles": "library.particles",
 }
 
 __all__ = [
@@ -38,8 +44,12 @@ __all__ = [
     "Primitive",
     "Resampler",
     "Samples",
+    "Scatter",
+    "Scattering",
+    "absorbed",
     "look_at",
     "orbit",
+    "particles",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

@@ -211,7 +211,7 @@ class Resampler:
             Arrays do not fit together or hold values that are not finite, the size is no size, or
             a field or its projection does not go with the order.
         """
-        _check_size(height, width)
+        check_size(height, width)
         self._check_field(isinstance(samples, Field))
         checked, look = _checked(samples)
         if checked.extinction.size == 0:
@@ -235,7 +235,7 @@ class Resampler:
 
         Same parameters and errors as a call; left > right marks samples that cannot be seen.
         """
-        _check_size(height, width)
+        check_size(height, width)
         checked, look = _checked(samples)
         with _kernels(None):
             scene = self._scene(checked, camera.view(), (height, width), look, None)
@@ -453,7 +453,8 @@ def _kernels(threads: int | None) -> Iterator[None]:
         yield
 
 
-def _check_size(height: int, width: int) -> None:
+def check_size(height: int, width: int) -> None:
+    """Refuse what is no size of a picture, px."""
     if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "

@@ -293,3 +293,39 @@ def field_slabs(field, camera, reconstruction, thickness, *, height, width, betw
             slope / np.where(density > 0, density, 1)[..., None],
             0.5 * (front + back),
         )
+
+
+def box_shares(center, size, count):
+    """What of a box `size` long around `center` lies in each of `count` pixels (count,)."""
+    edge = np.arange(count)
+    low, high = np.maximum(edge, center - size / 2), np.minimum(edge + 1, center + size / 2)
+    return np.maximum(high - low, 0) / size
+
+
+def scatter(position, value, jacobian, *, height, width, sigma, filter_sigma, rim, longest, turned):
+    """Sums of w v and of w (height, width) of samples, those up to `longest` px boxes, else splats.
+
+    Those whose bounds are `turned[0]` times as large as they are: up to `turned[1]` of that.
+
+    A splat's Gaussian ends where its squared distance is `rim`; its weights, summed over pixels
+    wherever they lie, are the sample's area.
+    """
+    total, coverage = np.zeros((height, width)), np.zeros((height, width))
+    for (x, y), v, j in zip(position, value, jacobian, strict=True):
+        area = abs(np.linalg.det(j))
+        box = np.linalg.norm(j, axis=1)
+        is_turned = np.abs(j).sum(axis=1).prod() > turned[0] * area
+        if np.linalg.svd(j)[1][0] <= longest * (turned[1] if is_turned else 1):
+            wide, high = np.minimum(box, 1)
+            weight = np.outer(box_shares(y, high, height), box_shares(x, wide, width)) * area
+        else:
+            form = np.linalg.inv(sigma**2 * j @ j.T + filter_sigma**2 * np.eye(2))
+            beyond = 100  # px around the picture in which splats are weighed, too
+            row, column = np.mgrid[-beyond : height + beyond, -beyond : width + beyond] + 0.5
+            away = np.stack([column - x, row - y], axis=-1)
+            squared = np.einsum("hwi,ij,hwj->hw", away, form, away)
+            weight = np.where(squared <= rim, np.exp(-squared / 2), 0)
+            weight = (weight * area / weight.sum())[beyond:-beyond, beyond:-beyond]
+        total += weight * v
+        coverage += weight
+    return total, coverage

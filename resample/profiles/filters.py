@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
-from resample.types import Doubles, Profile, RadialTable
+from resample.types import Doubles, Floats, Profile, RadialTable
 
 PROFILE_ERROR = 1e-5  # of the peak
 
@@ -192,6 +192,19 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     if not mass > 0.0:
         raise ValueError(f"{pixel_filter} has the integral {mass}, which cannot be scaled to 1")
     return RadialTable((values / mass).astype(np.float32), extent)
+
+
+def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
+    """Weights (PHASES, count) of the pixels around a point, by its phase; rows sum to 1."""
+    from resample.engine.cells.taps import PHASES
+
+    if count == 0:
+        return np.zeros((1, 1), np.float32)
+    phase = (np.arange(PHASES)[:, None] + 0.5) / PHASES
+    distance = np.abs(np.arange(count) - 0.5 * count + 1.0 - phase)
+    inside = distance <= pixel_filter.radius
+    weight = np.where(inside, pixel_filter(np.minimum(distance, pixel_filter.radius)), 0.0)
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), np.float32)
 
 
 def profile(values: RadialTable) -> Profile | None:

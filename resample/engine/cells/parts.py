@@ -4,11 +4,13 @@ What a part is and how its cells are placed is the application's, which plays th
 `lines` and `fill` for a bundle of its own.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.sums import offsets
 from resample.engine.cells.taps import Spread, add
 from resample.engine.cells.tiles import LEFT, RIGHT
 from resample.engine.jit import Counter, inner_kernel, kernel, tasks
@@ -18,6 +20,8 @@ from resample.types import Floats
 Integers = NDArray[np.int64]
 Source = Any  # a bundle of the application's, whose class settles what the roles do
 Work = Any  # likewise, of one part; its field `batch` is a `Batch`
+
+BATCH = 1 << 25  # numbers that parts may hold at a time
 
 
 class Parts(NamedTuple):
@@ -63,3 +67,26 @@ def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) 
     """Add the cells of every part to pixels of its own; for an application's parallel kernel."""
     for n in tasks(counter, parts.bounds.shape[0]):
         _paint_part(source, n, spread, parts, begun(source, n))
+
+
+def parts_of(bounds: Integers, lanes: int) -> Parts:
+    """Room for the sums of parts that meet the pixels `bounds` (B, 4)."""
+    start = offsets(bounds, lanes)
+    return Parts(bounds, start, np.empty(start[-1], np.float32))
+
+
+def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
+    """Consecutive parts whose pixels fit in memory together."""
+    start = offsets(bounds, lanes)
+    first = 0
+    while first < len(bounds):
+        last = int(np.searchsorted(start, start[first] + BATCH, side="right")) - 1
+        last = min(max(last, first + 1), len(bounds))
+        yield slice(first, last)
+        first = last
+
+
+def channel_groups(channels: int) -> list[tuple[int, int]]:
+    """Channels (first, count) in threes, the rest one by one, as kernels take them."""
+    threes = [(first, 3) for first in range(0, channels - 2, 3)]
+    return threes + [(first, 1) for first in range(3 * len(threes), channels)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from resample.engine.cells.parts import batches, parts_of
 from resample.engine.cells.sums import collect
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.types import Doubles, Floats
@@ -11,8 +12,6 @@ from resample_texture.texels.forward import (
     NEARLY_FULL,
     Cells,
     Sums,
-    batches,
-    parts_of,
     texels,
     widened,
 )

@@ -6,17 +6,16 @@ to 1 wherever the source is seen, so that the sum of weights is the coverage (TH
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.parts import Parts
-from resample.engine.cells.sums import Border, Means, collect, finish, offsets
-from resample.engine.cells.taps import PHASES, Spread
-from resample.profiles.filters import Area, PixelFilter
+from resample.engine.cells.parts import batches, channel_groups, parts_of
+from resample.engine.cells.sums import Border, Means, collect, finish
+from resample.engine.cells.taps import Spread
+from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import CatmullRom, Interpolation, prefilter, taps
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
@@ -38,7 +37,6 @@ JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 
 FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
 MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
 FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond its edges
-BATCH = 1 << 25  # numbers that blocks may hold at a time
 NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are not known
 EDGES = {
     Edge.TRANSPARENT: TRANSPARENT,
@@ -160,17 +158,6 @@ def tap_table(interpolation: Interpolation) -> Floats:
     exact = [(np.arange(n) + 0.5) / n - 0.5 for n in range(1, EXACT + 1)]
     dense = (np.arange(DENSE) + 0.5) / DENSE - 0.5
     return taps(interpolation, np.concatenate([*exact, dense]))
-
-
-def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
-    """Weights (PHASES, count) of the pixels around a point, by its phase; rows sum to 1."""
-    if count == 0:
-        return np.zeros((1, 1), np.float32)
-    phase = (np.arange(PHASES)[:, None] + 0.5) / PHASES
-    distance = np.abs(np.arange(count) - 0.5 * count + 1.0 - phase)
-    inside = distance <= pixel_filter.radius
-    weight = np.where(inside, pixel_filter(np.minimum(distance, pixel_filter.radius)), 0.0)
-    return np.asarray(weight / weight.sum(axis=1, keepdims=True), np.float32)
 
 
 def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
@@ -308,7 +295,7 @@ class Sums:
         self.cells = cells
         self.taps = tap_table(cells.interpolation)
         self.spread = spread_of(cells)
-        self.groups = _groups(channels)
+        self.groups = channel_groups(channels)
         self.pictures = [np.zeros((*shape, count + 1), np.float32) for _, count in self.groups]
 
     def add(self, source: Floats, blocks: Blocks, edge: Edge) -> None:
@@ -341,23 +328,6 @@ def spread_of(cells: Cells) -> Spread:
     return Spread(cells.taps, cells.is_sum, profile_table(cells.pixel_filter, cells.taps))
 
 
-def parts_of(bounds: Integers, lanes: int) -> Parts:
-    """Room for the sums of parts that meet the pixels `bounds` (B, 4)."""
-    start = offsets(bounds, lanes)
-    return Parts(bounds, start, np.empty(start[-1], np.float32))
-
-
-def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
-    """Consecutive blocks whose pixels fit in memory together."""
-    start = offsets(bounds, lanes)
-    first = 0
-    while first < len(bounds):
-        last = int(np.searchsorted(start, start[first] + BATCH, side="right")) - 1
-        last = min(max(last, first + 1), len(bounds))
-        yield slice(first, last)
-        first = last
-
-
 def project(
     source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: Cells
 ) -> Warped:
@@ -377,12 +347,6 @@ def project(
     sums = Sums(shape, source.shape[2], cells)
     sums.add(source, blocks_of(geometry, source_shape, shape, edge, cells), edge)
     return sums.warped(*borders(geometry, source_shape, edge))
-
-
-def _groups(channels: int) -> list[tuple[int, int]]:
-    """Channels (first, count) in threes, the rest one by one, as kernels take them."""
-    threes = [(first, 3) for first in range(0, channels - 2, 3)]
-    return threes + [(first, 1) for first in range(3 * len(threes), channels)]
 
 
 def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:

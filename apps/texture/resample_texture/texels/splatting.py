@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resample.engine.cells.parts import batches
 from resample.engine.surfaces.stamps import RIM
-from resample.profiles.filters import Gaussian, PixelFilter
+from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
@@ -22,13 +23,11 @@ from resample_texture.texels.forward import (
     Blocks,
     Cells,
     Sums,
-    batches,
     borders,
     check_texels,
     filtered,
     moved,
     oriented,
-    profile_table,
     seen,
     widened,
     with_margins,

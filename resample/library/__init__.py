@@ -1,0 +1,1 @@
+"""The library's own door: scattered measurements and particles, without an application."""

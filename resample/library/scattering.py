@@ -1,0 +1,279 @@
+"""Scattered measurements in a plane to a grid, by hybrid forward resampling in two dimensions.
+
+A sample covers a parallelogram, the unit square under its Jacobian J, or a disc. Its area in px² is
+its mass: sums of masses per pixel are the coverage, and values are means weighted by it.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample import registry
+from resample.profiles.filters import Area, PixelFilter, profile_table
+from resample.resampler import check_size
+from resample.types import Doubles, Floats
+
+THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; splats are longer
+# Upright boxes stand in for samples, which turned ones of a pixel would cover unevenly: those whose
+# bounds are larger than themselves by the first factor are splats from the second times a pixel on.
+UPRIGHT, TURNED = 1.02, 0.5
+# Deviation of a splat in units of its sample: those of a lattice then sum to 1 within 0.5 %.
+SIGMA = 0.6
+FILTER_SIGMA = 0.5  # px, of the filter that splats are seen under
+LARGEST = 1e6  # px that a unit of a sample may cover
+TILE = 32  # px; neighbours are summed together
+MOST = 1024  # samples that are summed in one go, so that float32 suffices
+
+
+class Scattering(NamedTuple):
+    """What scattered samples leave on a grid."""
+
+    value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where none is
+    coverage: Floats  # (H, W) px² that samples cover in each pixel; their areas add up
+
+
+class _Seen(NamedTuple):
+    """N samples whose marks meet the grid."""
+
+    place: Doubles  # (N, 2) px
+    jacobian: Doubles  # (N, 2, 2)
+    value: Floats  # (C, N)
+    is_splat: NDArray[np.bool_]  # (N,)
+    low: Doubles  # (N, 2) px, where its mark begins and ends
+    high: Doubles
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Puts scattered samples on a grid; call it with them.
+
+    Parameters
+    ----------
+    method
+        `hybrid`: samples longer than a pixel, or than half of one if they are not upright, are
+        splats, the others points; `points`: all are
+        points, which leaves gaps where they lie apart; `splats`: all are elliptical Gaussians.
+    pixel_filter
+        What points are spread by: a filter plugin's name, with parameters, or a filter. Under the
+        area filter they are boxes as large as the samples, shared by the pixels that they overlap.
+
+    Raises
+    ------
+    LookupError, ValueError
+        There is no such method or filter.
+    """
+
+    method: str = "hybrid"
+    pixel_filter: PixelFilter | str = "area"
+
+    def __post_init__(self) -> None:
+        if self.method not in THRESHOLD:
+            raise ValueError(f"unknown method {self.method!r}; known are {', '.join(THRESHOLD)}")
+        _ = self._filter
+
+    def __call__(
+        self,
+        position: ArrayLike,
+        value: ArrayLike,
+        *,
+        size: tuple[int, int],
+        jacobian: ArrayLike | None = None,
+        radius: ArrayLike | None = None,
+        plane: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> Scattering:
+        """Samples on a grid; the result depends on neither their order nor the threads.
+
+        Parameters
+        ----------
+        position
+            (N, 2) x and y, px: pixel (row i, column j) covers [j, j + 1) × [i, i + 1); or
+            coordinates of `plane`. Samples beyond the grid leave there what reaches into it.
+        value
+            (N,) or (N, C). A sample with a value that is not finite is missing: it has no weight.
+        size
+            Height and width of the grid, px.
+        jacobian
+            (2, 2) or (N, 2, 2), px or units of the plane, up to 1e6: its columns are the sides of
+            the parallelogram that a sample covers. This or `radius` is left out.
+        radius
+            Number or (N,), px or units of the plane: samples are discs, of area π radius².
+        plane
+            (3, 3) homography from the plane to pixels, the third coordinate positive in front of
+            the eye; samples behind it, or magnified beyond 1e6 px, are left out. None: pixels.
+        threads
+            At most this many.
+
+        Raises
+        ------
+        ValueError
+            Arrays do not fit together or hold places or extents that are not finite.
+        """
+        from resample.engine.jit import threads as limited
+
+        check_size(*size)
+        place, values = _samples(position, value)
+        sides = _jacobians(jacobian, radius, len(place))
+        place, sides = _on_screen(place, sides, plane)
+        seen = self._seen(place, sides, values, size)
+        sums = np.zeros((*size, values.shape[0] + 1), np.float32)
+        if seen.place.size:
+            with limited(threads):
+                self._add(_in_order(seen), sums)
+        coverage = sums[..., -1].copy()
+        filled = coverage > 0
+        mean = np.full((*size, values.shape[0]), np.nan, np.float32)
+        np.divide(sums[..., :-1], coverage[..., None], out=mean, where=filled[..., None])
+        return Scattering(mean[..., 0] if np.ndim(value) == 1 else mean, coverage)
+
+    @cached_property
+    def _filter(self) -> PixelFilter:
+        given = self.pixel_filter
+        return cast(
+            PixelFilter, registry.build("filters", given) if isinstance(given, str) else given
+        )
+
+    @property
+    def _taps(self) -> int:
+        """Pixels per side that a point meets; 0 for the area filter."""
+        is_area = isinstance(self._filter, Area)
+        return 0 if is_area else max(1, math.ceil(2.0 * self._filter.radius))
+
+    def _seen(
+        self, place: Doubles, jacobian: Doubles, value: Floats, size: tuple[int, int]
+    ) -> _Seen:
+        """Samples that have a weight and may reach into the grid (height, width)."""
+        from resample.engine.surfaces.stamps import RIM
+
+        squared = (jacobian**2).sum(axis=2)  # (N, 2) along x and y
+        area = np.abs(np.linalg.det(jacobian)) if len(jacobian) else np.zeros(0)
+        total = squared.sum(axis=1)
+        twist = np.sqrt(np.maximum(total**2 - 4 * area**2, 0))
+        is_turned = np.abs(jacobian).sum(axis=2).prod(axis=1) > UPRIGHT * area
+        threshold = THRESHOLD[self.method] * np.where(is_turned, TURNED, 1 + 1e-9)
+        is_splat = np.sqrt(0.5 * (total + twist)) > threshold
+        splat_reach = np.sqrt(RIM * (SIGMA**2 * squared + FILTER_SIGMA**2))
+        reach = np.where(is_splat[:, None], splat_reach, max(1.0, 0.5 * self._taps))
+        low, high = place - reach, place + reach
+        kept = (low < np.array(size[::-1])).all(axis=1) & (high > 0).all(axis=1)
+        kept &= (area > 0) & np.isfinite(value).all(axis=0)
+        return _Seen(
+            place[kept], jacobian[kept], value[:, kept], is_splat[kept], low[kept], high[kept]
+        )
+
+    def _add(self, seen: _Seen, sums: Floats) -> None:
+        """Add samples, neighbours together, to sums (H, W, C + 1)."""
+        from resample.engine.cells.parts import batches, channel_groups, parts_of
+        from resample.engine.cells.scattering import Scattered, scatter_parts
+        from resample.engine.cells.sums import collect
+        from resample.engine.cells.taps import Spread
+
+        spread = Spread(self._taps, False, profile_table(self._filter, self._taps))
+        first = _parts(seen.place)
+        bounds = _bounds(seen, first, (sums.shape[0], sums.shape[1]))
+        for channel, count in channel_groups(seen.value.shape[0]):
+            values = np.ascontiguousarray(seen.value[channel : channel + count])
+            picture = np.zeros((*sums.shape[:2], count + 1), np.float32)
+            for batch in batches(bounds, count + 1):
+                starts = first[batch.start : batch.stop + 1]
+                variances = SIGMA**2, FILTER_SIGMA**2
+                source = Scattered(*seen[:2], seen.is_splat, values, starts, variances)
+                parts = parts_of(bounds[batch], count + 1)
+                scatter_parts(source, spread, parts)
+                collect(*parts, picture)
+            sums[..., channel : channel + count] = picture[..., :-1]
+            sums[..., -1] = picture[..., -1]
+
+
+def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
+    """Places (N, 2) and values (C, N), if they fit together."""
+    place = np.asarray(position, np.float64)
+    with np.errstate(over="ignore"):
+        values = np.asarray(value).astype(np.float32)
+    if place.size == 0 and values.shape[:1] == (0,):
+        place = place.reshape(0, 2)
+    if place.ndim != 2 or place.shape[1] != 2:
+        raise ValueError(f"positions are (N, 2), x and y of each sample, not {place.shape}")
+    if values.ndim not in (1, 2) or len(values) != len(place) or 0 in values.shape[1:]:
+        raise ValueError(
+            f"values {values.shape} do not fit {len(place)} positions; they are (N,) or (N, C)"
+        )
+    if not np.isfinite(place).all():
+        raise ValueError("a position is not finite; a missing sample has a value of NaN instead")
+    return place, values.reshape(len(place), -1 if values.size else max(1, values.shape[-1])).T
+
+
+def _jacobians(jacobian: ArrayLike | None, radius: ArrayLike | None, count: int) -> Doubles:
+    """Jacobian of each sample (N, 2, 2); a disc's is that of a square of its area."""
+    if (jacobian is None) == (radius is None):
+        raise ValueError("what a sample covers is its jacobian or its radius; give one of them")
+    if radius is not None:
+        sides = np.asarray(radius, np.float64)
+        if sides.shape not in ((), (count,)) or not (sides >= 0).all():
+            raise ValueError(f"a radius is a number of 0 or more, one or {count} of them")
+        sides = math.sqrt(math.pi) * sides[..., None, None] * np.eye(2)
+    else:
+        sides = np.asarray(jacobian, np.float64)
+    if sides.shape not in ((2, 2), (count, 2, 2)):
+        raise ValueError(f"a jacobian is (2, 2) or ({count}, 2, 2), not {sides.shape}")
+    if not (np.abs(sides) <= LARGEST).all():
+        raise ValueError(f"a sample covers more than {LARGEST:g} units, or is not finite")
+    return np.broadcast_to(sides, (count, 2, 2))
+
+
+def _on_screen(place: Doubles, sides: Doubles, plane: ArrayLike | None) -> tuple[Doubles, Doubles]:
+    """Places and Jacobians, px; what cannot be seen lies nowhere."""
+    if plane is None:
+        return place, sides
+    matrix = np.asarray(plane, np.float64)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        raise ValueError(f"a plane is a finite homography (3, 3) to pixels, not {matrix.shape}")
+    with np.errstate(all="ignore"):
+        x, y, depth = (place @ matrix[:, :2].T + matrix[:, 2]).T
+        on = np.stack([x / depth, y / depth], axis=1)
+        local = (matrix[:2, :2] - on[:, :, None] * matrix[2, :2]) / depth[:, None, None]
+        sides = local @ sides
+        is_seen = (depth > 0) & (np.abs(sides) <= LARGEST).all(axis=(1, 2))
+    on = np.where(is_seen[:, None], on, np.inf)
+    return on, np.where(is_seen[:, None, None], sides, 0.0)
+
+
+def _tile(place: Doubles) -> NDArray[np.int64]:
+    """Tiles of places (N, 2), counted along rows; what lies around the grid has some, too."""
+    column, row = np.floor(np.clip(place / TILE, -(2.0**20), 2.0**20)).astype(np.int64).T
+    return np.asarray(row * 2**22 + column)
+
+
+def _in_order(seen: _Seen) -> _Seen:
+    """Samples in an order that is their own: tile by tile, then by place and by what they are."""
+    x, y = seen.place.T
+    order = np.lexsort((x, y, _tile(seen.place)))
+    if (np.diff(seen.place[order], axis=0) == 0).all(axis=1).any():
+        order = np.lexsort((*seen.value, *seen.jacobian.reshape(-1, 4).T, x, y, _tile(seen.place)))
+    place, jacobian = (np.ascontiguousarray(a[order]) for a in (seen.place, seen.jacobian))
+    marks = seen.is_splat[order], seen.low[order], seen.high[order]
+    return _Seen(place, jacobian, seen.value[:, order], *marks)
+
+
+def _parts(place: Doubles) -> NDArray[np.int64]:
+    """First sample (B + 1,) of each part: a tile's, at most `MOST`."""
+    begins = np.ones(len(place), bool)
+    begins[1:] = np.diff(_tile(place)) != 0
+    start = np.flatnonzero(begins)
+    within = np.arange(len(place)) - np.repeat(start, np.diff(np.append(start, len(place))))
+    return np.append(np.flatnonzero(within % MOST == 0), len(place))
+
+
+def _bounds(seen: _Seen, first: NDArray[np.int64], size: tuple[int, int]) -> NDArray[np.int64]:
+    """Pixels (B, 4) that the marks of parts meet; splats end where the grid does, points beyond."""
+    limit = np.array(size[::-1], np.float64)
+    is_splat = seen.is_splat[:, None]
+    low = np.where(is_splat, np.maximum(seen.low, 0.0), seen.low)
+    high = np.where(is_splat, np.minimum(seen.high, limit), seen.high + 2.0)
+    low = np.floor(np.minimum.reduceat(low, first[:-1], axis=0))
+    high = np.ceil(np.maximum.reduceat(high, first[:-1], axis=0))
+    return np.concatenate([low, high], axis=1).astype(np.int64)

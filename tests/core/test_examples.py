@@ -1,0 +1,53 @@
+"""The examples of docs/library.md run, and what they claim is so."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def example(name):
+    """An example as a module."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_scattered_measurements_cover_exactly_their_area():
+    scattered = example("scattered")
+    _, reading, jacobian = scattered.measurements()
+    area = np.abs(np.linalg.det(jacobian))[np.isfinite(reading)].sum()
+    coverage = scattered.gridded().coverage
+    assert coverage.sum(dtype=np.float64) == pytest.approx(area, rel=1e-6)
+
+
+def test_scattered_measurements_give_the_field_where_they_cover_it():
+    scattered = example("scattered")
+    value, coverage = scattered.gridded()
+    row, column = np.mgrid[: scattered.HEIGHT, : scattered.WIDTH] + 0.5
+    error = np.abs(value - scattered.field(column, row))[coverage > 0.9]
+    assert error.size > 0.65 * value.size
+    assert error.max() < 0.03
+    assert np.sqrt(np.mean(error**2)) < 5e-3
+
+
+def test_a_particle_is_a_disc_as_wide_and_as_dark_as_it_was_given():
+    module = example("particles")
+    taken = module.disc(radius=0.25, opacity=0.8)
+    row, column = np.mgrid[: module.HEIGHT, : module.WIDTH] + 0.5
+    away = np.hypot(row - module.HEIGHT / 2, column - module.WIDTH / 2)
+    # Rays that touch a sphere of radius r at distance d leave the axis at asin(r / d).
+    rim = 200 * np.tan(np.arcsin(0.25 / 5))
+    assert not taken[away > rim + 0.8].any()  # half a pixel's diagonal
+    assert (taken[away < rim - 0.8] > 0).all()
+    assert taken[away < 1] == pytest.approx(0.8, abs=0.02)  # half a pixel beside the center
+
+
+@pytest.mark.parametrize("name", ["scattered", "particles"])
+def test_examples_draw_the_pictures_of_the_page(name, tmp_path):
+    example(name).main(tmp_path / "picture.png")
+    assert 1000 < (tmp_path / "picture.png").stat().st_size <= 60_000
