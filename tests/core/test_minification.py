@@ -67,7 +67,11 @@ def test_the_truth_has_converged():
     shot, samples = distant(0.125), checker_box(0.9, CRUST[0.9])
     camera = shot.camera
     moved = [
-        shot._replace(camera=replace(camera, cx=camera.cx + right, cy=camera.cy + down))
+        shot._replace(
+            camera=replace(
+                camera, matrix=camera.matrix + np.array([[0, 0, right], [0, 0, down], [0, 0, 0]])
+            )
+        )
         for right in (-1 / 64, 1 / 64)
         for down in (-1 / 64, 1 / 64)
     ]

@@ -295,5 +295,6 @@ def test_sheets_are_those_of_the_scene_not_of_the_window(order, rng):
     """A part of the picture is what the whole shows there."""
     samples, camera = lattice_block(rng, LATTICES["turned"]), CAMERAS["near"]
     whole = draw(samples, camera, order).rgba
-    part = draw(samples, replace(camera, cx=camera.cx - 5, cy=camera.cy - 4), order, side=9).rgba
+    shifted = camera.matrix - np.array([[0, 0, 5], [0, 0, 4], [0, 0, 0]])
+    part = draw(samples, replace(camera, matrix=shifted), order, side=9).rgba
     np.testing.assert_allclose(part, whole[4:13, 5:14], atol=2e-5)  # float32 places on screen

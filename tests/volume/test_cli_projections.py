@@ -235,7 +235,7 @@ def test_what_does_not_go_together_is_refused_before_any_work(
     def work(*_):
         raise AssertionError("the volume was read")
 
-    monkeypatch.setattr("resample_volume.command.choices.Source.open", work)
+    monkeypatch.setattr("resample_volume.command.inputs.open_volume", work)
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
 
 

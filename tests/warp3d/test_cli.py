@@ -560,8 +560,8 @@ def test_a_number_of_frames_is_checked(capsys):
 
 KILLED = """
 import os, signal, sys
-from resample_warp3d.command import session
-whole = session.on_screen
+from resample_warp3d.command import rendering
+whole = rendering.on_screen
 made = []
 
 def killing(*arguments, **choices):
@@ -570,7 +570,7 @@ def killing(*arguments, **choices):
     made.append(1)
     return whole(*arguments, **choices)
 
-session.on_screen = killing
+rendering.on_screen = killing
 from resample_warp3d.command.cli import main
 main()
 """

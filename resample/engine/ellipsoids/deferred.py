@@ -231,7 +231,7 @@ def _paint_samples(
                 )
             at_home += found
             n += painted
-            if n < last and mixture is not None and room[every[n] + CUT] == POINT:
+            if n < last and mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
                 points += add_among(sheet, rows, open_groups, room, every[n], place, stage)
                 n += 1
             elif n < last:

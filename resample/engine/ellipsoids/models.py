@@ -253,7 +253,7 @@ def form_rims(
         )
         first_x = fx * (first_x if small_angle else 0.5 * (bx - ax))
         first_y = fy * (first_y if small_angle else 0.5 * (by - ay))
-        shrink = shrink if small_angle else math.sqrt(1.0 - skew * skew) / depth
+        shrink = shrink if small_angle else math.sqrt(max(0.0, 1.0 - skew * skew)) / depth
         second_x, second_y = fx * shrink * chord[0], fy * shrink * chord[1]
         determinant = first_x * second_y - first_y * second_x
         scale = 1.0 / (determinant * determinant)
