@@ -37,6 +37,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/house.py
 wheel: $(VENV)/.dev
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 

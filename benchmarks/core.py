@@ -21,9 +21,9 @@ from benchmarks.contest import AbsentError, Options
 from benchmarks.measure import Spread, take_turns
 from benchmarks.tables import Row, Section
 from benchmarks.volume import POINTS, View
+from resample.painting.scene import ellipsoid_of
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import OPAQUE, Primitive, Resampler
-from resample.scene import ellipsoid_of
 from resample.types import FOOTPRINT, Samples
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)

@@ -12,24 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
-from resample.deferred import are_splats_exact, paint_mixture, paint_splats
-from resample.deferred_points import can_defer_points, paint_points
-from resample.deferred_slabs import can_sum, paint_summed
-from resample.layers import layers_of, sheets_of
-from resample.profiles.correction import correction_table
-from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
-from resample.profiles.filters import table as filter_table
-from resample.profiles.orders import CompositingOrder, EverySample, Summing
-from resample.profiles.reconstruction import (
-    GaussianKernel,
-    Reconstruction,
-    footprint_pieces,
-    footprint_profile,
-    footprint_table,
-    partial_table,
-    variance,
-)
-from resample.scene import (
+from resample.painting.layers import layers_of, sheets_of
+from resample.painting.points import can_defer_points, paint_points
+from resample.painting.scene import (
     Clock,
     Painted,
     Progress,
@@ -43,6 +28,21 @@ from resample.scene import (
     samples_of,
     screen_of,
     tile_size,
+)
+from resample.painting.slabs import can_sum, paint_summed
+from resample.painting.splats import are_splats_exact, paint_mixture, paint_splats
+from resample.profiles.correction import correction_table
+from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
+from resample.profiles.filters import table as filter_table
+from resample.profiles.orders import CompositingOrder, EverySample, Summing
+from resample.profiles.reconstruction import (
+    GaussianKernel,
+    Reconstruction,
+    footprint_pieces,
+    footprint_profile,
+    footprint_table,
+    partial_table,
+    variance,
 )
 from resample.types import (
     FOOTPRINT,

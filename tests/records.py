@@ -1,7 +1,7 @@
 """Pictures painted from records of all samples, a plain way: the truth for what streams."""
 
+from resample.painting.scene import check_samples
 from resample.resampler import Resampler
-from resample.scene import check_samples
 
 
 def from_records(samples, camera, *, height, width, clip=None, **choices):

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import Camera
+from resample.painting.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.resampler import Resampler
-from resample.scene import check_samples
 from resample.types import Doubles, Floats, Samples
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from resample import deferred
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import outlines
 from resample.engine.ellipsoids.pool import ask_for
+from resample.painting import splats as deferred
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.tiles import CHUNKS, smallest_spacing
-from resample.scene import dealt_to_tiles
+from resample.painting.scene import dealt_to_tiles
 from resample.types import FOOTPRINT, Screen
 
 

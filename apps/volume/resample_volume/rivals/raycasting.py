@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.painting.scene import NO_CLASSIFIER, Progress, check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.resampler import Projection
-from resample.scene import NO_CLASSIFIER, Progress, check_samples
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample_volume.files.memory import require_memory
 

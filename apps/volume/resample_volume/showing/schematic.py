@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
-from resample.layers import layers_of, sheets_of
+from resample.painting.layers import layers_of, sheets_of
 from resample.profiles.orders import EverySample
 from resample.resampler import LITERAL_FILTER, Primitive, Resampler
 from resample.types import Doubles, Records, Samples, Sheets

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from resample import registry
 from resample.cameras.models import Camera
+from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.resampler import LARGEST_PICTURE
-from resample.scene import dealt_to_tiles
 from resample.types import Floats, Frame, Screen, Statistics
 from resample_warp3d.clouds.files import Cloud
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud

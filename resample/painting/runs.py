@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from resample.scene import (
+from resample.painting.scene import (
     Painted,
     Progress,
     Scene,

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.deferred import runs_of
+from resample.painting.runs import counted, dealt, paint_in_steps
+from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
+from resample.painting.splats import runs_of
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import Reconstruction, density_profile, footprint_profile
-from resample.runs import counted, dealt, paint_in_steps
-from resample.scene import Clock, Painted, Progress, Scene, size_of_tiles
 from resample.types import (
     ADDITIVE,
     AVERAGE,

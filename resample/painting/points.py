@@ -9,21 +9,21 @@ import math
 
 import numpy as np
 
-from resample.profiles.orders import Summing
-from resample.runs import (
+from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
     counted,
     dealt,
     paint_in_steps,
 )
-from resample.scene import (
+from resample.painting.scene import (
     Clock,
     Painted,
     Progress,
     Scene,
     size_of_tiles,
 )
+from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
     RUN,

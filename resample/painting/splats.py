@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.runs import RUN_EXTENT, breaks, counted, dealt, paint_in_steps
-from resample.scene import Clock, Painted, Progress, Scene, size_of_tiles
+from resample.painting.runs import RUN_EXTENT, breaks, counted, dealt, paint_in_steps
+from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
 from resample.types import (
     AFFINE,
     DISC,
