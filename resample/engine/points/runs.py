@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
-from resample.engine.eights import spread
 from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
 from resample.engine.ellipsoids.outlines import BATCH, Bounds
 from resample.engine.ellipsoids.rows import (
@@ -43,6 +42,7 @@ from resample.engine.points.cells import (
     no_dirt,
     touch,
 )
+from resample.engine.points.eights import spread
 from resample.engine.points.outlines import is_clipped, spacing_on_grid
 from resample.engine.runs import home_of, in_order, is_run_open
 from resample.engine.vectors import combine, multiply
