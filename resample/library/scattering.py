@@ -12,8 +12,8 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample import registry
 from resample.profiles.filters import Area, PixelFilter, profile_table
+from resample.registry import build
 from resample.resampler import check_size
 from resample.types import Doubles, Floats
 
@@ -133,9 +133,7 @@ class Scatter:
     @cached_property
     def _filter(self) -> PixelFilter:
         given = self.pixel_filter
-        return cast(
-            PixelFilter, registry.build("filters", given) if isinstance(given, str) else given
-        )
+        return cast(PixelFilter, build("filters", given) if isinstance(given, str) else given)
 
     @property
     def _taps(self) -> int:
