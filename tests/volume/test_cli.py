@@ -663,7 +663,7 @@ def test_help_imports_nothing_heavy(words):
 
 INTERRUPTIBLE = """
 import contextlib, signal, sys, time
-from resample.command import session
+from resample_volume.command import rendering
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 
@@ -674,7 +674,7 @@ def watched(what):
         time.sleep(600)
     yield progress
 
-session.progress_bar = watched
+rendering.progress_bar = watched
 from resample_volume.command.cli import main
 main()
 """
