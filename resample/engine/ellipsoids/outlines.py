@@ -117,7 +117,7 @@ def reach_of(style: Style, radius: float) -> Reach:
 def pad_of(spacing: Single, reach: Reach) -> Single:
     """Px that a sample of this spacing is painted beyond its outline; a tile may be finer."""
     one, zero = np.float32(1.0), np.float32(0.0)
-    apart = max(spacing, np.float32(1e-6))
+    apart = max(np.float32(1e-6), min(spacing, np.float32(1e15)))  # cut samples have none
     finest = min(reach.for_points, np.floor(reach.closest / apart))
     finest = max(one, min(reach.for_splats, np.ceil(one / apart)), finest)
     finest = reach.fixed if reach.fixed > zero else finest
