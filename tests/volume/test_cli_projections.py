@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from resample.command.options import run
+from resample.engine.jit import is_stored
 from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
@@ -294,3 +295,15 @@ def test_help_shows_neither_empty_flags_nor_empty_defaults(capsys):
         assert "--empty-" not in text
         assert "default: ()" not in text
         assert 'default: ""' not in text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [[], ["--footprint", "corrected"], ["--method", "paper"], ["--order", "image-sheets"]],
+    ids=str,
+)
+def test_the_notice_of_compiling_is_about_the_kernel_that_paints(words, monkeypatch):
+    asked = []
+    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", asked.append)
+    assert ended("render", BOX, "-o", "out.png", *SMALL, *words) == 0
+    assert [is_stored(kernel) for kernel in asked] == [True]

@@ -76,11 +76,12 @@ def report(session: Session, frame: Frame) -> dict[str, Any]:
 def painter(resampler: Resampler) -> Callable[..., None]:
     """Kernel that takes longest to compile."""
     from resample.engine.ellipsoids.deferred import paint_runs
-    from resample.engine.paint import paint_tiles
+    from resample.engine.points.runs import paint_point_runs
+    from resample.engine.slabs.painting import paint_summed_runs
     from resample.engine.slabs.sheets import paint_sheet_tiles
 
     if resampler.order.summing is not Summing.POINTS:
-        return paint_sheet_tiles
-    is_exact = resampler.footprint in (None, Footprint.EXACT)
-    is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
-    return paint_runs if is_exact and is_plain else paint_tiles
+        is_exact = resampler.footprint in (None, Footprint.EXACT)
+        is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
+        return paint_summed_runs if is_exact and is_plain else paint_sheet_tiles
+    return paint_point_runs if resampler.primitive is Primitive.POINTS else paint_runs
