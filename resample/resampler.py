@@ -1,10 +1,9 @@
 """Hybrid forward resampling: classify, order, paint (paper, section 2, on one page)."""
 
 import math
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 
@@ -12,26 +11,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
-from resample.painting.layers import layers_of, sheets_of
+from resample.painting.layers import layers_of
 from resample.painting.points import can_defer_points, paint_points
 from resample.painting.scene import (
-    Clock,
     Painted,
     Progress,
     Scene,
     check_samples,
-    dealt_to_tiles,
     ellipsoid_of,
-    finest_grid,
     nothing_painted,
     planes_of,
     samples_of,
     screen_of,
-    tile_size,
 )
-from resample.painting.slabs import can_sum, paint_summed
+from resample.painting.slabs import paint_summed
 from resample.painting.splats import are_splats_exact, paint_mixture, paint_splats
-from resample.profiles.correction import correction_table
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
@@ -56,7 +50,6 @@ from resample.types import (
     RadialTable,
     Records,
     Samples,
-    Sheets,
     Statistics,
     Style,
     Tables,
@@ -221,25 +214,25 @@ class Resampler:
             scene = self._scene(checked, camera.view(), (height, width), look, clip)
             if look is None and self.order.summing is Summing.POINTS:
                 return self._developed(*self._streamed(scene, checked, progress))
-            if can_sum(scene):
-                layers = layers_of(self.order, checked.position, scene.view, checked.lattice)
-                summed = paint_summed(scene, checked, layers, self.reconstruction, progress)
-                if summed is not None:
-                    return self._developed(*summed)
-            return self._render(self._project(scene, checked), checked, progress)
+            summed = paint_summed(scene, checked, self.reconstruction, progress)
+            return self._developed(*summed)
 
     def footprints(
         self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
     ) -> Records:
-        """Records (N,) of `resample.types.FOOTPRINT`: what the painters get to know of each sample.
+        """Records (N,) of `resample.types.FOOTPRINT`: each sample as the camera sees it.
 
         Same parameters and errors as a call; left > right marks samples that cannot be seen.
         """
         check_size(height, width)
+        from resample.engine.ellipsoids.footprints import project
+
         checked, look = _checked(samples)
         with _kernels(None):
             scene = self._scene(checked, camera.view(), (height, width), look, None)
-            return self._project(scene, checked).footprints
+            records = np.zeros(checked.extinction.size, FOOTPRINT)
+            project(records, checked, scene.view, scene.ellipsoid, scene.screen, scene.style)
+            return records
 
     def _check_field(self, is_field: bool) -> None:
         """Refuse a field that the order cannot classify, and samples that hold no field."""
@@ -267,36 +260,12 @@ class Resampler:
             painted = paint_points(scene, samples, self._point_profile, progress)
         return painted or paint_mixture(scene, samples, self._profile, self._pieces, progress)
 
-    def _render(self, scene: Scene, samples: Samples, progress: Progress | None) -> Frame:
-        clock = Clock()
-        key, sheet = sheets_of(scene.layers, self.order.summing, samples.position, scene.view)
-        if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):  # one sum of all
-            sheet = np.zeros_like(sheet)
-        sheets = Sheets(key, sheet)
-        size = tile_size(scene.footprints, scene.style)
-        tiles = dealt_to_tiles(scene.footprints, scene.screen, size)
-        clock.lap("bin")
-        painted = scene.paint(sheets, tiles, progress)
-        clock.lap("paint")
-        seconds = {"project": scene.seconds, **clock.seconds}
-        return self._developed(painted, painted.statistics(samples.extinction.size, seconds))
-
     def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None
         if self.projection is Projection.ADDITIVE:
             value = np.nan_to_num(painted.value, nan=0.0)
             film = film._replace(rgba=_as_gray(value))
         return Frame(*film, statistics, value)
-
-    def _project(self, scene: Scene, samples: Samples) -> Scene:
-        """Scene with the footprints of samples."""
-        start = time.perf_counter()
-        footprints, style = scene.project(samples), scene.style
-        if self.projection in FEWEST and not style.subpixels:
-            grid = max(FEWEST[self.projection], finest_grid(footprints, style))
-            style = style._replace(subpixels=grid)
-        seconds = time.perf_counter() - start
-        return replace(scene, footprints=footprints, style=style, seconds=seconds)
 
     def _scene(
         self,
@@ -306,7 +275,7 @@ class Resampler:
         look: Classifier | None,
         clip: ArrayLike | None,
     ) -> Scene:
-        """All but the footprints."""
+        """What painters get to know besides the samples."""
         lattice = samples.lattice
         tables, style = self._tables, self._style(lattice, look)
         ellipsoid = ellipsoid_of(lattice, view, self.reconstruction.radius)
@@ -318,8 +287,7 @@ class Resampler:
         if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):
             summing = Summing.SHEETS
         layers = layers_of(self.order, samples.position, view, lattice)
-        nothing = np.zeros(0, FOOTPRINT)
-        return Scene(nothing, view, ellipsoid, screen, style, tables, summing, layers, look, 0.0)
+        return Scene(view, ellipsoid, screen, style, tables, summing, layers, look)
 
     @cached_property
     def _points(self) -> RadialTable:
@@ -352,7 +320,6 @@ class Resampler:
         return Tables(
             footprint_table(self.reconstruction).values,
             partial_table(self.reconstruction),
-            correction_table(),
             self._points.values,
             *pixel,
             math.ceil(pixel.extent - 0.501),  # the table of a box ends a sliver beyond 0.5
@@ -395,8 +362,6 @@ class Resampler:
         )
 
 
-# Where all tiles have one grid, and how fine that is: sums must fit, and surfaces end sharply.
-FEWEST = {Projection.ADDITIVE: 1, Projection.FIRST_HIT: 3}
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,

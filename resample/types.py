@@ -85,10 +85,10 @@ class Field(NamedTuple):
     classifier: Classifier
 
 
-# What a painter needs of one sample seen by a camera; records are read one by one, so no columns.
+# What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.
 # With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
 # index of the affine and corrected models; the exact model multiplies q by the pixel's own
-# `Canvas.ray`. A sphere that a plane cuts has cone = -1 and its center in (a, b, c).
+# 1 / |w|². A sphere that a plane cuts has cone = -1 and its center in (a, b, c).
 FOOTPRINT = np.dtype(
     [
         ("x", np.float32),  # px, where the sample's center projects
@@ -256,7 +256,6 @@ class Tables(NamedTuple):
 
     footprint: Floats  # (K + 1,) over the squared distance of a ray from the center, 0..1 radii²
     partial: Floats  # (K + 1, J + 1) like footprint, of the ray up to a place, -1..1 radii
-    correction: Floats  # (A, I) true distance over cone, 0..LARGEST_CONE, and flat index, 0..1
     point: Floats  # (K + 1,) 1-D profile of the filter that points are added under
     pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
     pixel_extent: float  # px at which it ends
@@ -305,15 +304,6 @@ class Tiles(NamedTuple):
     spacing: Floats  # (T,) smallest spacing of a member, px
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
-
-
-class Canvas(NamedTuple):
-    """The sub-pixels of one tile and of the margin its pixel filter needs."""
-
-    pixel: Floats  # (h, w, 8): premultiplied RGB, transmittance, α × depth, weight, first depth, α
-    sheet: Floats  # (h, w, 8): sums of α, α × RGB, α × depth and weight of the open sheet, 0, 0
-    ray: Floats  # (h, w, 2): 1 / |w|² and the amplitude of an exact footprint
-    dirty: NDArray[np.int64]  # (4,) first and last row, first and last column the sheet touches
 
 
 class Place(NamedTuple):

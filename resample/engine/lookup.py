@@ -1,11 +1,9 @@
-"""Read tables: radial functions, and the index correction of section 4.2."""
-
-import math
+"""Read tables of radial functions."""
 
 import numpy as np
 
 from resample.engine.jit import kernel
-from resample.types import LARGEST_CONE, Floats, Single
+from resample.types import Floats, Single
 
 
 @kernel
@@ -79,31 +77,4 @@ def _up_to(values: Floats, row: int, down: Single, along: Single) -> Single:
     right, next_row, after = position - np.float32(column), row + 1, column + np.uint32(1)
     upper = values[row, column] + right * (values[row, after] - values[row, column])
     lower = values[next_row, column] + right * (values[next_row, after] - values[next_row, column])
-    return upper + down * (lower - upper)
-
-
-@kernel
-def true_distance(index: float, cone: float) -> float:
-    """Distance of a ray from the sphere's center, in radii.
-
-    `index` is the radius in the flat ellipse (0 center, 1 rim), `cone` the half angle α in radians.
-    Yuan et al. 2003, section 4.2. The paper divides by tan α; sin α makes the rim come out as 1.
-    """
-    if cone < 1e-9:  # parallel rays
-        return index
-    return math.sin(math.atan(index * math.tan(cone))) / math.sin(cone)
-
-
-@kernel
-def corrected_distance(table: Floats, index: Single, cone: Single) -> Single:
-    """`true_distance` from the table, or evaluated where the cone is wider than the table's."""
-    if cone >= LARGEST_CONE or index >= 1.0:
-        return true_distance(index, cone)
-    cones, indices = table.shape
-    row = cone * ((cones - 1) / LARGEST_CONE)
-    column = index * (indices - 1)
-    r, c = int(row), int(column)
-    down, right = row - r, column - c
-    upper = table[r, c] + right * (table[r, c + 1] - table[r, c])
-    lower = table[r + 1, c] + right * (table[r + 1, c + 1] - table[r + 1, c])
     return upper + down * (lower - upper)

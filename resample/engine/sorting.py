@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import kernel
-from resample.types import Floats, Records, Single
+from resample.types import Floats, Single
 
 Indices = NDArray[np.int32]
 Keys = NDArray[np.uint32]
@@ -141,56 +141,3 @@ def key_of_bits(bits: np.uint32) -> Single:
 def member_of(pair: np.uint64) -> np.int64:
     """Whose the key is."""
     return np.int64(pair & LOWER)
-
-
-@kernel
-def sort_by_key(key: Keys, member: Indices) -> None:
-    """Sort `member` by `key`, and `key` with it."""
-    pair, other = np.empty(key.size, np.uint64), np.empty(key.size, np.uint64)
-    for n in range(key.size):
-        pair[n] = paired(key[n], member[n])
-    sort_pairs(pair, other)
-    for n in range(key.size):
-        key[n], member[n] = pair[n] >> HALF, member_of(pair[n])
-
-
-@kernel
-def end_of_ties(key: Keys, start: int) -> int:
-    """One past the last of those that have the key of `start`."""
-    end = start + 1
-    while end < key.size and key[end] == key[start]:
-        end += 1
-    return end
-
-
-@kernel
-def _settle_records(footprints: Records, member: Indices) -> None:
-    """Put samples that lie at the same depth in order by what they differ in."""
-    looks, order = np.empty((member.size, 9), np.float32), np.empty(member.size, np.int32)
-    for n in range(member.size):
-        record = footprints[member[n]]
-        looks[n, 0], looks[n, 1] = record["y"], record["x"]
-        looks[n, 2], looks[n, 3], looks[n, 4] = record["a"], record["b"], record["c"]
-        looks[n, 5], looks[n, 6] = record["extinction"], record["red"]
-        looks[n, 7], looks[n, 8] = record["green"], record["blue"]
-        order[n] = n
-    settle(order, looks)
-    for n in range(order.size):
-        order[n] = member[order[n]]
-    for n in range(order.size):
-        member[n] = order[n]
-
-
-@kernel
-def put_in_order(member: Indices, key_bits: Keys, footprints: Records) -> None:
-    """Sort `member` by key (float32 bits), and samples of equal key by what they are."""
-    key = np.zeros(member.size, np.uint32)
-    for n in range(member.size):
-        key[n] = _ascending(key_bits[member[n]])
-    sort_by_key(key, member)
-    start = 0
-    while start < member.size:
-        end = end_of_ties(key, start)
-        if end - start > 1:
-            _settle_records(footprints, member[start:end])
-        start = end

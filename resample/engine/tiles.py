@@ -96,13 +96,3 @@ def deal_members(
     """
     for chunk in tasks(counter, CHUNKS):
         _deal_chunk(footprints, screen, tiles, position, smallest, chunk)
-
-
-@kernel
-def smallest_spacing(footprints: Records) -> float:
-    """Smallest spacing on screen of all samples that may be seen, px."""
-    smallest = np.inf
-    for n in range(footprints.size):
-        if footprints[n]["left"] <= footprints[n]["right"]:
-            smallest = min(smallest, float(footprints[n]["spacing"]))
-    return smallest

@@ -1,8 +1,7 @@
 """Points in runs of neighbours, which only those tiles project that show them.
 
 The quick way for scenes in which all samples are points under a filter that is smooth; others are
-painted from the records of `resample.engine.ellipsoids.footprints`. See
-`resample.engine.points.runs`.
+a mixture (`resample.painting.splats`). See `resample.engine.points.runs`.
 """
 
 import math
@@ -115,7 +114,7 @@ def paint_points(
     Parameters
     ----------
     scene
-        Of which `can_defer_points` is true; its footprints are not read.
+        Of which `can_defer_points` is true.
     samples
         As `check_samples` gives them; the nearer neighbours are in memory, the better.
     profile

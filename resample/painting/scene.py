@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.profiles.orders import Summing
 from resample.types import (
-    FOOTPRINT,
     MOST_COLUMNS,
     Classifier,
     Doubles,
@@ -18,12 +17,10 @@ from resample.types import (
     Field,
     Film,
     Floats,
-    Lamp,
     Layers,
     Records,
     Samples,
     Screen,
-    Sheets,
     Stage,
     Statistics,
     Style,
@@ -35,17 +32,6 @@ from resample.types import (
 RECORDS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
 
 Progress = Callable[[float], None]
-
-NO_CLASSIFIER = Classifier(
-    np.zeros((1, 1, 4), np.float32),
-    0.0,
-    1.0,
-    1.0,
-    Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0),
-    0.0,
-    1.0,
-    0.0,
-)
 
 
 def check_samples(samples: Samples) -> Samples:
@@ -179,19 +165,6 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
     return Screen(width, height, float(margin), sides)
 
 
-def finest_grid(footprints: Records, style: Style) -> int:
-    """Sub-pixels per side of a pixel where samples lie closest."""
-    from resample.engine.grid import grid
-    from resample.engine.tiles import smallest_spacing
-
-    return int(grid(smallest_spacing(footprints), style))
-
-
-def tile_size(footprints: Records, style: Style) -> int:
-    """Side of a tile in px, smaller where pixels are divided finer."""
-    return size_of_tiles(finest_grid(footprints, style))
-
-
 def size_of_tiles(subpixels: int, margin: int = 0) -> int:
     """Side of a tile in px where pixels are divided into so many sub-pixels per side at most.
 
@@ -282,7 +255,6 @@ def in_steps(
 class Scene:
     """Samples seen by a camera, and everything else that the painters read."""
 
-    footprints: Records
     view: View
     ellipsoid: Ellipsoid
     screen: Screen
@@ -291,60 +263,8 @@ class Scene:
     summing: Summing
     layers: Layers
     classifier: Classifier | None  # of a field; None: samples have their colors already
-    seconds: float  # that it took to project the samples
-
-    def project(self, samples: Samples, footprints: Records | None = None) -> Records:
-        """Records of samples that have the scene's lattice, in an array that may be given."""
-        from resample.engine.ellipsoids.footprints import project
-
-        if footprints is None:
-            footprints = np.zeros(samples.extinction.size, FOOTPRINT)
-        project(footprints, samples, self.view, self.ellipsoid, self.screen, self.style)
-        return footprints
 
     @property
     def stage(self) -> Stage:
         """What all painters share."""
         return Stage(self.view, self.ellipsoid, self.screen, self.style, self.tables, self.layers)
-
-    def blank(self, tiles: int) -> Painted:
-        """A picture of nothing, and counts for so many tiles."""
-        has_values = self.summing is not Summing.POINTS
-        return nothing_painted(self.screen.height, self.screen.width, tiles, has_values=has_values)
-
-    def paint(self, sheets: Sheets, tiles: Tiles, progress: Progress | None) -> Painted:
-        """Tiles painted in steps that can be watched."""
-        load = np.diff(tiles.start)
-        painted = self.blank(load.size)
-        for turn, done in in_steps(load):
-            self._paint_tiles(turn, sheets, tiles, painted)
-            if progress is not None:
-                progress(done)
-        return painted
-
-    def _paint_tiles(
-        self, turn: NDArray[np.int64], sheets: Sheets, tiles: Tiles, painted: Painted
-    ) -> None:
-        common = (
-            turn,
-            tiles,
-            self.footprints,
-            sheets,
-            sheets.key.view(np.uint32),
-            self.view,
-            self.ellipsoid,
-            self.screen,
-            self.style,
-            self.tables,
-        )
-        if self.summing is Summing.POINTS:
-            from resample.engine.paint import paint_tiles
-
-            paint_tiles(*common, painted.film, painted.tally)
-            return
-        from resample.engine.slabs.sheets import paint_sheet_tiles
-
-        is_field = self.classifier is not None
-        is_cutting = self.summing is Summing.SLABS
-        look = self.classifier or NO_CLASSIFIER
-        paint_sheet_tiles(*common, look, is_field, is_cutting, *painted)

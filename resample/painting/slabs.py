@@ -1,6 +1,6 @@
 """Sheets, slabs and fields in runs of neighbours, which only those tiles project that show them.
 
-See `resample.engine.slabs.painting`; what is no splat of exact footprint is painted from records.
+See `resample.engine.slabs.painting`. Splats of exact footprint take its quicker form.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.painting.runs import counted, dealt, paint_in_steps
 from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
-from resample.painting.splats import runs_of
+from resample.painting.splats import count_of_points, may_have_points, mixture_of, runs_of
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import Reconstruction, density_profile, footprint_profile
 from resample.types import (
@@ -24,7 +24,6 @@ from resample.types import (
     Doubles,
     Film,
     Indices,
-    Layers,
     Runs,
     Samples,
     Statistics,
@@ -32,76 +31,82 @@ from resample.types import (
 )
 
 if TYPE_CHECKING:
+    from resample.engine.ellipsoids.mixed import Mixture
     from resample.engine.slabs.blends import Blend
     from resample.engine.slabs.integrals import Integral
     from resample.engine.slabs.painting import Summed
 
-FEWEST = {ADDITIVE: 1, FIRST_HIT: 3}  # sub-pixels per side of a pixel
+# Sub-pixels per side of a pixel at least, where all tiles have one grid: sums must fit, and
+# surfaces end sharply.
+FEWEST = {ADDITIVE: 1, FIRST_HIT: 3}
 MEASURING = (MAXIMUM, AVERAGE, ADDITIVE)
-
-
-def can_sum(scene: Scene) -> bool:
-    """Whether the choices that were made can be painted so; `runs_of` then looks at the samples."""
-    style = scene.style
-    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    return (
-        scene.summing is not Summing.POINTS
-        and is_exact
-        and style.threshold < np.inf
-        and style.inflated == style.blurred == 0
-    )
 
 
 def paint_summed(
     scene: Scene,
     samples: Samples,
-    layers: Layers,
     reconstruction: Reconstruction,
     progress: Progress | None,
-) -> tuple[Painted, Statistics] | None:
-    """Picture of samples that are summed before they are composited; None if one is no splat."""
+) -> tuple[Painted, Statistics]:
+    """Picture of samples that are summed before they are composited."""
     from resample.engine.ellipsoids.deferred import find_spacings
-    from resample.engine.grid import grid
-    from resample.engine.slabs.painting import paint_summed_runs
+    from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
-    runs = runs_of(scene, samples, are_mixed=False)
-    if runs is None:
-        return None
-    least, fewest = runs.known["least_spacing"].min(), FEWEST.get(scene.style.projection, 0)
-    if fewest and not scene.style.subpixels:
-        subpixels = max(fewest, int(grid(least, scene.style)))
-        scene = replace(scene, style=scene.style._replace(subpixels=subpixels))
-        runs = runs_of(scene, samples, are_mixed=False)
-        if runs is None:
-            return None
-    summed = _summed(scene, runs, layers)
+    scene, runs, mixture = _seen(scene, samples)
+    summed = _summed(scene, runs)
     clock.lap("project")
     stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, None))
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
     clock.lap("bin")
     screen, is_measuring = scene.screen, scene.style.projection in MEASURING
     value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
-    integral, blend = _integral_of(scene, reconstruction), _blend_of(scene)
+    blend = _blend_of(scene, is_mixed=mixture is not None)
+    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         film, tally = output
-        paint_summed_runs(turn, deal[0], runs, stage, integral, summed, blend, (film, value, tally))
+        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally))
 
     painted = paint_in_steps(paint, scene, deal, progress)._replace(value=value)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, counted(statistics, runs, 0)
+    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
+    return painted, counted(statistics, runs, points)
 
 
-def _summed(scene: Scene, runs: Runs, layers: Layers) -> "Summed":
+def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs, "Mixture | None"]:
+    """Samples in runs, as fine as the projection asks for, and what they are if not all splats."""
+    from resample.engine.grid import grid
+
+    style, fewest = scene.style, FEWEST.get(scene.style.projection, 0)
+    runs, mixture = _runs_of(scene, samples)
+    if fewest and not style.subpixels:
+        finest = max(fewest, int(grid(runs.known["least_spacing"].min(), style)))
+        scene = replace(scene, style=style._replace(subpixels=finest))
+        runs, mixture = _runs_of(scene, samples)
+    return scene, runs, mixture
+
+
+def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, "Mixture | None"]:
+    style = scene.style
+    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
+    if is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0:
+        runs = runs_of(scene, samples, are_mixed=False)
+        if not may_have_points(scene, runs):
+            return runs, None
+    runs = runs_of(scene, samples, are_mixed=True)
+    return runs, mixture_of(scene, runs, None, None)
+
+
+def _summed(scene: Scene, runs: Runs) -> "Summed":
     """What is summed; where these are sheets, runs get keys of sheets."""
     from resample.engine.grid import grid
     from resample.engine.slabs.keys import find_first_sheets
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import NARROW, Narrow, Wide
 
-    margin = scene.tables.pixel_margin
+    margin, layers = scene.tables.pixel_margin, scene.layers
     finest = grid(runs.known["least_spacing"].min(), scene.style)
     is_narrow = (size_of_tiles(finest, margin) + 2 * margin) * finest <= NARROW
     ring = Narrow if is_narrow else Wide
@@ -115,13 +120,15 @@ def _summed(scene: Scene, runs: Runs, layers: Layers) -> "Summed":
     return Summed(PARTS, layers.thickness, None, ring(slots))
 
 
-def _blend_of(scene: Scene) -> "Blend":
-    from resample.engine.slabs.blends import Colors, Values
+def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
+    """How sums are composited; what is mixed has been tinted by then."""
+    from resample.engine.slabs.blends import Beside, Colors, Values
 
     style, look = scene.style, scene.classifier
     if look is None:
         tint = (float(style.tint_red), float(style.tint_green), float(style.tint_blue))
-        return Colors(*tint, style.linear_opacity, style.layer)
+        kind = Beside if is_mixed and not style.variance else Colors
+        return kind(*((-1.0,) * 3 if is_mixed else tint), style.linear_opacity, style.layer)
     mass = 0.0
     if style.projection == ADDITIVE and not scene.view.perspective:
         mass = float(scene.ellipsoid.volume * scene.view.focal[0] * scene.view.focal[1])

@@ -53,8 +53,14 @@ def are_splats_exact(scene: Scene) -> bool:
     )
 
 
-def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs | None:
-    """Samples in runs; None if one may be no splat, unless they are mixed."""
+def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
+    """Samples in runs, with bounds that hold for splats only unless they are mixed.
+
+    Raises
+    ------
+    ValueError
+        Sub-pixels that are as fine do not fit under so wide a filter.
+    """
     from resample.engine.ellipsoids.outlines import NO_REACH, outline_runs, reach_of
     from resample.engine.grid import grid
 
@@ -73,9 +79,15 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs | None:
             f"{finest} sub-pixels per side of a pixel under a filter that reaches {margin} px "
             f"beyond it; at most {MOST_COLUMNS // (1 + 2 * margin)} are possible"
         )
-    if not are_mixed and least * finest <= scene.style.threshold:
-        return None
     return Runs(samples, start, known)
+
+
+def may_have_points(scene: Scene, runs: Runs) -> bool:
+    """Whether a sample may be no splat."""
+    from resample.engine.grid import grid
+
+    least = runs.known["least_spacing"].min()
+    return bool(least * grid(least, scene.style) <= scene.style.threshold)
 
 
 def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
@@ -98,7 +110,7 @@ def paint_splats(
     Parameters
     ----------
     scene
-        Its footprints are not read.
+        What painters get to know besides the samples.
     samples
         As `check_samples` gives them; the nearer neighbours are in memory, the better.
     profile
@@ -108,7 +120,7 @@ def paint_splats(
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)
-    if runs is None:
+    if may_have_points(scene, runs):
         return None
     clock.lap("project")
     return _painted(scene, runs, Formula(profile, _peak(scene)), None, clock, progress)
@@ -122,14 +134,21 @@ def paint_mixture(
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
     """Like `paint_splats`, of any samples; where there are no pieces, kernels are tabulated."""
+    clock = Clock()
+    runs = runs_of(scene, samples, are_mixed=True)
+    clock.lap("project")
+    mixture = mixture_of(scene, runs, profile, pieces)
+    return _painted(scene, runs, NO_FORMULA, mixture, clock, progress)
+
+
+def mixture_of(
+    scene: Scene, runs: Runs, profile: Profile | None, pieces: Pieces | None
+) -> "Mixture":
+    """What samples of all kinds are painted by."""
     from resample.engine.ellipsoids.mixed import Mixture
 
-    clock, style = Clock(), scene.style
-    runs = runs_of(scene, samples, are_mixed=True)
-    if runs is None:
-        raise ValueError("samples that are mixed have runs")
-    clock.lap("project")
-    mixture = Mixture(
+    style = scene.style
+    return Mixture(
         profile or NO_FORMULA.profile,
         pieces or NO_PIECES,
         profile is not None,
@@ -141,7 +160,6 @@ def paint_mixture(
         _peak(scene),
         style.layer,
     )
-    return _painted(scene, runs, NO_FORMULA, mixture, clock, progress)
 
 
 def _painted(
@@ -165,11 +183,11 @@ def _painted(
     painted = paint_in_steps(paint, scene, deal, progress)
     clock.lap("paint")
     statistics = painted.statistics(runs.samples.extinction.size, clock.seconds)
-    points = 0 if mixture is None else _points(scene, runs, deal[0])
+    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
     return painted, counted(statistics, runs, points)
 
 
-def _points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
+def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
     """How many of the samples that are seen are points."""
     from resample.engine.ellipsoids.deferred import count_points
     from resample.engine.ellipsoids.outlines import CHUNKS

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.engine.tiles import CHUNKS, smallest_spacing
+from resample.engine.tiles import CHUNKS
 from resample.painting.scene import dealt_to_tiles
 from resample.types import FOOTPRINT, Screen
 
@@ -62,17 +62,3 @@ def test_any_number_of_samples_can_be_dealt_to_tiles(count, rng):
         member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         row, column = divmod(tile, 5)
         assert list(member) == naive_members(record, screen, 8, column, row)
-
-
-def test_the_smallest_spacing_is_that_of_what_may_be_seen(rng):
-    record = boxes(rng, 60, 40, 40)
-    seen = record["left"] <= record["right"]
-    assert seen.any()
-    assert not seen.all()
-    assert smallest_spacing(record) == record["spacing"][seen].min()
-
-
-def test_nothing_seen_is_spaced_infinitely():
-    record = np.zeros(3, FOOTPRINT)
-    record["left"] = 1.0
-    assert smallest_spacing(record) == np.inf

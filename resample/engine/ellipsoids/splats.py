@@ -1,4 +1,4 @@
-"""Scan-convert one splat and composite it, by the model of its footprint."""
+"""What all splats need: sub-pixels within bounds, and line integrals of spheres that are cut."""
 
 import math
 
@@ -6,24 +6,13 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.engine.lookup import (
-    absorbed,
-    corrected_distance,
     partial_integral,
-    unit_lookup,
 )
-from resample.engine.over import Light, behind
 from resample.engine.vectors import Vector
 from resample.types import (
-    AFFINE,
-    DISC,
-    EXACT,
     Doubles,
     Ellipsoid,
     Floats,
-    Place,
-    Record,
-    Single,
-    Style,
     View,
 )
 
@@ -38,78 +27,6 @@ def first_inside(bound: float, origin: float, subpixels: int) -> int:
 def last_inside(bound: float, origin: float, subpixels: int, count: int) -> int:
     """One past the last sub-pixel whose center is not after `bound` px."""
     return min(count, math.floor((bound - origin) * subpixels - 0.5) + 1)
-
-
-@kernel
-def opacity(integral: Single, extinction: Single, style: Style) -> Single:
-    """Opacity of a line integral: exact, or the classic α × F, which is linear in it."""
-    if style.linear_opacity:
-        alpha = absorbed(extinction * np.float32(style.layer))
-        return min(np.float32(1.0), alpha * integral / np.float32(style.layer))
-    return absorbed(extinction * integral)
-
-
-@kernel
-def light_of(record: Record, style: Style) -> Light:
-    """Color and depth of a splat; its color is the marker's where splats are to be told apart."""
-    red, green, blue = record["red"], record["green"], record["blue"]
-    if style.tint_red >= 0.0:
-        brightest = max(red, green, blue)
-        red = np.float32(brightest * style.tint_red)
-        green = np.float32(brightest * style.tint_green)
-        blue = np.float32(brightest * style.tint_blue)
-    return (red, green, blue, record["depth"])
-
-
-@kernel
-def paint_splat(
-    pixel: Floats,
-    ray: Floats,
-    place: Place,
-    record: Record,
-    style: Style,
-    table: Floats,
-    correction: Floats,
-) -> int:
-    """Composite one splat onto the sub-pixels of its footprint; gives how many it made opaque."""
-    n, model = place.subpixels, style.model
-    light, extinction = light_of(record, style), record["extinction"]
-    a, b, c = record["a"], record["b"], record["c"]
-    amplitude, cone = record["amplitude"], record["cone"]
-    sine = np.float32(math.sin(cone))
-    opaque, per_layer = np.float32(style.opaque), np.float32(1.0 / style.layer)
-    left = first_inside(record["left"], place.x, n)
-    right = last_inside(record["right"], place.x, n, pixel.shape[1])
-    top = first_inside(record["top"], place.y, n)
-    bottom = last_inside(record["bottom"], place.y, n, pixel.shape[0])
-    step = np.float32(1.0 / n)
-    start = np.float32(place.x + 0.5 / n - record["form_x"])
-    closed = 0
-    for row in range(top, bottom):
-        dy = np.float32(place.y + (row + 0.5) / n - record["form_y"])
-        cross, rest = np.float32(2.0) * b * dy, c * dy * dy
-        for column in range(left, right):
-            if pixel[row, column, 3] <= opaque:
-                continue
-            dx = start + np.float32(column) * step
-            squared = max(np.float32(0.0), (a * dx + cross) * dx + rest)
-            if model == EXACT:
-                squared *= ray[row, column, 0]
-                amplitude = ray[row, column, 1]
-            elif model == DISC:
-                squared *= ray[row, column, 0]
-                squared /= np.float32(1.0) - squared * sine * sine
-            elif model != AFFINE:
-                distance = corrected_distance(correction, math.sqrt(squared), cone)
-                squared = np.float32(distance * distance)
-            integral = amplitude * unit_lookup(table, squared)
-            if integral <= np.float32(0.0):
-                continue
-            after = behind(pixel, row, column, opacity(integral, extinction, style), light)
-            pixel[row, column, 5] += integral * per_layer
-            if after <= opaque:
-                closed += 1
-    return closed
 
 
 @kernel
@@ -172,38 +89,3 @@ def cut_integral(
     )
     along = math.sqrt(1.0 + shift * shift + drop * drop) / length
     return float(ellipsoid.scale * along * share)
-
-
-@kernel
-def paint_cut_splat(
-    pixel: Floats,
-    place: Place,
-    record: Record,
-    view: View,
-    ellipsoid: Ellipsoid,
-    planes: Doubles,
-    style: Style,
-    partial: Floats,
-) -> int:
-    """Composite what is seen of a sphere that the near plane or a clipping plane cuts."""
-    n, closed, center = place.subpixels, 0, (record["a"], record["b"], record["c"])
-    light, extinction = light_of(record, style), record["extinction"]
-    left = first_inside(record["left"], place.x, n)
-    right = last_inside(record["right"], place.x, n, pixel.shape[1])
-    top = first_inside(record["top"], place.y, n)
-    bottom = last_inside(record["bottom"], place.y, n, pixel.shape[0])
-    for row in range(top, bottom):
-        y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
-        for column in range(left, right):
-            if pixel[row, column, 3] <= style.opaque:
-                continue
-            x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
-            span = seen_span(x, y, view, planes)
-            integral = np.float32(cut_integral(center, x, y, span, view, ellipsoid, partial))
-            if integral <= np.float32(0.0):
-                continue
-            after = behind(pixel, row, column, opacity(integral, extinction, style), light)
-            pixel[row, column, 5] += np.float32(integral / style.layer)
-            if after <= style.opaque:
-                closed += 1
-    return closed

@@ -38,7 +38,7 @@ from resample.engine.grid import point_width
 from resample.engine.jit import kernel
 from resample.engine.over import VISIBLE
 from resample.engine.points.adding import MOST_TAPS, box_around
-from resample.types import Floats, Place, Single, Stage
+from resample.types import Floats, Place, Single, Stage, Style
 
 _NOWHERE = 1 << 30
 
@@ -61,6 +61,12 @@ def new_sheet(height: int, width: int) -> Sheet:
         np.empty(MOST_TAPS, np.float32),
         np.empty(MOST_TAPS, np.float32),
     )
+
+
+@kernel
+def width_of(spacing: Single, n: int, style: Style) -> float:
+    """Sub-pixels that a point's filter is scaled by, of n per side of a pixel."""
+    return float(point_width(spacing * n, style.variance)) if style.variance > 0.0 else float(n)
 
 
 @kernel
@@ -88,11 +94,9 @@ def add_among(
     if number != dirty[4]:
         put_behind(sheet, rows, np.float32(style.opaque))
         dirty[4] = number
-    width = float(n)
-    if style.variance > 0.0:
-        width = point_width(room[s + SPACING] * n, style.variance)
     x, y = (room[s + X] - place.x) * n, (room[s + Y] - place.y) * n
-    box = box_around(cell, x, y, width * style.point_extent, profile, across, down)
+    reach = width_of(room[s + SPACING], n, style) * style.point_extent
+    box = box_around(cell.shape[:2], x, y, reach, profile, across, down)
     if box.top >= box.bottom or box.left >= box.right:
         return int(room[s + HOME])
     dirty[0], dirty[1] = min(dirty[0], box.top), max(dirty[1], box.bottom)

@@ -5,23 +5,24 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.ellipsoids.outlines import (
+    ACROSS,
     BLUE,
     DEPTH,
+    DOWN,
     EXTINCTION,
     GREEN,
     RED,
-    A,
     B,
     C,
-    X,
-    Y,
 )
+from resample.engine.ellipsoids.rows import CHORD, RAY
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.integrals import Integral, whole
-from resample.engine.slabs.sums import Cutting, Matter
-from resample.types import Classifier, Floats, Single
+from resample.engine.slabs.shapes import Shape, amplitude_of, squared_of
+from resample.engine.slabs.sums import Matter
+from resample.types import Classifier, Floats, Place, Single
 
 
 class Colors(NamedTuple):
@@ -32,6 +33,20 @@ class Colors(NamedTuple):
     tint_blue: float
     is_linear: bool  # classic α × F
     layer: float  # scene units, thickness of a layer
+
+
+class Beside(NamedTuple):
+    """Like `Colors`, of splats that overlap and of points that lie beside each other.
+
+    The paper's points are as wide as pixels and have opacities, where those of others are as wide
+    as splats and have line integrals.
+    """
+
+    tint_red: float
+    tint_green: float
+    tint_blue: float
+    is_linear: bool
+    layer: float
 
 
 class Values(NamedTuple):
@@ -47,19 +62,18 @@ class Values(NamedTuple):
     mass: float  # px² × scene units that the line integrals of all pixels sum to; 0: as they are
 
 
-Blend = Colors | Values
+Blend = Colors | Beside | Values
 
 
 @making_role
-def matter_of(
-    blend: Blend, room: Floats, s: np.uint64, cutting: Cutting, integral: Integral
-) -> Matter:
-    """What a splat adds per unit of its line integral."""
+def matter_of(blend: Blend, room: Floats, s: np.uint64, share: Single) -> Matter:
+    """What a sample adds per unit of its line integral, of which a share counts."""
     raise NotImplementedError
 
 
+@plays(matter_of, Beside)
 @plays(matter_of, Colors)
-def _matter_of_color(blend, room, s, cutting, integral):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _matter_of_color(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
     red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
     if blend.tint_red >= 0.0:
         brightest = max(red, green, blue)
@@ -73,41 +87,70 @@ def _matter_of_color(blend, room, s, cutting, integral):  # type: ignore[no-unty
 
 
 @plays(matter_of, Values)
-def _matter_of_value(blend, room, s, cutting, integral):  # type: ignore[no-untyped-def]
-    weight, zero, value = np.float32(1.0), np.float32(0.0), room[s + EXTINCTION]
-    if blend.mass > 0.0:
-        weight = _share_of_mass(room, s, cutting, integral, blend.mass)
+def _matter_of_value(blend, room, s, share):  # type: ignore[no-untyped-def]
+    zero, value = np.float32(0.0), room[s + EXTINCTION]
     if blend.is_measured:
-        return Matter(weight, weight * room[s + DEPTH], zero, zero, weight * value)
+        return Matter(share, share * room[s + DEPTH], zero, zero, share * value)
     red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
-    return Matter(weight, weight * red, weight * green, weight * blue, weight * value)
+    return Matter(share, share * red, share * green, share * blue, share * value)
+
+
+@making_role
+def share_of(
+    blend: Blend,
+    shape: Shape,
+    room: Floats,
+    s: np.uint64,
+    rows: Floats,
+    place: Place,
+    integral: Integral,
+) -> Single:
+    """Factor by which what sub-pixels see of a splat sums to its mass, where that is asked for."""
+    raise NotImplementedError
+
+
+@plays(share_of, Beside)
+@plays(share_of, Colors)
+def _all_of_color(blend, shape, room, s, rows, place, integral):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.float32(1.0)
+
+
+@plays(share_of, Values)
+def _share_of_value(blend, shape, room, s, rows, place, integral):  # type: ignore[no-untyped-def]
+    if blend.mass > 0.0:
+        return _share_of_mass(shape, room, s, rows, place, integral, blend.mass)
+    return np.float32(1.0)
 
 
 @kernel
 def _share_of_mass(
-    room: Floats, s: np.uint64, cutting: Cutting, integral: Integral, mass: float
+    shape: Shape,
+    room: Floats,
+    s: np.uint64,
+    rows: Floats,
+    place: Place,
+    integral: Integral,
+    mass: float,
 ) -> Single:
     """Factor by which the sub-pixels' line integrals along parallel rays sum to a splat's mass."""
-    place, _, ellipsoid, _, _ = cutting
-    n, unit, x, y = place.subpixels, ellipsoid.to_unit, room[s + X], room[s + Y]
-    a, b, c = room[s + A], room[s + B], room[s + C]
-    per_square = np.float32(
-        1.0 / (unit[0, 2] * unit[0, 2] + unit[1, 2] * unit[1, 2] + unit[2, 2] * unit[2, 2])
-    )
-    bounded = float(a * c - b * b) * per_square
-    wide, high = np.sqrt(c / bounded), np.sqrt(a / bounded)
-    left, right = _between(x, wide, place.x, n)
-    top, bottom = _between(y, high, place.y, n)
-    total, two = 0.0, np.float32(2.0)
+    n, zero, one, two = place.subpixels, np.float32(0.0), np.float32(1.0), np.float32(2.0)
+    a, b, c, half = shape.a, room[s + B], room[s + C], np.float32(0.5 / place.subpixels)
+    x = np.float32(place.x) + half - room[s + ACROSS]
+    y = np.float32(place.y) + half - room[s + DOWN]
+    ray, chord = rows[RAY], amplitude_of(shape, rows[CHORD])  # all parallel rays have the same
+    bounded = float(a * c - b * b) * ray
+    left, right = _between(x, np.sqrt(c / bounded), place.x, n)
+    top, bottom = _between(y, np.sqrt(a / bounded), place.y, n)
+    total = 0.0
     for row in range(top, bottom + 1):
         dy = np.float32(place.y + (row + 0.5) / n - y)
         for column in range(left, right + 1):
             dx = np.float32(place.x + (column + 0.5) / n - x)
-            squared = max(np.float32(0.0), (a * dx + two * b * dy) * dx + c * dy * dy) * per_square
-            total += whole(integral, max(np.float32(0.0), np.float32(1.0) - squared))
+            form = max(zero, (a * dx + two * b * dy) * dx + c * dy * dy) * ray
+            total += whole(integral, max(zero, one - squared_of(shape, form)))
     if not total > 0.0:
-        return np.float32(0.0)
-    return np.float32(mass * (n * n) / (ellipsoid.scale * np.sqrt(per_square) * total))
+        return zero
+    return np.float32(mass * (n * n) / (chord * total))
 
 
 @kernel

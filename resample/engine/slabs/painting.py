@@ -14,7 +14,20 @@ import numpy as np
 from resample.engine.canvas import Home, laid_out, pixel_weights
 from resample.engine.ellipsoids.deferred import TAKEN, form, take_runs
 from resample.engine.ellipsoids.footprints import optics_of
-from resample.engine.ellipsoids.outlines import DEPTH, NO_REACH, Window, sides_of, sight_of
+from resample.engine.ellipsoids.mixed import Mixture, flatten_rays
+from resample.engine.ellipsoids.models import POINT
+from resample.engine.ellipsoids.outlines import (
+    CUT,
+    DEPTH,
+    NO_REACH,
+    Reach,
+    Sight,
+    Window,
+    pad_of_tile,
+    reach_of,
+    sides_of,
+    sight_of,
+)
 from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, part, put_in_order
 from resample.engine.ellipsoids.rows import (
     COLUMNS,
@@ -31,10 +44,11 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
 from resample.engine.runs import home_of, in_order
-from resample.engine.slabs.blends import Blend, Colors, Values
-from resample.engine.slabs.colors import composite_colors
+from resample.engine.slabs.blends import Beside, Blend, Colors, Values
+from resample.engine.slabs.colors import composite_beside, composite_colors
 from resample.engine.slabs.fields import (
     STATES,
     develop,
@@ -44,7 +58,8 @@ from resample.engine.slabs.fields import (
 )
 from resample.engine.slabs.integrals import WORK, Integral
 from resample.engine.slabs.keys import end_of_sheet, sort_by_depth
-from resample.engine.slabs.splats import Slant, Span, add_splats, slant_of
+from resample.engine.slabs.points import add_point
+from resample.engine.slabs.splats import Span, Tools, add_splats, slant_of
 from resample.engine.slabs.sums import (
     Canvas,
     Cutting,
@@ -59,6 +74,8 @@ from resample.engine.slabs.sums import (
 from resample.engine.sorting import sort_pairs
 from resample.types import (
     ADDITIVE,
+    DISC,
+    EXACT,
     Film,
     Floats,
     Indices,
@@ -84,6 +101,14 @@ class Summed(NamedTuple):
     ring: Ring  # of slabs that are open at a time
 
 
+class Ways(NamedTuple):
+    """How samples are summed and composited."""
+
+    integral: Integral  # line integrals of the kernel
+    summed: Summed
+    blend: Blend
+
+
 class Sweep(NamedTuple):
     """Where a tile is: which slab is the first open one, and which one the last."""
 
@@ -97,11 +122,17 @@ class Ready(NamedTuple):
     """What samples of a tile are added to slabs with."""
 
     summed: Summed
-    slant: Slant
-    limits: Limits
-    integral: Integral
-    cutting: Cutting
+    tools: Tools
+    stage: Stage
     reach: float  # half an ellipsoid's extent along the view axis, scene units
+
+
+class Seen(NamedTuple):
+    """Samples, and what a tile sees of them."""
+
+    runs: Runs
+    sight: Sight
+    window: Window
 
 
 class Sums(NamedTuple):
@@ -109,8 +140,11 @@ class Sums(NamedTuple):
 
     work: Floats
     sums: Floats
+    beside: Floats
     along: Floats
     dirty: Dirty
+    across: Floats
+    down: Floats
 
 
 @making_role
@@ -119,6 +153,7 @@ def state_of(blend: Blend, height: int, width: int, cutting: Cutting) -> Floats:
     raise NotImplementedError
 
 
+@plays(state_of, Beside)
 @plays(state_of, Colors)
 def _no_state(blend, height, width, cutting):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.zeros((0, 0, STATES), np.float32)
@@ -127,6 +162,23 @@ def _no_state(blend, height, width, cutting):  # type: ignore[no-untyped-def]  #
 @plays(state_of, Values)
 def _state_of_values(blend, height, width, cutting):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return new_state(height, width, cutting)
+
+
+@making_role
+def sums_beside(blend: Blend, ring: Ring, pairs: int) -> Floats:
+    """Sums of points, where these are not summed with splats."""
+    raise NotImplementedError
+
+
+@plays(sums_beside, Colors)
+@plays(sums_beside, Values)
+def _with_splats(blend, ring, pairs):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.empty(0, np.float32)
+
+
+@plays(sums_beside, Beside)
+def _by_themselves(blend, ring, pairs):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return new_sums(ring, pairs)
 
 
 @making_role
@@ -142,6 +194,11 @@ def _close_colors(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[n
     composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
 
 
+@plays(close, Beside)
+def _close_beside(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    composite_beside(canvas, ring, slab.slot, opaque, blend.is_linear)
+
+
 @plays(close, Values)
 def _close_values(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]
     take_in_values(blend, canvas, ring, slab, cutting, opaque)
@@ -153,6 +210,7 @@ def finish(blend: Blend, canvas: Canvas, n: int, weight: Floats, home: Home, val
     raise NotImplementedError
 
 
+@plays(finish, Beside)
 @plays(finish, Colors)
 def _finish_colors(blend, canvas, n, weight, home, value):  # type: ignore[no-untyped-def]
     pass
@@ -180,6 +238,14 @@ def _cast(
 
 
 @kernel
+def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
+    """How far beyond their outlines samples are painted."""
+    if mixture is None:
+        return NO_REACH
+    return reach_of(stage.style, stage.ellipsoid.radius)
+
+
+@kernel
 def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
     """Pairs of rows of the finest tile."""
     finest = 1
@@ -191,13 +257,14 @@ def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
 @kernel
 def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int) -> Sweep:
     """Composite slabs before one that is reached next."""
-    summed, opaque, is_any_open = ready.summed, ready.limits.opaque, True
+    summed, opaque, is_any_open = ready.summed, ready.tools.limits.opaque, True
     thickness, front, slot = summed.thickness, sweep.front, sweep.slot
     while front < until and front <= sweep.behind:
         near, far = front * thickness, (front + 1) * thickness
         if summed.what != PARTS:
             near, far = -np.inf, np.inf
-        close(blend, canvas, summed.ring, Slab(front, slot, near, far), ready.cutting, opaque)
+        slab = Slab(front, slot, near, far)
+        close(blend, canvas, summed.ring, slab, ready.tools.cutting, opaque)
         is_any_open = close_rows(canvas.open_groups, canvas.rows, canvas.width, opaque)
         front, slot = front + 1, (slot + 1) % summed.ring.slots
         if not is_any_open:
@@ -207,26 +274,39 @@ def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int
 
 @kernel
 def _add(
-    blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, room: Floats, offset: Members
-) -> tuple[Sweep, int]:
-    """Add samples in their order, and composite slabs that no more of them reach."""
-    summed, slant, limits, integral, cutting, reach = ready
-    at_home, n, thickness = 0, 0, summed.thickness
+    blend: Blend,
+    canvas: Canvas,
+    ready: Ready,
+    sweep: Sweep,
+    room: Floats,
+    offset: Members,
+    mixture: Mixture | None,
+) -> tuple[Sweep, int, int]:
+    """Add samples in their order, and composite slabs that no more of them reach.
+
+    Gives where it is then, and how many points and splats were at home in the tile.
+    """
+    summed, tools, stage, reach = ready
+    points, splats, n, thickness = 0, 0, 0, summed.thickness
     is_cutting = summed.what == PARTS
     while n < offset.size and sweep.is_open:
+        s = np.uint64(offset[n])
         if is_cutting:
-            depth = float(room[np.uint64(offset[n]) + DEPTH])
-            first = math.floor((depth - reach) / thickness)
+            first = math.floor((float(room[s + DEPTH]) - reach) / thickness)
             sweep = _closed(blend, canvas, ready, sweep, first)
             if not sweep.is_open:
                 break
         span = Span(sweep.front, sweep.slot, summed.ring, thickness, reach)
-        count, found, behind = add_splats(
-            canvas, room, offset[n:], span, slant, limits, integral, blend, cutting, is_cutting
-        )
-        n, at_home = n + count, at_home + found
+        if mixture is not None and room[s + CUT] == POINT:
+            found, behind = add_point(canvas, room, s, span, tools, blend, stage, is_cutting)
+            n, points = n + 1, points + found
+        else:
+            count, found, behind = add_splats(
+                canvas, room, offset[n:], span, tools, blend, mixture, is_cutting
+            )
+            n, splats = n + count, splats + found
         sweep = Sweep(sweep.front, sweep.slot, max(sweep.behind, behind), True)
-    return sweep, at_home
+    return sweep, points, splats
 
 
 @kernel
@@ -235,14 +315,13 @@ def _add_ready(
     canvas: Canvas,
     ready: Ready,
     sweep: Sweep,
-    pool: Pool,
-    count: int,
-    seen: tuple[Runs, Window, Stage],
+    taken: tuple[Pool, int],
+    seen: Seen,
+    mixture: Mixture | None,
     tally: Tally,
 ) -> Sweep:
     """Add the samples whose turn it is, sheet by sheet where these are summed."""
-    runs, window, stage = seen
-    sight, first = sight_of(stage, NO_REACH), 0
+    (pool, count), (runs, sight, window), first = taken, seen, 0
     position = runs.samples.position.reshape(-1)
     while first < count and sweep.is_open:
         last = count
@@ -261,10 +340,11 @@ def _add_ready(
             pool.found,
             pool.outline,
         )
-        form(sheet, size, runs, sight, window, stage, None)
+        form(sheet, size, runs, sight, window, ready.stage, mixture)
         put_in_order(sheet.ready, sheet.room, sheet.offset)
-        sweep, at_home = _add(blend, canvas, ready, sweep, sheet.room, sheet.offset)
-        tally[1] += at_home
+        sweep, points, splats = _add(blend, canvas, ready, sweep, sheet.room, sheet.offset, mixture)
+        tally[0] += points
+        tally[1] += splats
         if ready.summed.what == WHOLES:
             sweep = _closed(blend, canvas, ready, sweep, sweep.front + 1)
         first = last
@@ -274,25 +354,24 @@ def _add_ready(
 @kernel
 def _paint_tile(
     members: Members,
-    runs: Runs,
-    window: Window,
-    stage: Stage,
+    seen: Seen,
     blend: Blend,
     canvas: Canvas,
     ready: Ready,
+    mixture: Mixture | None,
     tally: Tally,
 ) -> None:
     """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
-    sight, known = sight_of(stage, NO_REACH), runs.known
+    (runs, sight, window), known, sheets = seen, seen.runs.known, ready.summed.sheets
     in_order(known, members)
     pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
-    shown, seen = (window, canvas.open_groups), (runs, window, stage)
+    shown = (window, canvas.open_groups)
     begin = FAR_AHEAD if ready.summed.what == PARTS else 0
     sweep = Sweep(begin, 0, FAR_AHEAD, True)
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         if 2 * queue[0] > pool.waiting.size:
             pool = enlarged(pool)
-        queue = take_runs(pool, queue, members, runs, sight, shown, None, ready.summed.sheets)
+        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
         waiting, next_run, farthest = queue
         limit = np.float32(np.inf)
         if next_run < members.size:
@@ -300,7 +379,7 @@ def _paint_tile(
         stay = part(pool.waiting, waiting, limit, pool.ready)
         count = waiting - stay
         sort_pairs(pool.ready[:count], pool.other[:count])
-        sweep = _add_ready(blend, canvas, ready, sweep, pool, count, seen, tally)
+        sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, tally)
         queue = (stay, next_run, farthest)
     if sweep.is_open:
         _closed(blend, canvas, ready, sweep, sweep.behind + 1)
@@ -313,9 +392,8 @@ def paint_summed_runs(
     tiles: Tiles,
     runs: Runs,
     stage: Stage,
-    integral: Integral,
-    summed: Summed,
-    blend: Blend,
+    ways: Ways,
+    mixture: Mixture | None,
     output: tuple[Film, Floats, Tally],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
@@ -327,25 +405,30 @@ def paint_summed_runs(
     tiles
         Whose members are runs.
     runs
-        At most BATCH samples in one, all of them splats of exact footprint.
+        At most BATCH samples in one.
     stage
         What all painters share.
-    integral
-        Line integrals of the kernel.
-    summed, blend
-        What is summed, and how sums are composited.
+    ways
+        How samples are summed and composited.
+    mixture
+        Where samples are not all splats of exact footprint.
     output
         Film (H, W) written to; (H, W) what projections of fields measure, or nothing; and a tally
-        (T, 4): 0, numbers of splats painted by the tiles that hold their centers, 0, and grids.
+        (T, 4): numbers of points and of splats painted by the tiles that hold their centers, 0, and
+        grids.
     """
     (eye, shape, _), (film, value, tally) = optics_of(stage), output
+    integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
-    reach = math.sqrt(shape.covariance[2][2])
+    reach, sight = math.sqrt(shape.covariance[2][2]), sight_of(stage, beyond_of(mixture, stage))
     own = Sums(
         aligned(WORK),
         new_sums(summed.ring, pairs),
+        sums_beside(blend, summed.ring, pairs),
         np.empty(pairs * PAIR, np.float32),
         no_dirt(summed.ring.slots),
+        np.empty(MOST_TAPS, np.float32),
+        np.empty(MOST_TAPS, np.float32),
     )
     for number in tasks(counter, turn.size):
         tile = turn[number]
@@ -355,22 +438,31 @@ def paint_summed_runs(
             tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
         )
         rows, open_groups = new_rows(height, width), open_rows(height, width)
-        widest = np.float32(1.0) / _cast(rows, own.along, height, width, place, stage)
+        least_ray = _cast(rows, own.along, height, width, place, stage)
+        pad = 0.0
+        if mixture is not None:
+            flatten_rays(rows, height, width, style.model)
+            least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
+            pad = pad_of_tile(style, sight.beyond.beyond, n)
         limits = Limits(
-            np.float32(style.opaque), np.float32(1.0 / style.layer), widest, np.float32(0.0)
+            np.float32(style.opaque),
+            np.float32(1.0 / style.layer),
+            np.float32(1.0) / least_ray,
+            np.float32(0.0),
         )
         cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
-        state = state_of(blend, height, width, cutting)
+        state, own_sums = state_of(blend, height, width, cutting), (own.sums, own.beside, own.dirty)
         canvas = Canvas(
-            rows, open_groups, own.along, own.sums, own.dirty, own.work, state, height, width
-        )
-        sides = sides_of(eye, shape, place, (height, width), 0.0)
-        window = Window(place, height, width, home_of(home), sides)
-        slant = slant_of(eye, shape, place)
-        ready = Ready(summed, slant, limits, integral, cutting, reach)
+            rows, open_groups, own.along, *own_sums, own.across, own.down, own.work, state,
+            height, width,
+        )  # fmt: skip
+        sides = sides_of(eye, shape, place, (height, width), pad)
+        seen = Seen(runs, sight, Window(place, height, width, home_of(home), sides))
+        tools = Tools(slant_of(eye, shape, place), limits, integral, cutting)
+        ready = Ready(summed, tools, stage, reach)
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        _paint_tile(members, runs, window, stage, blend, canvas, ready, tally[tile])
-        empty(own.sums, own.dirty, summed.ring)
+        _paint_tile(members, seen, blend, canvas, ready, mixture, tally[tile])
+        empty(own.sums, own.beside, own.dirty, summed.ring)
         weight = pixel_weights(tables, n)
         finish(blend, canvas, n, weight, home, value)
         resolve_rows(rows, n, weight, home, film)

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, Shape
+from resample.engine.ellipsoids import footprints
+from resample.engine.ellipsoids.footprints import Eye
+from resample.engine.ellipsoids.mixed import Mixture
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
     BOTTOM,
@@ -43,7 +45,7 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.ellipsoids.splats import cut_integral, seen_span
 from resample.engine.jit import kernel, lane_kernel, lane_step
-from resample.engine.slabs.blends import Blend, matter_of
+from resample.engine.slabs.blends import Blend, matter_of, share_of
 from resample.engine.slabs.integrals import (
     ALONG,
     AMPLITUDE,
@@ -55,7 +57,26 @@ from resample.engine.slabs.integrals import (
     up_to,
     whole,
 )
-from resample.engine.slabs.sums import Canvas, Cutting, Matter, Ring, stride_of, sum_at, touch
+from resample.engine.slabs.shapes import (
+    Shape,
+    amplitude_of,
+    below_center,
+    from_center,
+    inverse_square_of,
+    is_point,
+    shape_of,
+    squared_of,
+)
+from resample.engine.slabs.sums import (
+    Canvas,
+    Cutting,
+    Dirty,
+    Matter,
+    Ring,
+    stride_of,
+    sum_at,
+    touch,
+)
 from resample.engine.vectors import dot
 from resample.types import Floats, Place, Single
 
@@ -98,6 +119,25 @@ class Line(NamedTuple):
     lean_rest: Single
 
 
+class Spot(NamedTuple):
+    """Sixteen sub-pixels, and what a splat is on them."""
+
+    k: np.uint64  # where the first numbers of the first one are
+    dx: Single  # px from the form's middle to it
+    step: Single  # px between sub-pixels
+    lean: Single  # see `Leaning.xx`
+    lines: tuple[Line, Line]
+
+
+class Tools(NamedTuple):
+    """What splats of a tile are added with."""
+
+    slant: Slant
+    limits: Limits
+    integral: Integral
+    cutting: Cutting
+
+
 class Leaning(NamedTuple):
     """Of a splat: coefficients of its nearest points."""
 
@@ -109,7 +149,7 @@ class Leaning(NamedTuple):
 
 
 @kernel
-def slant_of(eye: Eye, shape: Shape, place: Place) -> Slant:
+def slant_of(eye: Eye, shape: footprints.Shape, place: Place) -> Slant:
     """What is the same for all splats."""
     unit = shape.to_unit
     ahead = (unit[0][2], unit[1][2], unit[2][2])
@@ -143,48 +183,46 @@ def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
 
 
 @kernel
-def _line_of(b: Single, c: Single, lean: Leaning, dy: Single) -> Line:
-    two = np.float32(2.0)
+def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> Line:
+    two, down = np.float32(2.0), below_center(shape, dy)
     return Line(
-        two * b * dy, c * dy * dy, lean.p + two * lean.xy * dy, (lean.q + lean.yy * dy) * dy
+        two * b * dy, c * dy * dy, lean.p + two * lean.xy * down, (lean.q + lean.yy * down) * down
     )
 
 
 @lane_step
 def _see(
-    canvas_rows: Floats,
+    rows: Floats,
     along: Floats,
     work: Floats,
-    first_k: np.uint64,
-    dx_start: Single,
-    forms: tuple[Single, Single, Single],
-    lines: tuple[Line, Line],
+    spot: Spot,
+    shape: Shape,
     integral: Integral,
     limits: Limits,
 ) -> None:
     """Write down what is known of the rays of some sub-pixels, and what covers these."""
-    a, lean_xx, step = forms
-    line, below = lines
+    line, below = spot.lines
     zero, one = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
-        k = first_k + lane
-        dx = dx_start + np.float32(n >> 1) * step
+        k = spot.k + lane
+        dx = spot.dx + np.float32(n >> 1) * spot.step
         is_below = n & 1 != 0
-        form = (a * dx + (below.cross if is_below else line.cross)) * dx
+        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
         form += below.rest if is_below else line.rest
-        lean = (lean_xx * dx + (below.lean_cross if is_below else line.lean_cross)) * dx
+        aside = from_center(shape, dx)
+        lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
-        ray, per_depth, amplitude = canvas_rows[k + RAY], along[k], canvas_rows[k + CHORD]
-        t = max(zero, one - form * ray)
+        ray, per_depth, amplitude = rows[k + RAY], along[k], amplitude_of(shape, rows[k + CHORD])
+        t = max(zero, one - squared_of(shape, form * ray))
         before, integral_of_all = seen(integral, work, lane, t, np.sqrt(t))
         work[lane + ALONG] = per_depth
-        work[lane + SHIFT] = lean * ray * per_depth
+        work[lane + SHIFT] = lean * inverse_square_of(shape, ray, per_depth) * per_depth
         work[lane + AMPLITUDE] = amplitude
         work[lane + BEFORE] = before * amplitude
-        is_seen = one - canvas_rows[k + ALPHA] > limits.opaque
+        is_seen = one - rows[k + ALPHA] > limits.opaque
         cover = integral_of_all * amplitude * limits.per_layer
-        canvas_rows[k + COVER] += cover if is_seen else zero
+        rows[k + COVER] += cover if is_seen else zero
 
 
 @lane_step
@@ -218,29 +256,26 @@ def _add_part(
 def _add_whole(
     rows: Floats,
     sums: Floats,
-    first_k: np.uint64,
-    first: np.uint64,
-    ring: Ring,
-    dx_start: Single,
-    forms: tuple[Single, Single, Single],
-    lines: tuple[Line, Line],
+    place: tuple[np.uint64, Ring],
+    spot: Spot,
+    shape: Shape,
     integral: Integral,
     matter: Matter,
     limits: Limits,
 ) -> None:
     """Add all of a splat."""
-    (a, _, step), (line, below) = forms, lines
+    (first, ring), (line, below) = place, spot.lines
     weight, one, two, three, four = matter
     zero, full, stride = np.float32(0.0), np.float32(1.0), stride_of(ring)
     for n in range(LANES):
         lane = np.uint64(n)
-        k, s = first_k + lane, first + lane
-        dx = dx_start + np.float32(n >> 1) * step
+        k, s = spot.k + lane, first + lane
+        dx = spot.dx + np.float32(n >> 1) * spot.step
         is_below = n & 1 != 0
-        form = (a * dx + (below.cross if is_below else line.cross)) * dx
+        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
         form += below.rest if is_below else line.rest
-        t = max(zero, full - form * rows[k + RAY])
-        part = rows[k + CHORD] * whole(integral, t)
+        t = max(zero, full - squared_of(shape, form * rows[k + RAY]))
+        part = amplitude_of(shape, rows[k + CHORD]) * whole(integral, t)
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
         sums[s] += part * weight
@@ -274,14 +309,13 @@ def _add_cut(
     span: Span,
     last: int,
     matter: Matter,
-    limits: Limits,
-    cutting: Cutting,
+    tools: Tools,
     is_cutting: bool,
 ) -> None:
     """Add what is seen of a sphere that a plane cuts; its form is its center."""
-    place, camera, ellipsoid, planes, partial = cutting
-    rows, sums, n, one = canvas.rows, canvas.sums, place.subpixels, np.float32(1.0)
-    stride = stride_of(span.ring)
+    place, camera, ellipsoid, planes, partial = tools.cutting
+    limits, rows, sums, n = tools.limits, canvas.rows, canvas.sums, place.subpixels
+    stride, one = stride_of(span.ring), np.float32(1.0)
     center, depth = (room[s + A], room[s + B], room[s + C]), float(room[s + DEPTH])
     left, right = int(room[s + LEFT]), int(room[s + RIGHT])
     first = math.floor((depth - span.reach) / span.thickness) if is_cutting else last
@@ -310,91 +344,98 @@ def _add_cut(
                         at += stride
 
 
+@kernel
+def _slabs_of(span: Span, depth: float, is_cutting: bool) -> tuple[int, int]:
+    """First and last slab that a splat lies in; the one open slab, unless slabs cut splats."""
+    if not is_cutting:
+        return span.front, span.front
+    first = math.floor((depth - span.reach) / span.thickness)
+    return first, math.floor((depth + span.reach) / span.thickness)
+
+
+@kernel
+def touch_slabs(
+    dirty: Dirty,
+    span: Span,
+    first: int,
+    last: int,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+) -> int:
+    """Note that slabs between two numbers were touched; gives the first one's place in the ring."""
+    slots = span.ring.slots
+    first_slot = span.slot + first - span.front
+    first_slot -= slots if first_slot >= slots else 0
+    slot = first_slot
+    for _ in range(first, last + 1):
+        touch(dirty, slot, rows[0], rows[1], columns[0], columns[1])
+        slot = slot + 1 if slot + 1 < slots else 0
+    return first_slot
+
+
 @lane_kernel
 def add_splats(
     canvas: Canvas,
     room: Floats,
     offset: Members,
     span: Span,
-    slant: Slant,
-    limits: Limits,
-    integral: Integral,
+    tools: Tools,
     blend: Blend,
-    cutting: Cutting,
+    mixture: Mixture | None,
     is_cutting: bool,
 ) -> tuple[int, int, int]:
-    """Add splats up to the first one that does not reach the first open slab.
+    """Add splats up to the first one that does not reach the first open slab, or is a point.
 
     Gives how many these are, how many of those that were added are at home in the tile, and the
     last slab that was touched. Unless slabs cut splats, there is one, which all of them are in.
     """
     rows, open_groups, along, sums = canvas.rows, canvas.open_groups, canvas.along, canvas.sums
     dirty, work, at_home, behind = canvas.dirty, canvas.work, 0, span.front - 1
-    ring, slots = span.ring, span.ring.slots
+    ring, slots, place, step = span.ring, span.ring.slots, tools.cutting.place, tools.slant.step
+    slant, limits, integral = tools.slant, tools.limits, tools.integral
     for n in range(offset.size):
         s = np.uint64(offset[n])
+        if is_point(mixture, room[s + CUT]):
+            return n, at_home, behind
         depth = float(room[s + DEPTH])
-        first, last = span.front, span.front
-        if is_cutting:
-            first = math.floor((depth - span.reach) / span.thickness)
-            last = math.floor((depth + span.reach) / span.thickness)
-            if first > span.front:
-                return n, at_home, behind
-            if first < span.front - 1:  # behind the eye: no key of a run knows of it
-                continue
-            first = max(first, span.front)  # depths may round otherwise than keys
+        first, last = _slabs_of(span, depth, is_cutting)
+        if first > span.front:
+            return n, at_home, behind
+        if first < span.front - 1:  # behind the eye: no key of a run knows of it
+            continue
+        first = max(first, span.front)  # depths may round otherwise than keys
         top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
         left, right = int(room[s + LEFT]), int(room[s + RIGHT])
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])
         behind = max(behind, last)
-        matter = matter_of(blend, room, s, cutting, integral)
-        first_slot = span.slot + first - span.front
-        first_slot -= slots if first_slot >= slots else 0
-        slot, lanes_end = first_slot, min(right + COLUMNS - 1, canvas.width)
-        for _ in range(first, last + 1):
-            touch(dirty, slot, top, bottom, left, lanes_end)
-            slot = slot + 1 if slot + 1 < slots else 0
+        shape = shape_of(mixture, room, s, place)
+        share = share_of(blend, shape, room, s, rows, place, integral)
+        matter = matter_of(blend, room, s, share)
+        lanes = (left, min(right + COLUMNS - 1, canvas.width))
+        first_slot = touch_slabs(dirty, span, first, last, (top, bottom), lanes)
         if room[s + CUT] > np.float32(0.0):
-            _add_cut(canvas, room, s, span, last, matter, limits, cutting, is_cutting)
+            _add_cut(canvas, room, s, span, last, matter, tools, is_cutting)
             continue
-        a, b, c = room[s + A], room[s + B], room[s + C]
-        across, down = room[s + ACROSS], room[s + DOWN]
+        b, c, across, down = room[s + B], room[s + C], room[s + ACROSS], room[s + DOWN]
         lean = _leaning_of(slant, room[s + X], room[s + Y], room[s + DEPTH])
-        forms = (a, lean.xx, slant.step)
-        under, first_column, last_column = groups_between(left, right), left, right
+        under, columns = groups_between(left, right), (left, right)
         for pair in range(top >> 1, (bottom + 1) >> 1):
             if open_groups[pair] & under == np.uint32(0):
                 continue
-            dy = down + np.float32(2 * pair) * slant.step
-            lines = (_line_of(b, c, lean, dy), _line_of(b, c, lean, dy + slant.step))
+            dy = down + np.float32(2 * pair) * step
+            lines = (_line_of(b, c, lean, shape, dy), _line_of(b, c, lean, shape, dy + step))
             if right - left > COLUMNS:
-                first_column, last_column = _narrowed_pair(
-                    a, lines, (left, right), across, slant.step, limits.widest
-                )
-                if first_column >= last_column:
-                    continue
-            for start in range(first_column, last_column, COLUMNS):
+                columns = _narrowed_pair(shape.a, lines, (left, right), across, step, limits.widest)
+            for start in range(columns[0], columns[1], COLUMNS):
                 first_k = np.uint64(pair * PAIR + 2 * start)
-                dx_start = across + np.float32(start) * slant.step
+                spot = Spot(first_k, across + np.float32(start) * step, step, lean.xx, lines)
                 if not is_cutting:
-                    k = sum_at(ring, span.slot, pair, start)
-                    _add_whole(
-                        rows,
-                        sums,
-                        first_k,
-                        k,
-                        ring,
-                        dx_start,
-                        forms,
-                        lines,
-                        integral,
-                        matter,
-                        limits,
-                    )
+                    at = (sum_at(ring, span.slot, pair, start), ring)
+                    _add_whole(rows, sums, at, spot, shape, integral, matter, limits)
                     continue
-                _see(rows, along, work, first_k, dx_start, forms, lines, integral, limits)
+                _see(rows, along, work, spot, shape, integral, limits)
                 slot = first_slot
                 for number in range(first, last + 1):
                     k = sum_at(ring, slot, pair, start)

@@ -60,7 +60,10 @@ class Canvas(NamedTuple):
     open_groups: Groups
     along: Floats  # radii per scene unit of depth on a ray, |w|; first numbers of pairs of rows
     sums: Floats
+    beside: Floats  # likewise, of points that lie beside each other; or nothing
     dirty: Dirty
+    across: Floats  # (MOST_TAPS,) room for weights of points
+    down: Floats
     work: Floats  # see `integrals`
     state: Floats  # (h, w, 10) of fields, see `fields`; or nothing
     height: int
@@ -130,7 +133,7 @@ def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
 
 
 @kernel
-def empty(sums: Floats, dirty: Dirty, ring: Ring) -> None:
+def empty(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring) -> None:
     """Empty all slabs."""
     for slot in range(ring.slots):
         first, last, _, _ = clean(dirty, slot)
@@ -138,6 +141,8 @@ def empty(sums: Floats, dirty: Dirty, ring: Ring) -> None:
             begin = sum_at(ring, slot, pair, 0)
             for n in range(np.uint64(PLANES) * stride_of(ring)):
                 sums[begin + np.uint64(n)] = 0.0
+                if beside.size > 0:
+                    beside[begin + np.uint64(n)] = 0.0
 
 
 @kernel

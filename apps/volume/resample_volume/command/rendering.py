@@ -7,7 +7,7 @@ from resample.cameras.models import AnyCamera
 from resample.command.console import progress_bar, say
 from resample.command.session import Session, announce_compilation
 from resample.profiles.orders import Summing
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Primitive, Resampler
 from resample.types import Doubles, Field, Frame, Samples
 from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
@@ -78,10 +78,7 @@ def painter(resampler: Resampler) -> Callable[..., None]:
     from resample.engine.ellipsoids.deferred import paint_runs
     from resample.engine.points.runs import paint_point_runs
     from resample.engine.slabs.painting import paint_summed_runs
-    from resample.engine.slabs.sheets import paint_sheet_tiles
 
     if resampler.order.summing is not Summing.POINTS:
-        is_exact = resampler.footprint in (None, Footprint.EXACT)
-        is_plain = resampler.primitive in (Primitive.HYBRID, Primitive.SPLATS)
-        return paint_summed_runs if is_exact and is_plain else paint_sheet_tiles
+        return paint_summed_runs
     return paint_point_runs if resampler.primitive is Primitive.POINTS else paint_runs

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.painting.scene import NO_CLASSIFIER, Progress, check_samples
+from resample.painting.scene import Progress, check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.resampler import Projection
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
@@ -26,6 +26,8 @@ from resample_volume.files.memory import require_memory
 if TYPE_CHECKING:
     from resample_volume.rivals.kernels.raycasting import FieldLook, Grid, Plan
 
+NO_LAMP = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)
+NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LAMP, 0.0, 1.0, 0.0)
 TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 OFF_LATTICE = 0.02  # voxels; float32 keeps positions to 1/1000 of a voxel up to 10000 voxels away

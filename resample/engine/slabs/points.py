@@ -1,0 +1,151 @@
+"""Add points to the open slabs of a tile, each to the one that its center lies in."""
+
+import math
+
+import numpy as np
+
+from resample.engine.ellipsoids.outlines import (
+    AREA,
+    BLUE,
+    BOTTOM,
+    DEPTH,
+    GREEN,
+    HOME,
+    LEFT,
+    OPACITY,
+    RED,
+    RIGHT,
+    SPACING,
+    TOP,
+    X,
+    Y,
+)
+from resample.engine.ellipsoids.rows import ALPHA, index_of, is_open
+from resample.engine.ellipsoids.rows import WEIGHT as COVER
+from resample.engine.jit import kernel
+from resample.engine.points.adding import Box, box_around
+from resample.engine.points.among import width_of
+from resample.engine.roles import making_role, plays
+from resample.engine.slabs.blends import Beside, Blend, Colors, Values, matter_of
+from resample.engine.slabs.splats import Span, Tools, touch_slabs
+from resample.engine.slabs.sums import Canvas, Ring, stride_of, sum_at
+from resample.types import Floats, Place, Single, Stage
+
+
+@making_role
+def spread(
+    blend: Blend,
+    canvas: Canvas,
+    room: Floats,
+    s: np.uint64,
+    box: Box,
+    slot: tuple[Ring, int],
+    tools: Tools,
+    layer: Single,
+) -> None:
+    """Add a point under its filter to what a slab sums."""
+    raise NotImplementedError
+
+
+@plays(spread, Colors)
+@plays(spread, Values)
+def _spread_integrals(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
+    oblique = _oblique(room[s + X], room[s + Y], tools)
+    mass = np.float32(room[s + AREA] * layer * oblique)
+    matter = matter_of(blend, room, s, np.float32(1.0))
+    amount = (matter.weight, matter.first, matter.second, matter.third, matter.fourth)
+    _spread(canvas, canvas.sums, box, slot, mass, amount, tools.limits.per_layer, tools)
+
+
+@plays(spread, Beside)
+def _spread_opacities(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    area, alpha = room[s + AREA], room[s + OPACITY]
+    one, share = np.float32(1.0), alpha / area
+    red, green, blue, depth = room[s + RED], room[s + GREEN], room[s + BLUE], room[s + DEPTH]
+    amount = (share, share * red, share * green, share * blue, share * depth)
+    _spread(canvas, canvas.beside, box, slot, area, amount, one, tools)
+
+
+@kernel
+def _spread(
+    canvas: Canvas,
+    sums: Floats,
+    box: Box,
+    slot: tuple[Ring, int],
+    mass: Single,
+    amount: tuple[Single, Single, Single, Single, Single],
+    per_mass: Single,
+    tools: Tools,
+) -> None:
+    """Add amounts per mass, and to the coverage what it is per mass where sub-pixels are open."""
+    rows, ring, one, opaque = canvas.rows, slot[0], np.float32(1.0), tools.limits.opaque
+    stride, across, down = stride_of(ring), canvas.across, canvas.down
+    for row in range(box.top, box.bottom):
+        seen = mass * down[row - box.first_row]
+        for column in range(box.left, box.right):
+            part = seen * across[column - box.first_column]
+            at = sum_at(ring, slot[1], row >> 1, column) + np.uint64(row & 1)
+            k = index_of(row, column)
+            sums[at] += part * amount[0]
+            sums[at + stride] += part * amount[1]
+            sums[at + np.uint64(2) * stride] += part * amount[2]
+            sums[at + np.uint64(3) * stride] += part * amount[3]
+            sums[at + np.uint64(4) * stride] += part * amount[4]
+            rows[k + COVER] += part * per_mass if one - rows[k + ALPHA] > opaque else 0.0
+
+
+@kernel
+def _oblique(x: Single, y: Single, tools: Tools) -> float:
+    """Length of a ray's way through a slab of thickness 1, of a place on the screen, px."""
+    camera = tools.cutting.camera
+    if not camera.perspective:
+        return 1.0
+    right = (x - camera.principal[0]) / camera.focal[0]
+    below = (y - camera.principal[1]) / camera.focal[1]
+    return math.sqrt(1.0 + right * right + below * below)
+
+
+@kernel
+def add_point(
+    canvas: Canvas,
+    room: Floats,
+    s: np.uint64,
+    span: Span,
+    tools: Tools,
+    blend: Blend,
+    stage: Stage,
+    is_cutting: bool,
+) -> tuple[int, int]:
+    """Add a point to its slab; gives 1 if it is at home in the tile and not hidden, and the slab.
+
+    Under a filter as wide as the kernel's projection points add up as splats do, however thick a
+    slab is.
+    """
+    top, bottom, left, right = (
+        int(room[s + TOP]),
+        int(room[s + BOTTOM]),
+        int(room[s + LEFT]),
+        int(room[s + RIGHT]),
+    )
+    if left >= right or top >= bottom or not is_open(canvas.open_groups, top, bottom, left, right):
+        return 0, span.front - 1
+    place, number = tools.cutting.place, span.front
+    if is_cutting:
+        number = max(number, math.floor(room[s + DEPTH] / span.thickness))
+    box = _box_of(canvas, room, s, place, stage)
+    if box.top >= box.bottom or box.left >= box.right:
+        return int(room[s + HOME]), span.front - 1
+    columns, rows = (box.left, box.right), (box.top, box.bottom)
+    slot = touch_slabs(canvas.dirty, span, number, number, rows, columns)
+    spread(blend, canvas, room, s, box, (span.ring, slot), tools, np.float32(stage.style.layer))
+    return int(room[s + HOME]), number
+
+
+@kernel
+def _box_of(canvas: Canvas, room: Floats, s: np.uint64, place: Place, stage: Stage) -> Box:
+    """Weights of a point's filter, in the canvas' `across` and `down`, and what they meet."""
+    n, style = place.subpixels, stage.style
+    x, y = (room[s + X] - place.x) * n, (room[s + Y] - place.y) * n
+    reach = width_of(room[s + SPACING], n, style) * style.point_extent
+    size = (canvas.height, canvas.width)
+    return box_around(size, x, y, reach, stage.tables.point, canvas.across, canvas.down)
