@@ -200,8 +200,7 @@ def _cut(canvas, box, scene, one):
     per_depth = np.sqrt((step**2).sum(-1))
     foot = (way * step).sum(-1) / per_depth**2
     squared = ((way - foot[..., None] * step) ** 2).sum(-1)
-    half = np.sqrt(np.maximum(0, 1 - squared))
-    low, high = (np.clip((z - foot) * per_depth, -half, half) for z in (start, end))
+    low, high = (np.clip((z - foot) * per_depth, -1, 1) for z in (start, end))
     share = _partial(scene.tables.partial, squared, high)
     share -= _partial(scene.tables.partial, squared, low)
     return scene.ellipsoid.scale * length / per_depth * np.where(squared < 1, share, 0)

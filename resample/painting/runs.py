@@ -13,7 +13,7 @@ from resample.painting.scene import (
     size_of_tiles,
     tiles_along,
 )
-from resample.types import Film, Indices, Runs, Samples, Statistics, Tally, Tiles
+from resample.types import MOST_COLUMNS, Film, Indices, Runs, Samples, Statistics, Tally, Tiles
 
 RUN_EXTENT = 8.0  # voxels
 SAMPLES_PER_STEP = 10_000_000  # between two looks at the progress and at Ctrl-C
@@ -38,17 +38,22 @@ def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indic
     return begins
 
 
-def dealt(scene: Scene, runs: Runs, find_spacings: Callable[[Tiles], None]) -> Deal:
+def dealt(
+    scene: Scene,
+    runs: Runs,
+    find_spacings: Callable[[Tiles], None],
+    columns: int = MOST_COLUMNS,
+) -> Deal:
     """Runs that tiles may show, and how many samples these have.
 
-    `find_spacings` fills in the tiles' spacings.
+    `find_spacings` fills in the tiles' spacings; `columns` as in `size_of_tiles`.
     """
     from resample.engine.grid import grid
     from resample.engine.runs import count_runs, deal_runs
 
     known, screen, style = runs.known, scene.screen, scene.style
     least, most = known["least_spacing"].min(), known["most_spacing"].max()
-    size = size_of_tiles(grid(least, style), scene.tables.pixel_margin)
+    size = size_of_tiles(grid(least, style), scene.tables.pixel_margin, columns)
     rows, columns = tiles_along(screen, size)
     count, load = np.zeros((2, rows * columns), np.int64)
     count_runs(known, screen, size, columns, count)

@@ -165,13 +165,13 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
     return Screen(width, height, float(margin), sides)
 
 
-def size_of_tiles(subpixels: int, margin: int = 0) -> int:
+def size_of_tiles(subpixels: int, margin: int = 0, columns: int = MOST_COLUMNS) -> int:
     """Side of a tile in px where pixels are divided into so many sub-pixels per side at most.
 
     A row of its sub-pixels, with a margin px wide on both sides for the pixel filter, has at most
-    MOST_COLUMNS of them.
+    so many `columns`, unless that of a single pixel has more.
     """
-    return max(1, min(max(8, 32 // subpixels), MOST_COLUMNS // subpixels - 2 * margin))
+    return max(1, min(max(8, 32 // subpixels), columns // subpixels - 2 * margin))
 
 
 def tiles_along(screen: Screen, size: int) -> tuple[int, int]:

@@ -8,12 +8,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from resample.painting.runs import counted, dealt, paint_in_steps
-from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
+from resample.painting.scene import Clock, Painted, Progress, Scene
 from resample.painting.splats import count_of_points, may_have_points, mixture_of, runs_of
 from resample.profiles.orders import Summing
-from resample.profiles.reconstruction import Reconstruction, density_profile, footprint_profile
+from resample.profiles.reconstruction import (
+    Reconstruction,
+    density_profile,
+    footprint_profile,
+    product_profile,
+)
 from resample.types import (
     ADDITIVE,
     AVERAGE,
@@ -21,6 +27,7 @@ from resample.types import (
     EXACT,
     FIRST_HIT,
     MAXIMUM,
+    MOST_COLUMNS,
     Doubles,
     Film,
     Indices,
@@ -54,10 +61,10 @@ def paint_summed(
 
     clock = Clock()
     scene, runs, mixture = _seen(scene, samples)
-    summed = _summed(scene, runs)
+    summed, columns = _summed(scene, runs)
     clock.lap("project")
     stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture), columns)
     clock.lap("bin")
     screen, is_measuring = scene.screen, scene.style.projection in MEASURING
     value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
@@ -99,8 +106,11 @@ def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, "Mixture | None"]:
     return runs, mixture_of(scene, runs, None, None)
 
 
-def _summed(scene: Scene, runs: Runs) -> "Summed":
-    """What is summed; where these are sheets, runs get keys of sheets."""
+def _summed(scene: Scene, runs: Runs) -> tuple["Summed", int]:
+    """What is summed, and how many columns tiles may have.
+
+    Where these are sheets, runs get keys of sheets.
+    """
     from resample.engine.grid import grid
     from resample.engine.slabs.keys import find_first_sheets
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
@@ -108,16 +118,16 @@ def _summed(scene: Scene, runs: Runs) -> "Summed":
 
     margin, layers = scene.tables.pixel_margin, scene.layers
     finest = grid(runs.known["least_spacing"].min(), scene.style)
-    is_narrow = (size_of_tiles(finest, margin) + 2 * margin) * finest <= NARROW
-    ring = Narrow if is_narrow else Wide
+    is_narrow = (1 + 2 * margin) * finest <= NARROW
+    ring, columns = (Narrow, NARROW) if is_narrow else (Wide, MOST_COLUMNS)
     if scene.style.projection in (AVERAGE, ADDITIVE):
-        return Summed(ALL, layers.thickness, None, ring(1))
+        return Summed(ALL, layers.thickness, None, ring(1)), columns
     if scene.summing is Summing.SHEETS:
         find_first_sheets(runs, layers, scene.view)
-        return Summed(WHOLES, layers.thickness, layers, ring(1))
+        return Summed(WHOLES, layers.thickness, layers, ring(1)), columns
     reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
     slots = math.ceil(2 * reach / layers.thickness) + 2
-    return Summed(PARTS, layers.thickness, None, ring(slots))
+    return Summed(PARTS, layers.thickness, None, ring(slots)), columns
 
 
 def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
@@ -145,9 +155,13 @@ def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
 
 
 def _integral_of(scene: Scene, reconstruction: Reconstruction) -> "Integral":
-    from resample.engine.slabs.integrals import Smooth, Tabulated
+    from resample.engine.slabs.integrals import Product, Smooth, Tabulated
 
     whole, density = footprint_profile(reconstruction), density_profile(reconstruction)
+    factors = product_profile(reconstruction)
+    if whole is not None and factors is not None:
+        across, along, rim = factors
+        return Product(whole, _singles(across), _singles(along / np.arange(1, 18, 2)), rim)
     if whole is None or density is None:
         part = scene.tables.partial
         return Tabulated(scene.tables.footprint, part.reshape(-1), part.shape[1] - 1)
@@ -158,9 +172,10 @@ def _partial(density: Doubles) -> list[tuple[np.float32, ...]]:
     """Coefficients of the polynomials that integrals up to a place have, see `integrals`."""
     count = len(density)
     return [
-        tuple(
-            np.float32((-1) ** m / (2 * m + 1) * density[j] * math.comb(j, m))
-            for j in range(m, count)
-        )
+        _singles([(-1) ** m / (2 * m + 1) * density[j] * math.comb(j, m) for j in range(m, count)])
         for m in range(count)
     ]
+
+
+def _singles(numbers: ArrayLike) -> tuple[np.float32, ...]:
+    return tuple(np.asarray(numbers, np.float32))

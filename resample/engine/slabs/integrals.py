@@ -6,7 +6,10 @@ the places from -sqrt(t) to sqrt(t). A density Σ_j d_j t^j has between 0 and x 
     Σ_j d_j ∫ (t - x²)^j dx = x Σ_m q_m(t) x^(2m)
     q_m(t) = (-1)^m / (2m + 1) Σ_j d_j (j over m) t^(j-m)
 
-The nine q_m are found once per ray, and serve all places on it.
+The nine q_m are found once per ray, and serve all places on it. A Gaussian, lowered by its rim, is
+a product of what is across the ray and along it: there is but one number to be found,
+
+    q(t) x Σ_m p_m x^(2m) - rim x
 """
 
 from typing import NamedTuple
@@ -14,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.ellipsoids.rows import LANES
+from resample.engine.jit import lane_step
 from resample.engine.roles import lane_role, plays
 from resample.types import Floats, Profile, Single
 
@@ -42,6 +46,15 @@ class Smooth(NamedTuple):
     q8: Coefficients
 
 
+class Product(NamedTuple):
+    """A Gaussian, lowered by its rim."""
+
+    whole: Profile  # line integrals, sqrt(t) times a polynomial in t
+    across: Coefficients  # nine of them
+    along: Coefficients  # nine, of the squared place
+    rim: float
+
+
 class Tabulated(NamedTuple):
     """Any other kernel."""
 
@@ -50,7 +63,7 @@ class Tabulated(NamedTuple):
     steps: int  # J
 
 
-Integral = Smooth | Tabulated
+Integral = Smooth | Product | Tabulated
 
 
 @lane_role
@@ -76,6 +89,7 @@ def up_to(integral: Integral, work: Floats, lane: np.uint64, x: Single) -> Singl
     raise NotImplementedError
 
 
+@plays(whole, Product)
 @plays(whole, Smooth)
 def _whole_of_formula(integral, t):  # type: ignore[no-untyped-def]
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = integral.whole
@@ -125,6 +139,24 @@ def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-
     return -middle, middle + middle
 
 
+@lane_step
+def _nine(c: Coefficients, v: Single) -> Single:
+    """Polynomial with nine coefficients."""
+    v2 = v * v
+    v4 = v2 * v2
+    high = (c[4] + v * c[5]) + v2 * (c[6] + v * c[7]) + v4 * c[8]
+    return (c[0] + v * c[1]) + v2 * (c[2] + v * c[3]) + v4 * high
+
+
+@plays(seen, Product)
+def _seen_by_product(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+    q = _nine(integral.across, t)
+    work[lane + Q0] = q
+    work[lane + HALF] = half
+    middle = half * (q * _nine(integral.along, t) - np.float32(integral.rim))
+    return -middle, middle + middle
+
+
 @plays(seen, Tabulated)
 def _seen_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
     steps, table = integral.steps, integral.part
@@ -145,6 +177,11 @@ def _up_to_by_formula(integral, work, lane, x):  # type: ignore[no-untyped-def] 
     low = (work[lane + Q0] + y * work[lane + Q1]) + y2 * (work[lane + Q2] + y * work[lane + Q3])
     high = (work[lane + Q4] + y * work[lane + Q5]) + y2 * (work[lane + Q6] + y * work[lane + Q7])
     return x * (low + y4 * (high + y4 * work[lane + Q8]))
+
+
+@plays(up_to, Product)
+def _up_to_by_product(integral, work, lane, x):  # type: ignore[no-untyped-def]
+    return x * (work[lane + Q0] * _nine(integral.along, x * x) - np.float32(integral.rim))
 
 
 @plays(up_to, Tabulated)
