@@ -5,6 +5,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import threads
 from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
@@ -16,17 +17,7 @@ from resample.profiles.interpolation import (
 )
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.texels.forward import Cells, blocks_of, project
-from resample_texture.texels.kernels.blocks import (
-    BOTTOM,
-    CUT,
-    FIRST,
-    LAST,
-    LEFT,
-    LENGTH,
-    RIGHT,
-    START,
-    TOP,
-)
+from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, START
 from resample_texture.types import Edge
 from tests.texture import naive_forward
 

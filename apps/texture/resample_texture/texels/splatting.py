@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resample.engine.cells.parts import batches
+from resample.engine.cells.sums import collect, offsets
 from resample.engine.surfaces.stamps import RIM
 from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
@@ -33,7 +34,6 @@ from resample_texture.texels.forward import (
     with_margins,
 )
 from resample_texture.texels.kernels.blocks import Integers, sight
-from resample_texture.texels.kernels.painting import collect, offsets
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splat_shapes import Shape
 from resample_texture.texels.kernels.splats import Splatted, splat_blocks

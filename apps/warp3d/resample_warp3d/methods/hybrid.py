@@ -6,27 +6,22 @@ color over their overlap. So a pixel is the mean of what it shows, at any scale 
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 from resample_warp3d.depth.identity import is_identity, unmoved
 from resample_warp3d.sheet.holes import bridged
 from resample_warp3d.sheet.sheets import Sheets
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
 
+if TYPE_CHECKING:
+    from resample_warp3d.sheet.kernels.screen import Screen
+    from resample_warp3d.sheet.kernels.segments import Frame
+
 BAND = 32  # rows of the target that one thread paints at a time
 LARGEST_BAND = 1 << 30  # px; kernels count them in 32 bits
-
-
-class Projected(NamedTuple):
-    """A sheet on the target's screen, as `kernels.screen` writes it."""
-
-    vertex: Floats  # (3, H + 1, W + 1)
-    torn: Floats  # (N, 4, 3)
-    bounds: NDArray[np.int32]  # (H, segments, 4)
 
 
 @dataclass(frozen=True)
@@ -63,17 +58,15 @@ class Hybrid:
 
     def layers(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp and leave narrow gaps open, for pixels that are parts of others."""
-        from resample_warp3d.sheet.kernels.layers import paint_bands
+        from resample_warp3d.sheet.kernels.layers import Colors, Picture, paint_layers
 
         sheet = self._sheets(source, is_label=self.labels)
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])
-        paint_bands(
-            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
-            band_of(shape), self.quality, float(np.sign(np.linalg.det(matrix))), self.labels,
-            *blank[:4],
-        )  # fmt: skip
+        colors, picture = Colors(sheet.color, sheet.links), Picture(*blank[:4])
+        frame = whole_frame(matrix, shape, self.quality, is_label=self.labels)
+        paint_layers(screen, colors, band_of(shape), frame, picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
 
@@ -86,7 +79,8 @@ class Preview:
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        from resample_warp3d.sheet.kernels.preview import look_in_bands
+        from resample_warp3d.sheet.kernels.layers import Colors, Picture
+        from resample_warp3d.sheet.kernels.preview import look
 
         if is_identity(source, equation, shape):
             return unmoved(source)
@@ -94,10 +88,8 @@ class Preview:
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])
-        look_in_bands(
-            *screen[:2], sheet.torn, screen.bounds, sheet.color, sheet.links,
-            band_of(shape), float(np.sign(np.linalg.det(matrix))), *blank[:4],
-        )  # fmt: skip
+        colors, picture = Colors(sheet.color, sheet.links), Picture(*blank[:4])
+        look(screen, colors, band_of(shape), whole_frame(matrix, shape), picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
 
@@ -113,7 +105,17 @@ def band_of(shape: tuple[int, int]) -> int:
     return max(1, min(BAND, LARGEST_BAND // shape[1]))
 
 
-def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> Projected:
+def whole_frame(
+    matrix: Doubles, shape: tuple[int, int], quality: float = 1.0, *, is_label: bool = False
+) -> "Frame":
+    """All rows of a target's frame."""
+    from resample_warp3d.sheet.kernels.segments import Frame
+
+    orientation = np.float32(np.sign(np.linalg.det(matrix)))
+    return Frame(0, *shape, orientation, np.float32(quality), is_label)
+
+
+def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "Screen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
 
@@ -124,7 +126,7 @@ def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> Projected:
     screen.project_corners(sheet.corner, matrix, epipole, torn)
     bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
     screen.bound_segments(vertices, torn, sheet.torn, bounds)
-    return Projected(vertices, torn, bounds)
+    return screen.Screen(vertices, torn, sheet.torn, bounds)
 
 
 def empty(shape: tuple[int, int], channels: int) -> Rendered:

@@ -18,8 +18,6 @@ from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import kernel
 from resample.types import Doubles
 
-__all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP"]
-
 Integers = NDArray[np.int64]
 
 # Columns of a block's axis. FIRST and LAST count cells from START on; they leave some out only

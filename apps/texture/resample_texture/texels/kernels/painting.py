@@ -6,7 +6,6 @@ import numpy as np
 
 from resample.engine.cells.batch import Batch, new_batch
 from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts
-from resample.engine.cells.sums import collect, offsets
 from resample.engine.cells.taps import Spread
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel
 from resample.engine.roles import plays
@@ -25,8 +24,6 @@ from resample_texture.texels.kernels.texels import (
     parts_along,
     texels_along,
 )
-
-__all__ = ["Texels", "Texture", "collect", "offsets", "paint_blocks"]
 
 
 class Texels(NamedTuple):

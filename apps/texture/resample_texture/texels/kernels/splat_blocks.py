@@ -4,21 +4,18 @@ import math
 
 import numpy as np
 
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import kernel
 from resample.engine.surfaces.stamps import HIGH, MASS, RIM, ROWS, WIDE, X, Y
 from resample.types import Doubles
 from resample_texture.texels.kernels.blocks import (
-    BOTTOM,
     CUT,
     FIRST,
     LAST,
-    LEFT,
     LENGTH,
     LEVEL,
-    RIGHT,
     START,
     TILE,
-    TOP,
     Integers,
     projected,
 )

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.cells.tiles import LEFT, TOP
 from resample.engine.jit import kernel
 from resample.engine.surfaces.ellipses import blurred_ellipse, longest_stretch
 from resample.engine.surfaces.stamps import (
@@ -21,7 +22,7 @@ from resample.engine.surfaces.stamps import (
     Y,
 )
 from resample.types import Doubles, Floats, Single
-from resample_texture.texels.kernels.blocks import LEFT, LENGTH, START, TOP, Integers
+from resample_texture.texels.kernels.blocks import LENGTH, START, Integers
 from resample_texture.texels.kernels.placing import determinant
 
 

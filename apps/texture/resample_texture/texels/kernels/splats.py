@@ -10,18 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.cells.batch import Batch
+from resample.engine.cells.taps import add_points
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.surfaces.stamps import MASS, PEAK, ROWS, SIDE, Ground, X, Y, add_splats
 from resample.types import Doubles, Floats
-from resample_texture.texels.kernels.adding import add_points_color, add_points_gray
-from resample_texture.texels.kernels.blocks import (
-    BOTTOM,
-    LEFT,
-    LENGTH,
-    RIGHT,
-    TOP,
-    Integers,
-)
+from resample_texture.texels.kernels.blocks import LENGTH, Integers
 from resample_texture.texels.kernels.splat_shapes import Shape, splat_on_map, splat_on_plane
 from resample_texture.texels.kernels.texels import fetch
 
@@ -59,10 +54,8 @@ def _add_points(ground: Ground, values: Floats, line: Floats, count: int, profil
         along_y[n] = y - np.float32(row)
         mass[n] = line[MASS, n] if is_in else zero
         pixel[n] = row * width + column
-    if values.shape[0] == 1:
-        add_points_gray(sums, start, width, values, pixel, along_x, along_y, mass, profile)
-    else:
-        add_points_color(sums, start, width, values, pixel, along_x, along_y, mass, profile)
+    batch = Batch(pixel, along_x, along_y, mass, values)
+    add_points(sums, start, width, batch, count, profile)
 
 
 @kernel

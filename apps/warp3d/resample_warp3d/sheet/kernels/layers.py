@@ -363,15 +363,3 @@ def paint_layers(
             adding = Adding(colors, group, Layers(front, behind, sums, voted))
             walk(adding, strip, members, cells)
             _resolve(adding, area, frame, picture)
-
-
-def paint_bands(
-    vertex: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
-    links: Links, band: int, quality: float, orientation: float, is_label: bool,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
-    """`paint_layers` of arrays one by one."""
-    height, width = coverage.shape
-    like = Frame(0, height, width, np.float32(orientation), np.float32(quality), is_label)
-    picture = Picture(image, coverage, nearness, magnification)
-    paint_layers(Screen(vertex, torn, index, bounds), Colors(color, links), band, like, picture)

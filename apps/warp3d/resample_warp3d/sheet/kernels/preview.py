@@ -213,15 +213,3 @@ def look(
         cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         walk(looks, strip, met(bounds, (first, last), like.width), cells)
         _resolve(strip, looks, colors, picture)
-
-
-def look_in_bands(
-    vertex: Floats, torn: Floats, index: Indices, bounds: Indices, color: Floats,
-    links: Links, band: int, orientation: float,
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-) -> None:  # fmt: skip
-    """`look` of arrays one by one."""
-    height, width = coverage.shape
-    like = Frame(0, height, width, np.float32(orientation), ONE, False)
-    picture = Picture(image, coverage, nearness, magnification)
-    look(Screen(vertex, torn, index, bounds), Colors(color, links), band, like, picture)
