@@ -9,17 +9,17 @@ from resample.files.images import read_image
 from resample_texture.geometry.mappings import Homography
 from resample_texture.showing import compare
 from resample_texture.showing.compare import Judge, enlarged, measured, sheet, source_values, timed
-from resample_texture.showing.scenes import Scene
+from resample_texture.showing.scenes import PictureScene
 from resample_texture.types import Edge, Warped
 
 MIXED = np.array([[0.5, 0.1, 2], [0, 1.2, 3], [0, 0.004, 1]])
 
 
 @pytest.fixture
-def scene(rng) -> Scene:
+def scene(rng) -> PictureScene:
     coarse = rng.random((10, 10, 3))
     source = np.repeat(np.repeat(coarse, 8, 0), 8, 1).astype(np.float32)
-    return Scene(source, Homography(MIXED), (64, 48))
+    return PictureScene(source, Homography(MIXED), (64, 48))
 
 
 def test_there_is_a_row_for_each_zone_and_method(scene):

@@ -3,18 +3,18 @@ import pytest
 
 from resample_texture.geometry.mappings import Homography
 from resample_texture.showing import scenes
-from resample_texture.showing.scenes import Scene, scene_of, tiled, truth, zones
+from resample_texture.showing.scenes import PictureScene, scene_of, tiled, truth, zones
 
 
-def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> Scene:
-    return Scene(source.astype(np.float32), Homography(np.array(matrix, float)), shape)
+def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> PictureScene:
+    return PictureScene(source.astype(np.float32), Homography(np.array(matrix, float)), shape)
 
 
 def scaled(factor: float, x: float = 0.0, y: float = 0.0) -> list[list[float]]:
     return [[factor, 0, x], [0, factor, y], [0, 0, 1]]
 
 
-def naive(scene: Scene, x: float, y: float) -> np.ndarray:
+def naive(scene: PictureScene, x: float, y: float) -> np.ndarray:
     """Catmull-Rom's spline of the source where a place of the target looks."""
     u, v, d = scene.geometry.inverse() @ np.array([x, y, 1.0])
     u, v = u / d - 0.5, v / d - 0.5

@@ -10,8 +10,8 @@ from resample_warp3d.showing.scenes import (
     STANDS,
     Ball,
     Material,
-    Scene,
-    Sheet,
+    ObjectScene,
+    Panel,
     Stand,
     _objects,
     generated,
@@ -25,11 +25,11 @@ CAMERA = Camera.from_fov(60.0, *SHAPE)
 
 
 def scene_of(*things):
-    return Scene(_objects(things), CAMERA, {}, SHAPE)
+    return ObjectScene(_objects(things), CAMERA, {}, SHAPE)
 
 
 def wall(z, half=50.0):
-    return Sheet((-half, -half, z), (2 * half, 0.0, 0.0), (0.0, 2 * half, 0.0), PLAIN)
+    return Panel((-half, -half, z), (2 * half, 0.0, 0.0), (0.0, 2 * half, 0.0), PLAIN)
 
 
 def rays(camera=CAMERA, shape=SHAPE):
@@ -49,7 +49,7 @@ def test_a_wall_has_one_depth():
 
 
 def test_inverse_depth_is_linear_on_a_slanted_plane():
-    slanted = Sheet((-20.0, -20.0, 9.0), (40.0, 0.0, 8.0), (0.0, 40.0, 0.0), PLAIN)
+    slanted = Panel((-20.0, -20.0, 9.0), (40.0, 0.0, 8.0), (0.0, 40.0, 0.0), PLAIN)
     _, depth = scene_of(slanted).render(CAMERA, SHAPE, rays=1)
     np.testing.assert_allclose(np.diff(1 / depth, n=2, axis=1), 0.0, atol=1e-14)
 
@@ -77,7 +77,7 @@ def test_what_is_behind_the_eye_is_not_seen():
 
 
 def test_a_plane_that_reaches_behind_the_eye_is_seen_in_front_of_it():
-    floor = Sheet((-50.0, 1.0, 80.0), (100.0, 0.0, 0.0), (0.0, 0.0, -100.0), PLAIN)
+    floor = Panel((-50.0, 1.0, 80.0), (100.0, 0.0, 0.0), (0.0, 0.0, -100.0), PLAIN)
     _, depth = scene_of(floor).render(CAMERA, SHAPE, rays=1)
     down = rays()[..., 1]
     hits = (down > 0) & (1 / down < 80)
@@ -86,7 +86,7 @@ def test_a_plane_that_reaches_behind_the_eye_is_seen_in_front_of_it():
 
 
 def test_colors_are_means_over_pixels():
-    half = Sheet((-50.0, -50.0, 2.0), (50.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    half = Panel((-50.0, -50.0, 2.0), (50.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
     camera = Camera.from_intrinsics(10.0, 10.0, 8.25, 6.0)
     color, _ = scene_of(half).render(camera, SHAPE, rays=8)
     whole, part, nothing = color[6, 7:10, 1]
@@ -96,7 +96,7 @@ def test_colors_are_means_over_pixels():
 
 def test_a_pixel_behind_which_an_occluder_stands_is_seen_in_part():
     # From 1 beside, the strip at z 2 with 0 <= x <= 1 hides -1 <= x <= 1 of the wall at z 4.
-    strip = Sheet((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    strip = Panel((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
     other = Camera.from_fov(150.0, 64, 64).moved(pose_of(Stand((1.0, 0.0, 0.0))))
     camera = Camera.from_intrinsics(8.0, 8.0, 8.5, 6.0)
     scene = scene_of(wall(4.0), strip)
@@ -107,7 +107,7 @@ def test_a_pixel_behind_which_an_occluder_stands_is_seen_in_part():
 
 
 def test_depths_in_a_pixel_reach_from_the_occluder_to_what_is_behind():
-    strip = Sheet((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    strip = Panel((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
     camera = Camera.from_intrinsics(8.0, 8.0, 8.5, 6.0)
     _, nearest, farthest = scene_of(wall(4.0), strip).visible(camera, SHAPE, camera, SHAPE)
     assert (nearest[6, 8], farthest[6, 8]) == pytest.approx((2.0, 4.0))
@@ -178,7 +178,7 @@ def test_colors_are_light_between_none_and_white(small):
 @pytest.mark.parametrize("pattern", ["photo", "checker", "stripes", "text", "cloth"])
 def test_patterns_have_contrast(pattern):
     look = Material(pattern, 4.0, "#101010", "#e0e0e0")
-    page = Sheet((-50.0, -50.0, 3.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), look)
+    page = Panel((-50.0, -50.0, 3.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), look)
     color, _ = scene_of(page).render(CAMERA, (48, 64), rays=1)
     assert color.std() > 0.05
 

@@ -18,7 +18,7 @@ from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
 from resample.types import Doubles, Frame, View
 from resample_texture.mesh.files import Mesh, load_mesh
-from resample_texture.mesh.kernels.painting import Picture, paint
+from resample_texture.mesh.kernels.painting import MeshPicture, paint
 from resample_texture.mesh.kernels.surfaces import Lens, Surfaces, see
 from resample_texture.mesh.kernels.tiles import Grid, Members, deal
 from resample_texture.mesh.skin import skin
@@ -272,9 +272,9 @@ def _members(surfaces: Surfaces, grid: Grid) -> Members:
     return Members(start, triangle)
 
 
-def _picture(grid: Grid, tiles: int) -> Picture:
+def _picture(grid: Grid, tiles: int) -> MeshPicture:
     shape = (grid.height, grid.width)
-    return Picture(
+    return MeshPicture(
         np.zeros((*shape, 4), np.float32),
         np.full(shape, np.inf, np.float32),
         np.full(shape, np.inf, np.float32),

@@ -16,7 +16,7 @@ from resample.measuring.compare import contact_sheet, shown
 from resample.measuring.quality import flip, psnr, ssim
 from resample.types import Floats
 from resample_texture.showing import scenes
-from resample_texture.showing.scenes import Mask, Scene
+from resample_texture.showing.scenes import Mask, PictureScene
 from resample_texture.types import Edge, Method
 
 Row = dict[str, object]
@@ -69,7 +69,7 @@ class Judge:
     edge: Edge = Edge.TRANSPARENT
     linear: bool = True
 
-    def compare(self, title: str, scene: Scene, names: Sequence[str]) -> Comparison:
+    def compare(self, title: str, scene: PictureScene, names: Sequence[str]) -> Comparison:
         """Measure methods by name in a scene.
 
         Raises
@@ -96,7 +96,7 @@ class Judge:
         ]
         return Comparison(title, screens, masks, rows)
 
-    def about(self, scene: Scene) -> dict[str, str]:
+    def about(self, scene: PictureScene) -> dict[str, str]:
         """What was compared, for a reader."""
         height, width = scene.shape
         rows, columns, channels = scene.source.shape
@@ -115,7 +115,7 @@ class Judge:
         return np.clip(image[..., [0, 0, 0]] if image.shape[2] == 1 else image, 0.0, 1.0)
 
 
-def timed(method: Method, scene: Scene, edge: Edge) -> tuple[Floats, float]:
+def timed(method: Method, scene: PictureScene, edge: Edge) -> tuple[Floats, float]:
     """Picture by a method, and the median of several warm runs in milliseconds."""
 
     def run() -> Floats:

@@ -24,7 +24,7 @@ NEAR = {"floor": 8, "floor-yaw": 8, "floor-close": 16}  # of the picture's width
 NAMES = (*NEAR, "zoom", "shrink")
 
 
-class Scene(NamedTuple):
+class PictureScene(NamedTuple):
     """A picture and the view it is seen in."""
 
     source: Floats  # (H, W, C)
@@ -32,7 +32,7 @@ class Scene(NamedTuple):
     shape: tuple[int, int]  # of the target, px
 
 
-def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) -> Scene:
+def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) -> PictureScene:
     """View of a picture by name, or by a matrix.
 
     Parameters
@@ -60,13 +60,13 @@ def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) ->
             f"{LARGEST_SIDE} along a side at most"
         )
     if name not in NAMES:
-        return Scene(picture, _matrix(name), size or (picture.shape[0], picture.shape[1]))
+        return PictureScene(picture, _matrix(name), size or (picture.shape[0], picture.shape[1]))
     source = tiled(picture)
     height, width = source.shape[:2]
     shape = size or (max(1, height // 2), max(1, width // 2))
     matrix = _view(name, (height, width))
     scale = np.diag([2.0 * shape[1] / width, 2.0 * shape[0] / height, 1.0])
-    return Scene(source, Homography(scale @ matrix), shape)
+    return PictureScene(source, Homography(scale @ matrix), shape)
 
 
 def check_scene(name: str) -> None:
@@ -84,7 +84,7 @@ def tiled(picture: Floats) -> Floats:
 
 
 def truth(
-    scene: Scene, kind: str = "box", progress: Callable[[float], None] | None = None
+    scene: PictureScene, kind: str = "box", progress: Callable[[float], None] | None = None
 ) -> Floats:
     """Scene by 16 × 16 rays per pixel, the source joined by Catmull-Rom's spline, in float64.
 
@@ -130,7 +130,7 @@ def truth(
     return picture
 
 
-def zones(scene: Scene) -> dict[str, Mask]:
+def zones(scene: PictureScene) -> dict[str, Mask]:
     """Pixels (H, W) by how texels come out there; all must look well into the source.
 
     Returns
@@ -241,7 +241,7 @@ def _taps(kind: str) -> Doubles:
     return np.asarray(weight / weight.sum())
 
 
-def _inside(scene: Scene) -> Mask:
+def _inside(scene: PictureScene) -> Mask:
     """Pixels whose filters see nothing but the source."""
     height, width = scene.source.shape[:2]
     mask = np.ones(scene.shape, np.bool_)
@@ -256,7 +256,7 @@ def _inside(scene: Scene) -> Mask:
     return np.asarray(mask & frame)
 
 
-def _scales(scene: Scene) -> tuple[Doubles, Doubles]:
+def _scales(scene: PictureScene) -> tuple[Doubles, Doubles]:
     """Least and largest scale of texels at every pixel: singular values of ∂(x, y)/∂(u, v)."""
     size = scene.source.shape[0], scene.source.shape[1]
     h = scene.geometry.oriented(size)

@@ -157,7 +157,7 @@ def _painted(
 ) -> Painted:
     """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
     from resample_warp3d.clouds.kernels.discs import SURFEL, see
-    from resample_warp3d.clouds.kernels.painting import Discs, Picture, paint
+    from resample_warp3d.clouds.kernels.painting import CloudPicture, Discs, paint
 
     times = [perf_counter()]
     color = surfels.color if len(surfels.color) else np.full_like(surfels.position, GRAY)
@@ -167,7 +167,7 @@ def _painted(
     screen = Screen(size[1], size[0], 0.0, np.zeros((4, 4)))
     tiles = dealt_to_tiles(records, screen, tile)
     times.append(perf_counter())
-    picture = Picture(
+    picture = CloudPicture(
         np.zeros((*size, 4), np.float32),
         np.full(size, np.inf, np.float32),
         np.full(size, np.inf, np.float32),

@@ -58,13 +58,13 @@ class Hybrid:
 
     def layers(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp and leave narrow gaps open, for pixels that are parts of others."""
-        from resample_warp3d.sheet.kernels.layers import Colors, Picture, paint_layers
+        from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture, paint_layers
 
         sheet = self._sheets(source, is_label=self.labels)
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])
-        colors, picture = Colors(sheet.color, sheet.links), Picture(*blank[:4])
+        colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
         frame = whole_frame(matrix, shape, self.quality, is_label=self.labels)
         paint_layers(screen, colors, band_of(shape), frame, picture)
         blank.nearness[:] /= np.float32(scale)
@@ -79,7 +79,7 @@ class Preview:
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        from resample_warp3d.sheet.kernels.layers import Colors, Picture
+        from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture
         from resample_warp3d.sheet.kernels.preview import look
 
         if is_identity(source, equation, shape):
@@ -88,7 +88,7 @@ class Preview:
         matrix, epipole, scale = normalised(equation)
         screen = project(sheet, matrix, epipole)
         blank = empty(shape, source.color.shape[2])
-        colors, picture = Colors(sheet.color, sheet.links), Picture(*blank[:4])
+        colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
         look(screen, colors, band_of(shape), whole_frame(matrix, shape), picture)
         blank.nearness[:] /= np.float32(scale)
         return blank

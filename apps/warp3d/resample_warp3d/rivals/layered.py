@@ -12,7 +12,7 @@ from resample_warp3d.rivals.meshing import MOST_SAMPLES, check_count
 from resample_warp3d.types import Equation, Rendered, Source
 
 if TYPE_CHECKING:
-    from resample_warp3d.rivals.kernels.layered import Layers
+    from resample_warp3d.rivals.kernels.layered import LayeredImage
 
 TOLERANCE = 0.01
 SIZES = 4
@@ -60,7 +60,7 @@ def build(
     shape: tuple[int, int],
     *,
     tolerance: float = TOLERANCE,
-) -> "Layers":
+) -> "LayeredImage":
     """Make a layered depth image.
 
     Samples go to the centers of their nearest pixels, along the planes of their surfaces. The order
@@ -80,7 +80,7 @@ def build(
     ValueError
         The sources are none or differ in their numbers of channels.
     """
-    from resample_warp3d.rivals.kernels.layered import Layers, merge
+    from resample_warp3d.rivals.kernels.layered import LayeredImage, merge
 
     channels = {source.color.shape[2] for source, _ in sources}
     if len(channels) != 1:
@@ -90,7 +90,7 @@ def build(
     pixel, moved, color = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.lexsort((moved[:, 0], pixel))
     count = len(order)
-    layers = Layers(
+    layers = LayeredImage(
         np.empty(shape[0] * shape[1] + 1, np.int64),
         np.empty((count, channels.pop()), np.float32),
         np.empty(count, np.float32),
@@ -104,7 +104,7 @@ def build(
 
 
 def splat(
-    layers: "Layers", equation: Equation, shape: tuple[int, int], *, sizes: int = SIZES
+    layers: "LayeredImage", equation: Equation, shape: tuple[int, int], *, sizes: int = SIZES
 ) -> Rendered:
     """Warp a layered depth image into a frame of (height, width) px.
 

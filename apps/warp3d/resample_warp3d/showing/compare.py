@@ -18,7 +18,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing.pairs import edges_in_view, seen_nearness
-from resample_warp3d.showing.scenes import STANDS, Scene, generated
+from resample_warp3d.showing.scenes import STANDS, ObjectScene, generated
 from resample_warp3d.showing.scoring import Mask, Screen, Target, delivered, near_steps, score
 from resample_warp3d.types import Equation, Method, Rendered, Source
 
@@ -140,7 +140,7 @@ def compare_cases(cases: Sequence[Case], names: Sequence[str]) -> Comparison:
     return _compare(cases, _built(names))
 
 
-def scene_case(scene: Scene, view: str, source: Source) -> Case:
+def scene_case(scene: ObjectScene, view: str, source: Source) -> Case:
     """View of a generated scene, of which those pixels count that the source sees whole."""
     camera, shape = scene.views[view], scene.shape
     truth, _ = scene.render(camera, shape)

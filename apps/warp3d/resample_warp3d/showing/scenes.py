@@ -62,7 +62,7 @@ class Ball(NamedTuple):
     look: Material
 
 
-class Sheet(NamedTuple):
+class Panel(NamedTuple):
     """Rectangle, seen from both sides."""
 
     corner: Point
@@ -72,7 +72,7 @@ class Sheet(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scene:
+class ObjectScene:
     """Objects, and cameras that look at them."""
 
     objects: "Objects"
@@ -143,7 +143,7 @@ class Scene:
         return DepthImage(color, (1.0 / depth).astype(np.float32), np.empty((0, 0, 2)))
 
 
-def generated(size: int = 512) -> Scene:
+def generated(size: int = 512) -> ObjectScene:
     """Room with a photograph-like wall, tiles, a page, balls, cards and a railing of thin bars.
 
     Parameters
@@ -164,7 +164,7 @@ def generated(size: int = 512) -> Scene:
         raise ValueError(f"a generated scene has {SMALLEST} to {LARGEST} px a side, not {size}")
     source = Camera.from_fov(FOV, size, size)
     views = {name: source.moved(pose_of(stand)) for name, stand in STANDS.items()}
-    return Scene(_objects(_things()), source, views, (size, size))
+    return ObjectScene(_objects(_things()), source, views, (size, size))
 
 
 def pose_of(stand: Stand) -> Doubles:
@@ -182,22 +182,22 @@ def pose_of(stand: Stand) -> Doubles:
     return pose
 
 
-def _things() -> list[Ball | Sheet]:
+def _things() -> list[Ball | Panel]:
     """Everything in the room, in meters."""
     leaves = Material("photo", 2.6, "#182214", "#e6dfa8")
     sky = Material("photo", 1.5, "#24395c", "#eef0e4")
     plaster = Material("cloth", 2.2, "#6b4a3a", "#e0c8a6")
     tiles = Material("checker", 2.2, "#2b2a33", "#cfc9b8")
-    room: list[Ball | Sheet] = [
-        Sheet((-13.0, -13.0, 8.6), (26.0, 0.0, 0.0), (0.0, 14.7, 0.0), leaves),
-        Sheet((-13.0, 1.7, 8.6), (26.0, 0.0, 0.0), (0.0, 0.0, -21.0), tiles),
-        Sheet((4.3, -8.0, 8.6), (1.9, 0.0, -17.9), (0.0, 9.7, 0.0), plaster),
+    room: list[Ball | Panel] = [
+        Panel((-13.0, -13.0, 8.6), (26.0, 0.0, 0.0), (0.0, 14.7, 0.0), leaves),
+        Panel((-13.0, 1.7, 8.6), (26.0, 0.0, 0.0), (0.0, 0.0, -21.0), tiles),
+        Panel((4.3, -8.0, 8.6), (1.9, 0.0, -17.9), (0.0, 9.7, 0.0), plaster),
         Ball((-1.9, 0.75, 5.6), 0.95, Material("photo", 5.0, "#3a1410", "#f2b98c")),
         Ball((1.55, 0.95, 4.5), 0.75, Material("stripes", 5.0, "#15324a", "#e8e2d0")),
         Ball((0.5, -1.25, 6.6), 0.85, Material("cloth", 4.0, "#2a3d1c", "#d4e39a")),
         Ball((2.75, -0.2, 7.4), 0.6, Material("checker", 6.0, "#40204a", "#e2c43c")),
-        Sheet((-2.75, -1.5, 4.4), (1.25, 0.0, -0.35), (0.0, 1.6, 0.0), _page()),
-        Sheet((0.9, -1.9, 3.9), (0.8, 0.0, 0.25), (0.0, 0.62, 0.0), sky),
+        Panel((-2.75, -1.5, 4.4), (1.25, 0.0, -0.35), (0.0, 1.6, 0.0), _page()),
+        Panel((0.9, -1.9, 3.9), (0.8, 0.0, 0.25), (0.0, 0.62, 0.0), sky),
     ]
     return [*room, *_cards(), *_railing()]
 
@@ -206,33 +206,33 @@ def _page() -> Material:
     return Material("text", 11.0, "#1a1a22", "#efe9da")
 
 
-def _cards() -> list[Sheet]:
+def _cards() -> list[Panel]:
     """Cards behind one another, each a small step farther away."""
     colors = ("#c8502d", "#dba03a", "#4f8a5b", "#3a6ea5")
     cards = []
     for n, color in enumerate(colors):
         corner = (-0.75 - 0.22 * n, -0.62 - 0.16 * n, 4.9 * 1.06**n)
         look = Material("photo", 6.0, "#1d1d1d", color)
-        cards.append(Sheet(corner, (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), look))
+        cards.append(Panel(corner, (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), look))
     return cards
 
 
-def _railing() -> list[Sheet]:
+def _railing() -> list[Panel]:
     """Posts of 1.5 cm to 5 cm, two handrails, and a slanted bar of 2 cm."""
     wood = Material("stripes", 16.0, "#5a3216", "#d8a468")
     posts = [
-        Sheet((-0.62 + 0.27 * n, 0.0, 3.5), (0.015 + 0.007 * n, 0.0, 0.0), (0.0, 1.7, 0.0), wood)
+        Panel((-0.62 + 0.27 * n, 0.0, 3.5), (0.015 + 0.007 * n, 0.0, 0.0), (0.0, 1.7, 0.0), wood)
         for n in range(6)
     ]
     rails = [
-        Sheet((-0.75, y, 3.49), (1.75, 0.0, 0.0), (0.0, height, 0.0), wood)
+        Panel((-0.75, y, 3.49), (1.75, 0.0, 0.0), (0.0, height, 0.0), wood)
         for y, height in ((0.02, 0.05), (1.1, 0.025))
     ]
-    slanted = Sheet((-0.6, 1.05, 3.52), (1.3, -0.95, 0.0), (0.0118, 0.0161, 0.0), wood)
+    slanted = Panel((-0.6, 1.05, 3.52), (1.3, -0.95, 0.0), (0.0118, 0.0161, 0.0), wood)
     return [*posts, *rails, slanted]
 
 
-def _objects(things: Sequence[Ball | Sheet]) -> "Objects":
+def _objects(things: Sequence[Ball | Panel]) -> "Objects":
     """Arrays of the objects, for rays."""
     from resample_warp3d.showing.kernels import tracing
 

@@ -21,7 +21,7 @@ from resample_texture.mesh.kernels.visibility import claim, may_show
 LEAST_WEIGHT = 1e-2  # sub-pixels²; a sub-pixel that got less is looked up
 
 
-class Picture(NamedTuple):
+class MeshPicture(NamedTuple):
     """Where tiles are written."""
 
     rgba: Floats  # (H, W, 4)
@@ -104,7 +104,7 @@ def _measure(
 
 @kernel
 def _resolve(
-    block: Block, grid: Grid, profile: Doubles, is_perspective: bool, picture: Picture
+    block: Block, grid: Grid, profile: Doubles, is_perspective: bool, picture: MeshPicture
 ) -> None:
     """Filter a tile's sub-pixels to pixels."""
     lines = _filter_rows(block, profile)
@@ -135,7 +135,7 @@ def _paint_tile(
     lens: Lens,
     grid: Grid,
     profile: Doubles,
-    picture: Picture,
+    picture: MeshPicture,
 ) -> None:
     """Paint one tile, which belongs to one thread."""
     triangles = members.triangle[members.start[tile] : members.start[tile + 1]]
@@ -172,7 +172,7 @@ def paint(
     lens: Lens,
     grid: Grid,
     profile: Doubles,
-    picture: Picture,
+    picture: MeshPicture,
 ) -> None:
     """Paint every tile.
 

@@ -62,7 +62,7 @@ class Disc(NamedTuple):
     is_splat: bool
 
 
-class Picture(NamedTuple):
+class CloudPicture(NamedTuple):
     """Where tiles are written."""
 
     rgba: Floats  # (H, W, 4)
@@ -218,8 +218,8 @@ def _add(discs: Discs, member: int, _: int, block: Block) -> None:
         discs.shows[member] = 1
 
 
-@plays(write, Picture)
-def _write(picture: Picture, block: Block, _: int) -> None:
+@plays(write, CloudPicture)
+def _write(picture: CloudPicture, block: Block, _: int) -> None:
     """Mean of each pixel's sub-pixels."""
     seen, fine = block.seen, block.subpixels
     rgba = picture.rgba
@@ -272,7 +272,9 @@ def _is_even(records: Records, tiles: Tiles, tile: int, block: Block) -> bool:
 
 
 @parallel_kernel
-def paint(counter: Counter, discs: Discs, tiles: Tiles, subpixels: int, picture: Picture) -> None:
+def paint(
+    counter: Counter, discs: Discs, tiles: Tiles, subpixels: int, picture: CloudPicture
+) -> None:
     """Paint every tile.
 
     Parameters

@@ -25,7 +25,7 @@ SINGLE = 1.05  # px per side that a sample may have and be one pixel wide; then 
 STEEPEST = 0.1  # of the nearness: what its slope may change it by within a pixel
 
 
-class Layers(NamedTuple):
+class LayeredImage(NamedTuple):
     """A layered depth image: any number of samples in every pixel, at its center."""
 
     start: NDArray[np.int64]  # (H × W + 1,) where the samples of a pixel begin
@@ -106,7 +106,7 @@ def move_rows(
 
 @kernel
 def merge(
-    pixel: NDArray[np.int64], moved: Floats, color: Floats, tolerance: float, layers: Layers
+    pixel: NDArray[np.int64], moved: Floats, color: Floats, tolerance: float, layers: LayeredImage
 ) -> int:
     """Make layers of sorted samples and give their number.
 
@@ -146,7 +146,7 @@ def merge(
 
 @kernel
 def _put_splat(
-    layers: Layers, n: int, place: Pair, patch: Floats, values: Pair, rendered: Rendered
+    layers: LayeredImage, n: int, place: Pair, patch: Floats, values: Pair, rendered: Rendered
 ) -> None:
     """Composite a sample over a picture; `values` are its nearness and magnification there."""
     image, reach = rendered.image, patch.shape[0] // 2
@@ -168,7 +168,7 @@ def _put_splat(
 
 @kernel
 def _splat_row(
-    layers: Layers,
+    layers: LayeredImage,
     equation: Equation,
     row: int,
     walk: NDArray[np.int64],
@@ -201,7 +201,7 @@ def _splat_row(
 
 @kernel
 def splat_in_order(
-    layers: Layers, equation: Equation, walks: Walks, patches: Floats, rendered: Rendered
+    layers: LayeredImage, equation: Equation, walks: Walks, patches: Floats, rendered: Rendered
 ) -> None:
     """Composite all samples, back to front.
 

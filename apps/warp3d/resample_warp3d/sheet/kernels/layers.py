@@ -68,7 +68,7 @@ class Colors(NamedTuple):
     links: Links  # (H, W) which neighbours a color may be interpolated with
 
 
-class Picture(NamedTuple):
+class DepthPicture(NamedTuple):
     """Where layers are written."""
 
     image: Floats  # (height, width, C), multiplied by the coverage
@@ -93,7 +93,7 @@ class Behind(NamedTuple):
     least: Floats
 
 
-class Layers(NamedTuple):
+class TwoLayers(NamedTuple):
     """The two layers of a band."""
 
     front: Floats  # (pixels,) nearness
@@ -107,7 +107,7 @@ class Adding(NamedTuple):
 
     colors: Colors
     group: int  # of channels
-    layers: Layers
+    layers: TwoLayers
 
 
 @inner_kernel
@@ -215,7 +215,7 @@ def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Singl
 
 
 @inner_kernel
-def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: Layers) -> None:
+def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) -> None:
     """Add fragments to the layers of their pixels where they are seen; labels are voted for."""
     numbers, places = cells
     front, behind, sums, voted = layers
@@ -243,7 +243,7 @@ def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: Layers) -> 
 
 
 @inner_kernel
-def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: Layers) -> None:
+def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: TwoLayers) -> None:
     """Add a run of upright cells."""
     numbers, places = cells
     rows, columns = set_boxes(begin, end, frame, numbers, places)
@@ -255,7 +255,7 @@ def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: Layers)
 
 @inner_kernel
 def _add_parts(
-    begin: int, end: int, is_whole: bool, frame: Frame, cells: Cells, layers: Layers
+    begin: int, end: int, is_whole: bool, frame: Frame, cells: Cells, layers: TwoLayers
 ) -> None:
     """Add a run of cells that are cut into parts, or have one color."""
     numbers, places = cells
@@ -300,7 +300,7 @@ def _take_colors(
 
 
 @inner_kernel
-def _resolve(look: Adding, area: Floats, frame: Frame, picture: Picture) -> None:
+def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) -> None:
     """Composite a band's two layers."""
     image, coverage, nearness, magnification = picture
     group, (front, behind, sums, voted) = look.group, look.layers
@@ -336,7 +336,7 @@ def _resolve(look: Adding, area: Floats, frame: Frame, picture: Picture) -> None
 
 @parallel_kernel
 def paint_layers(
-    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: Picture
+    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: DepthPicture
 ) -> None:
     """Paint a source's cells; each band of rows belongs to one thread.
 
@@ -360,6 +360,6 @@ def paint_layers(
         for group in range(colors.color.shape[0]):
             sums = np.zeros(size * 8, np.float32)
             voted = np.zeros(2 * size if like.is_label else 0, np.float32)
-            adding = Adding(colors, group, Layers(front, behind, sums, voted))
+            adding = Adding(colors, group, TwoLayers(front, behind, sums, voted))
             walk(adding, strip, members, cells)
             _resolve(adding, area, frame, picture)

@@ -10,7 +10,7 @@ from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.fragments import NONE
-from resample_warp3d.sheet.kernels.layers import Colors, Picture
+from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture
 from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
 from resample_warp3d.sheet.kernels.segments import (
     A_X,
@@ -166,7 +166,7 @@ def _slopes(
 
 
 @inner_kernel
-def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: Picture) -> None:
+def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) -> None:
     """Color each pixel of a band as the cell that it shows is there."""
     (screen, torn, index, _), frame, (front, owner) = strip.screen, strip.frame, looks
     (color, links), (image, coverage, nearness, magnification) = colors, picture
@@ -199,7 +199,7 @@ def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: Picture) -> No
 
 @parallel_kernel
 def look(
-    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: Picture
+    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: DepthPicture
 ) -> None:
     """Give each pixel the color of the nearest cell over its center.
 
