@@ -162,6 +162,11 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function)
 
 
+def making_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel that makes arrays for itself, and may be called by those that make none."""
+    return _compile(function, _nrt=True)
+
+
 def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function whose innermost loop works on several numbers at once.
 

@@ -46,10 +46,11 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
 
     @wraps(function)
     def play(*given: P.args, **named: P.kwargs) -> R:
-        return bodies[type(given[0])](*given, **named)  # type: ignore[no-any-return]
+        body = bodies.get(type(given[0])) or bodies[object]
+        return body(*given, **named)  # type: ignore[no-any-return]
 
     def chosen(*given: Any) -> Body | None:
-        return bodies.get(getattr(given[0], "instance_class", type(None)))
+        return bodies.get(getattr(given[0], "instance_class", object), bodies.get(object))
 
     options = {**OPTIONS, **own, "no_cpython_wrapper": True}
     overload(play, jit_options=options, strict=False, inline=inline)(chosen)
@@ -58,7 +59,7 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
 
 
 def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator of what a role does for bundles of the class `of`."""
+    """Decorator of what a role does for bundles of the class `of`; `object` is all others."""
 
     def register(body: Callable[P, R]) -> Callable[P, R]:
         what.bodies[of] = body  # type: ignore[attr-defined]

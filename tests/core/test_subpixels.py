@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.engine.surfaces.resolve import middle_of_rows, nearest_of_rows, resolve_rows
+from resample.engine.surfaces.resolve import (
+    middle_of_rows,
+    nearest_of_rows,
+    resolve_rows,
+    resolve_tile,
+)
 from resample.profiles.filters import Area, Box, Gaussian, Tent
 from resample.profiles.subpixels import Subpixels, subpixels_of
 
@@ -85,6 +90,18 @@ def test_pixels_are_what_a_loop_over_their_window_sums(channels, rng):
             window = fine[row * n : row * n + side, column * n : column * n + side]
             wanted = (share[..., None] * window).sum(axis=(0, 1))
             np.testing.assert_allclose(picture[row, column], wanted, rtol=1e-5)  # float32
+
+
+def test_a_tile_is_resolved_in_the_precision_of_its_weights(rng):
+    weight = rng.random(9)
+    fine = rng.random((5 * 3, 6 * 3, 4), np.float32)
+    pixels = np.empty((3, 4, 4))
+    resolve_tile(fine, weight, 3, pixels)
+    for row in range(3):
+        for column in range(4):
+            window = fine[3 * row : 3 * row + 9, 3 * column : 3 * column + 9]
+            wanted = np.einsum("r,c,rck->k", weight, weight, window)
+            np.testing.assert_allclose(pixels[row, column], wanted, rtol=1e-13)
 
 
 def test_the_middle_is_the_middle_of_what_is_there(rng):

@@ -1,5 +1,6 @@
 """A tile's sub-pixels, and the surfaces that show there one behind the other."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +66,12 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces
 
 
 @kernel
+def whole_within(value: float, least: int, most: int) -> int:
+    """Whole number below a value, kept within bounds, whatever the value."""
+    return math.floor(max(float(least), min(float(most), value)))
+
+
+@kernel
 def row_shift(row: int, subpixels: int) -> float:
     """How far a row of sub-pixels is moved to the right, sub-pixels.
 
@@ -108,7 +115,7 @@ def averaged(block: Block) -> None:
 
 
 @kernel
-def composed(block: Block, surface: int, surfaces: Surfaces) -> bool:
+def put_behind(block: Block, surface: int, surfaces: Surfaces) -> bool:
     """Put the surface at hand behind those before; gives whether another may show through."""
     if surfaces.most == 1:
         averaged(block)

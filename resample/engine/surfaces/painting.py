@@ -1,22 +1,43 @@
-"""Batches of discs or splats painted tile by tile: what is in front first, then its colors.
+"""Batches of discs, splats or triangles painted tile by tile: what is in front, then its colors.
 
 Each pixel has to know what is nearest there before what lies on that surface is summed, so a tile
 goes through its members twice per surface. A tile belongs to one thread, and its members come in
 their own order: the same bits for any number of threads.
 
 What differs between applications are roles: how a member claims to be in front, what it adds where
-it is, and where pixels are written.
+it is, and where pixels are written. Sub-pixels are `blocks.Block`s, unless an application has its
+own (`begun`), and then says itself how what was added is seen (`composed`).
 """
 
 from typing import Any
 
 from resample.engine.jit import kernel
-from resample.engine.roles import called_role
-from resample.engine.surfaces.blocks import Block, Surfaces, composed, emptied, new_block
+from resample.engine.roles import called_role, making_role, plays
+from resample.engine.surfaces.blocks import Surfaces, emptied, new_block, put_behind
 from resample.types import Tiles
 
 Members = Any  # a bundle of all that may be painted
 Picture = Any  # a bundle that pixels are written to
+Block = Any  # the sub-pixels of a tile; `sums` are what one group of channels leaves there
+
+
+@making_role
+def begun(
+    members: Members, tiles: Tiles, tile: int, size: tuple[int, int], surfaces: Surfaces
+) -> Block:
+    """A tile that nothing has touched yet, of a frame (height, width)."""
+    raise NotImplementedError
+
+
+@plays(begun, object)
+def _begun(
+    members: Members,  # noqa: ARG001
+    tiles: Tiles,
+    tile: int,
+    size: tuple[int, int],
+    surfaces: Surfaces,
+) -> Block:
+    return new_block(tile, tiles, size, surfaces)
 
 
 @called_role
@@ -32,12 +53,33 @@ def add(members: Members, member: int, group: int, block: Block) -> None:
 
 
 @called_role
-def stride(members: Members, tiles: Tiles, tile: int, block: Block) -> int:
-    """Of how many sub-pixels of a row one is enough, as one surface fills the tile; else 1."""
+def claimed(members: Members, tiles: Tiles, tile: int, block: Block) -> None:
+    """Note what is to be known of a tile when its first surface is, before anything is added."""
     raise NotImplementedError
 
 
+@plays(claimed, object)
+def _claimed(members: Members, tiles: Tiles, tile: int, block: Block) -> None:
+    pass
+
+
 @called_role
+def composed(members: Members, block: Block, surface: int, surfaces: Surfaces) -> bool:
+    """Put the surface at hand behind those before; gives whether another may show through."""
+    raise NotImplementedError
+
+
+@plays(composed, object)
+def _composed(
+    members: Members,  # noqa: ARG001
+    block: Block,
+    surface: int,
+    surfaces: Surfaces,
+) -> bool:
+    return put_behind(block, surface, surfaces)
+
+
+@making_role
 def write(picture: Picture, block: Block, group: int) -> None:
     """Write the pixels of a tile whose surfaces are all composed."""
     raise NotImplementedError
@@ -52,7 +94,7 @@ def paint_tile(
     start, end = tiles.start[tile], tiles.start[tile + 1]
     if start == end:
         return
-    block = new_block(tile, tiles, size, surfaces)
+    block = begun(members, tiles, tile, size, surfaces)
     for group in range(surfaces.groups):
         if group > 0:
             emptied(block)
@@ -61,9 +103,9 @@ def paint_tile(
                 for n in range(start, end):
                     claim(members, tiles.member[n], block)
                 if surface == 0:
-                    block.step[0] = stride(members, tiles, tile, block)
+                    claimed(members, tiles, tile, block)
             for n in range(start, end):
                 add(members, tiles.member[n], group, block)
-            if not composed(block, surface, surfaces):
+            if not composed(members, block, surface, surfaces):
                 break
         write(picture, block, group)

@@ -3,24 +3,37 @@
 import numpy as np
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.types import Floats
+from resample.types import Doubles, Floats
+
+Weights = Floats | Doubles
 
 
 @kernel
-def _resolve_row(fine: Floats, weight: Floats, n: int, row: int, picture: Floats) -> None:
+def _resolve_row(fine: Floats, weight: Weights, n: int, row: int, picture: Floats) -> None:
     """Filter the sub-pixels of one row of pixels, rows first: these are stretches of memory."""
-    channels, line = picture.shape[2], np.zeros(fine.shape[1], np.float32)
+    channels, line = picture.shape[2], np.zeros(fine.shape[1], weight.dtype)
     for down in range(weight.size):
         share, r = weight[down], row * n + down
         for k in range(line.size):
             line[np.uint64(k)] += share * fine[np.uint64(r), np.uint64(k)]
     for column in range(picture.shape[1]):
         for c in range(channels):
-            total = np.float32(0)
+            total = weight.dtype.type(0)
             for right in range(weight.size):
                 at = np.uint64((column * n + right) * channels + c)
                 total += weight[right] * line[at]
             picture[row, column, c] = total
+
+
+@kernel
+def resolve_tile(fine: Floats, weight: Weights, n: int, pixels: Floats) -> None:
+    """As `resolve_rows`, for the sub-pixels (R, C, channels) of a tile of pixels (h, w, channels).
+
+    Numbers are summed in the precision of the weights.
+    """
+    flat = fine.reshape((fine.shape[0], fine.shape[1] * fine.shape[2]))
+    for row in range(pixels.shape[0]):
+        _resolve_row(flat, weight, n, row, pixels)
 
 
 @parallel_kernel

@@ -1,6 +1,6 @@
 """Meshes with textures, seen by a camera, by forward resampling.
 
-The texture of every triangle is projected point by point, see `kernels.mesh_painting`; no pixel
+The texture of every triangle is projected point by point, see `kernels.painting`; no pixel
 looks for its texel, but for the few sub-pixels that no point reached.
 """
 
@@ -14,13 +14,14 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
+from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
-from resample.types import Doubles, Frame, View
+from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import Mesh, load_mesh
-from resample_texture.mesh.kernels.painting import MeshPicture, paint
-from resample_texture.mesh.kernels.surfaces import Lens, Surfaces, see
-from resample_texture.mesh.kernels.tiles import Grid, Members, deal
+from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
+from resample_texture.mesh.kernels.surfaces import BOUNDS, Lens, Triangles, see
+from resample_texture.mesh.kernels.tiles import Grid
 from resample_texture.mesh.skin import skin
 
 __all__ = [
@@ -172,15 +173,17 @@ def render_mesh(
     point, depth = _projected(mesh.position, view)
     lens = _lens(view, depth, look)
     cover = skin(mesh, look.interpolation, view, shading=look.shading)
-    surfaces = _surfaces(len(mesh.triangle))
+    triangles = _surfaces(len(mesh.triangle))
     profile = pixel_profile(look.pixel_filter, look.samples)
-    grid = _grid(height, width, len(profile), look)
+    grid = _grid(len(profile), look)
+    screen = Screen(width, height, float(grid.margin), np.zeros((4, 4)))
+    picture = _picture(height, width, profile)
     with threads(None):
-        see(point, depth, mesh.triangle, cover.uv, lens, surfaces)
-        members = _members(surfaces, grid)
-        picture = _picture(grid, len(members.start) - 1)
-        paint(members, surfaces, cover, lens, grid, profile, picture)
-    points, seen, covered, looked_up = picture.tally.sum(axis=0).tolist()
+        see(point, depth, mesh.triangle, cover.uv, lens, triangles)
+        tiles = dealt_to_tiles(triangles.bounds, screen, max(1, TILE // look.samples))
+        tally = np.zeros((len(tiles.spacing), 4), np.int64)
+        paint(MeshScene(triangles, cover, lens, grid, tally), tiles, picture)
+    points, seen, covered, looked_up = tally.sum(axis=0).tolist()
     seconds = time.perf_counter() - begin
     statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, looked_up, seconds)
     coverage = picture.rgba[..., 3].copy()
@@ -207,10 +210,9 @@ def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
     return weight / total
 
 
-def _grid(height: int, width: int, taps: int, look: MeshStyle) -> Grid:
-    """Tiles for a filter that reads that many sub-pixels in a row."""
-    size, margin = max(1, TILE // look.samples), (taps // look.samples - 1) // 2
-    return Grid(height, width, size, -(-width // size), look.samples, margin, look.quality)
+def _grid(taps: int, look: MeshStyle) -> Grid:
+    """Sub-pixels for a filter that reads that many in a row."""
+    return Grid(look.samples, (taps // look.samples - 1) // 2, look.quality)
 
 
 def _checked_size(height: int, width: int) -> tuple[int, int]:
@@ -249,8 +251,8 @@ def _lens(view: View, depth: Doubles, look: MeshStyle) -> Lens:
     return Lens(float(near), bool(view.perspective), look.cull, tolerance)
 
 
-def _surfaces(count: int) -> Surfaces:
-    return Surfaces(
+def _surfaces(count: int) -> Triangles:
+    return Triangles(
         np.zeros((count, 4, 2)),
         np.zeros(count, np.int64),
         np.zeros((count, 3, 3)),
@@ -259,24 +261,14 @@ def _surfaces(count: int) -> Surfaces:
         np.zeros((count, 3, 3)),
         np.zeros(count),
         np.zeros(count),
+        np.zeros(count, BOUNDS),
     )
 
 
-def _members(surfaces: Surfaces, grid: Grid) -> Members:
-    tiles = grid.columns * -(-grid.height // grid.size)
-    count = np.zeros(tiles, np.int64)
-    deal(surfaces, grid, count, np.zeros(0, np.int64))
-    start = np.concatenate([[0], np.cumsum(count)])
-    triangle = np.zeros(max(1, start[-1]), np.int64)
-    deal(surfaces, grid, start[:-1].copy(), triangle)
-    return Members(start, triangle)
-
-
-def _picture(grid: Grid, tiles: int) -> MeshPicture:
-    shape = (grid.height, grid.width)
+def _picture(height: int, width: int, profile: Doubles) -> MeshPicture:
     return MeshPicture(
-        np.zeros((*shape, 4), np.float32),
-        np.full(shape, np.inf, np.float32),
-        np.full(shape, np.inf, np.float32),
-        np.zeros((tiles, 4), np.int64),
+        np.zeros((height, width, 4), np.float32),
+        np.full((height, width), np.inf, np.float32),
+        np.full((height, width), np.inf, np.float32),
+        profile,
     )

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.cells.boxes import within
 from resample.engine.jit import kernel
 from resample.engine.vectors import Matrix
 from resample.types import Floats, Single
 from resample_texture.mesh.kernels.clip import box, crossing
 from resample_texture.mesh.kernels.color import Skin, fill_line
-from resample_texture.mesh.kernels.surfaces import Lens, Place, Surfaces, matrix_at, stretch
+from resample_texture.mesh.kernels.surfaces import Lens, Place, Triangles, matrix_at, stretch
 from resample_texture.mesh.kernels.tiles import Block
 from resample_texture.mesh.kernels.visibility import is_beside
 from resample_texture.texels.kernels.texels import phase
@@ -40,32 +41,33 @@ def _add(
     extent: Place,
     weight: float,
     color: Color,
-    member: int,
-    surfaces: Surfaces,
+    n: int,
+    triangles: Triangles,
     lens: Lens,
 ) -> bool:
     """Add a cell at a sub-pixel place of the block to what it covers and belongs to."""
-    total = block.total
+    total = block.sums
     rows, columns = block.owner.shape
     left, right = center[0] - 0.5 * extent[0], center[0] + 0.5 * extent[0]
     top, bottom = center[1] - 0.5 * extent[1], center[1] + 0.5 * extent[1]
     share = weight / (extent[0] * extent[1])
     seen = False
     for row in range(max(0, math.floor(top)), min(rows, math.floor(bottom) + 1)):
-        high = share * (min(bottom, row + 1.0) - max(top, float(row)))
+        north, south = within(top, bottom, float(row))
+        high = share * (south - north)
         for column in range(max(0, math.floor(left)), min(columns, math.floor(right) + 1)):
             owner = block.owner[row, column]
-            if owner != member:
+            if owner != n:
                 if owner < 0:
                     continue
                 place = (
                     block.left + center[0] / block.samples,
                     block.top + center[1] / block.samples,
                 )
-                n, other = block.triangles[member], block.triangles[owner]
-                if not is_beside(surfaces, n, other, place, lens):
+                if not is_beside(triangles, n, owner, place, lens):
                     continue
-            part = np.float32(high * (min(right, column + 1.0) - max(left, float(column))))
+            west, east = within(left, right, float(column))
+            part = np.float32(high * (east - west))
             r, c = np.uint64(row), np.uint64(column)
             red, green = total[r, c, 0] + part * color[0], total[r, c, 1] + part * color[1]
             blue, mass = total[r, c, 2] + part * color[2], total[r, c, 3] + part
@@ -114,10 +116,10 @@ def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
 @kernel
 def paint_cells(
     block: Block,
-    member: int,
+    n: int,
     count: int,
     cut: Cut,
-    surfaces: Surfaces,
+    triangles: Triangles,
     skin: Skin,
     lens: Lens,
 ) -> tuple[int, int]:
@@ -126,12 +128,12 @@ def paint_cells(
     `block.corner` and `block.rim` hold the triangle's corners and the `count` of its part at hand,
     in cells.
     """
-    n, samples = block.triangles[member], block.samples
-    texture, taps, forward = skin.texture[n], skin.taps, matrix_at(surfaces.forward, n)
+    samples, texture, taps = block.samples, skin.texture[n], skin.taps
+    forward = matrix_at(triangles.forward, n)
     (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
     step_t = 1.0 / (skin.level[texture, cut.level, 1] * cut.along_t)
-    mass = abs(surfaces.determinant[n]) * step_u * step_t * samples * samples
+    mass = abs(triangles.determinant[n]) * step_u * step_t * samples * samples
     left, top, right, bottom = box(block.rim, count)
     beside = taps.shape[0] // 2
     if cut.along_u == 1 and taps[beside, 0] == np.float32(1):
@@ -172,7 +174,7 @@ def paint_cells(
             points += 1
             if 0.0 < inverse < np.inf:
                 weight = mass * inverse * inverse * inverse
-                seen += _add(block, (x, y), extent, weight, color, member, surfaces, lens)
+                seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
             part += 1
             if part == cut.along_u:
                 part = 0

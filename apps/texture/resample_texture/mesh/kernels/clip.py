@@ -4,7 +4,7 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.types import Doubles
-from resample_texture.mesh.kernels.surfaces import Surfaces
+from resample_texture.mesh.kernels.surfaces import Triangles
 
 
 @kernel
@@ -31,7 +31,7 @@ def _halve(
 
 @kernel
 def cut_out(
-    surfaces: Surfaces,
+    triangles: Triangles,
     n: int,
     rectangle: tuple[float, float, float, float],
     polygon: Doubles,
@@ -41,9 +41,9 @@ def cut_out(
 
     `polygon` (8, 2) takes them; `spare` has its shape.
     """
-    count = surfaces.corners[n]
+    count = triangles.corners[n]
     for k in range(count):
-        polygon[k, 0], polygon[k, 1] = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
+        polygon[k, 0], polygon[k, 1] = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
     count = _halve(polygon, spare, count, 0, rectangle[0], 1.0)
     count = _halve(polygon, spare, count, 1, rectangle[1], 1.0)
     count = _halve(polygon, spare, count, 0, rectangle[2], -1.0)

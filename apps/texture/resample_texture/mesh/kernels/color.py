@@ -10,7 +10,7 @@ from resample.types import Doubles, Floats
 from resample_texture.mesh.kernels.surfaces import (
     Ints,
     Place,
-    Surfaces,
+    Triangles,
     barycentric,
     matrix_at,
     stretched,
@@ -109,28 +109,28 @@ def fill_line(
 
 
 @kernel
-def evaluate(surfaces: Surfaces, skin: Skin, n: int, place: Place, widest: float) -> Vector:
+def evaluate(triangles: Triangles, skin: Skin, n: int, place: Place, widest: float) -> Vector:
     """Color of a triangle at a place on screen, where texels may be `widest` px."""
     texture = skin.texture[n]
     if texture < 0:
-        weight, color = barycentric(surfaces, n, place), skin.color
+        weight, color = barycentric(triangles, n, place), skin.color
         return (
             dot(weight, (color[n, 0, 0], color[n, 1, 0], color[n, 2, 0])),
             dot(weight, (color[n, 0, 1], color[n, 1, 1], color[n, 2, 1])),
             dot(weight, (color[n, 0, 2], color[n, 1, 2], color[n, 2, 2])),
         )
-    on_texture = texture_place(surfaces, skin.uv, n, place)
+    on_texture = texture_place(triangles, skin.uv, n, place)
     level = 0
-    if surfaces.determinant[n] != 0.0:
-        size = stretched(matrix_at(surfaces.forward, n), on_texture)
+    if triangles.determinant[n] != 0.0:
+        size = stretched(matrix_at(triangles.forward, n), on_texture)
         level = level_for(skin, texture, size, widest)
     return _look_up(skin, texture, level, on_texture)
 
 
 @kernel
-def lit(surfaces: Surfaces, skin: Skin, n: int, place: Place) -> float:
+def lit(triangles: Triangles, skin: Skin, n: int, place: Place) -> float:
     """How bright a triangle is at a place on screen."""
     if len(skin.light) == 0:
         return 1.0
     corners = (skin.light[n, 0], skin.light[n, 1], skin.light[n, 2])
-    return dot(barycentric(surfaces, n, place), corners)
+    return dot(barycentric(triangles, n, place), corners)

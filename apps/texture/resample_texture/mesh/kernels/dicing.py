@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import kernel, making_kernel
 from resample.types import Doubles
 from resample_texture.mesh.kernels.cells import Cut, paint_cells
 from resample_texture.mesh.kernels.clip import area, cut_out, reach
@@ -16,7 +16,7 @@ from resample_texture.mesh.kernels.color import Skin, level_for
 from resample_texture.mesh.kernels.surfaces import (
     Lens,
     Place,
-    Surfaces,
+    Triangles,
     matrix_at,
     stretched,
     texture_place,
@@ -57,14 +57,14 @@ def _best_cut(
 
 @kernel
 def _set_rim(
-    block: Block, surfaces: Surfaces, uv: Doubles, n: int, count: int
+    block: Block, triangles: Triangles, uv: Doubles, n: int, count: int
 ) -> tuple[Place, Place]:
     """Lay the polygon at hand on the texture; gives the least and greatest sizes of u and t."""
-    forward = matrix_at(surfaces.forward, n)
+    forward = matrix_at(triangles.forward, n)
     least_u, least_t, most_u, most_t = np.inf, np.inf, 0.0, 0.0
     for k in range(count):
         corner = (block.polygon[k, 0], block.polygon[k, 1])
-        place = texture_place(surfaces, uv, n, corner)
+        place = texture_place(triangles, uv, n, corner)
         size_u, size_t = stretched(forward, place)
         least_u, most_u = min(least_u, size_u), max(most_u, size_u)
         least_t, most_t = min(least_t, size_t), max(most_t, size_t)
@@ -86,15 +86,14 @@ def _quarter(waiting: Doubles, last: int) -> int:
     return last + 4
 
 
-@kernel
+@making_kernel
 def dice(
-    block: Block, member: int, surfaces: Surfaces, skin: Skin, lens: Lens, grid: Grid
+    block: Block, n: int, triangles: Triangles, skin: Skin, lens: Lens, grid: Grid
 ) -> tuple[int, int]:
     """Add a triangle's cells; returns their number and that of those that were seen.
 
     Where the scale changes much within the tile, as toward a horizon, the tile is quartered.
     """
-    n = block.triangles[member]
     texture, uv = skin.texture[n], skin.uv
     finest, fine = grid.quality * grid.samples, 1.0 / grid.samples
     rows, columns = block.owner.shape
@@ -106,10 +105,10 @@ def dice(
         pending -= 1
         left, top = waiting[pending, 0], waiting[pending, 1]
         right, bottom = waiting[pending, 2], waiting[pending, 3]
-        count = cut_out(surfaces, n, (left, top, right, bottom), block.polygon, block.spare)
+        count = cut_out(triangles, n, (left, top, right, bottom), block.polygon, block.spare)
         if count < 3:
             continue
-        least, most = _set_rim(block, surfaces, uv, n, count)
+        least, most = _set_rim(block, triangles, uv, n, count)
         if not (most[0] < np.inf and most[1] < np.inf):
             continue
         is_uneven = most[0] > UNEVEN * least[0] or most[1] > UNEVEN * least[1]
@@ -132,7 +131,7 @@ def dice(
         along = 1.0 + reach(block.polygon, count) * finest
         if not reach(block.rim, count) < TOO_MANY_CELLS * along:
             continue
-        done = paint_cells(block, member, count, cut, surfaces, skin, lens)
+        done = paint_cells(block, n, count, cut, triangles, skin, lens)
         points += done[0]
         seen += done[1]
     return points, seen

@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, column, cross, dot, multiply
-from resample.types import Doubles
+from resample.types import Doubles, Records
 
 Ints = NDArray[np.int64]
 Place = tuple[float, float]
 
+# Of a triangle on screen, px: what the engine reads to deal it to tiles. left > right: not seen.
+BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bottom", "spacing")])
 CHUNK = 1024  # triangles that a thread takes at a time
 
 
-class Surfaces(NamedTuple):
+class Triangles(NamedTuple):
     """T triangles as a camera sees them, without what lies before its near plane."""
 
     corner: Doubles  # (T, 4, 2) px, in order around the triangle
@@ -31,6 +33,7 @@ class Surfaces(NamedTuple):
     forward: Doubles  # (T, 3, 3) homography from (u, t, 1) to (x w, y w, w)
     determinant: Doubles  # (T,) of `forward`; 0: texture coordinates without area
     facing: Doubles  # (T,) -1: toward the eye, 1: away
+    bounds: Records  # (T,) of BOUNDS
 
 
 class Lens(NamedTuple):
@@ -44,42 +47,42 @@ class Lens(NamedTuple):
 
 
 @kernel
-def _add_corner(surfaces: Surfaces, n: int, point: Vector, nearness: float) -> None:
-    k = surfaces.corners[n]
-    surfaces.corner[n, k, 0] = point[0] / point[2]
-    surfaces.corner[n, k, 1] = point[1] / point[2]
-    surfaces.corners[n] = k + 1
-    surfaces.limit[n, 0] = min(surfaces.limit[n, 0], nearness)
-    surfaces.limit[n, 1] = max(surfaces.limit[n, 1], nearness)
+def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) -> None:
+    k = triangles.corners[n]
+    triangles.corner[n, k, 0] = point[0] / point[2]
+    triangles.corner[n, k, 1] = point[1] / point[2]
+    triangles.corners[n] = k + 1
+    triangles.limit[n, 0] = min(triangles.limit[n, 0], nearness)
+    triangles.limit[n, 1] = max(triangles.limit[n, 1], nearness)
 
 
 @kernel
 def _cut_near(
-    surfaces: Surfaces, n: int, point: Doubles, depth: Doubles, corner: Ints, lens: Lens
+    triangles: Triangles, n: int, point: Doubles, depth: Doubles, corner: Ints, lens: Lens
 ) -> None:
     """The triangle's part beyond the near plane, as a polygon on screen.
 
     The cut is reckoned from the inner end of an edge to the outer one, hence the same for both
     triangles that share it.
     """
-    surfaces.limit[n, 0], surfaces.limit[n, 1] = np.inf, -np.inf
+    triangles.limit[n, 0], triangles.limit[n, 1] = np.inf, -np.inf
     for k in range(3):
         a, b = corner[n, k], corner[n, (k + 1) % 3]
         seen, next_seen = depth[a] > lens.near, depth[b] > lens.near
         if seen:
             nearness = 1.0 / depth[a] if lens.perspective else -depth[a]
-            _add_corner(surfaces, n, (point[a, 0], point[a, 1], point[a, 2]), nearness)
+            _add_corner(triangles, n, (point[a, 0], point[a, 1], point[a, 2]), nearness)
         if seen != next_seen:
             inner, outer = (a, b) if seen else (b, a)
             share = (depth[inner] - lens.near) / (depth[inner] - depth[outer])
             x = point[inner, 0] + share * (point[outer, 0] - point[inner, 0])
             y = point[inner, 1] + share * (point[outer, 1] - point[inner, 1])
             w = lens.near if lens.perspective else 1.0
-            _add_corner(surfaces, n, (x, y, w), 1.0 / w if lens.perspective else -lens.near)
+            _add_corner(triangles, n, (x, y, w), 1.0 / w if lens.perspective else -lens.near)
 
 
 @kernel
-def _set_forward(surfaces: Surfaces, n: int, point: Doubles, corner: Ints, uv: Doubles) -> None:
+def _set_forward(triangles: Triangles, n: int, point: Doubles, corner: Ints, uv: Doubles) -> None:
     """Homography from the texture to the screen; left 0 if the texture has no area here."""
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     u1, t1 = uv[n, 1, 0] - uv[n, 0, 0], uv[n, 1, 1] - uv[n, 0, 1]
@@ -91,11 +94,11 @@ def _set_forward(surfaces: Surfaces, n: int, point: Doubles, corner: Ints, uv: D
         first, second = point[b, k] - point[a, k], point[c, k] - point[a, k]
         along_u = (first * t2 - second * t1) / area
         along_t = (second * u1 - first * u2) / area
-        surfaces.forward[n, k, 0] = along_u
-        surfaces.forward[n, k, 1] = along_t
-        surfaces.forward[n, k, 2] = point[a, k] - along_u * uv[n, 0, 0] - along_t * uv[n, 0, 1]
-    matrix = matrix_at(surfaces.forward, n)
-    surfaces.determinant[n] = dot(column(matrix, 2), cross(column(matrix, 0), column(matrix, 1)))
+        triangles.forward[n, k, 0] = along_u
+        triangles.forward[n, k, 1] = along_t
+        triangles.forward[n, k, 2] = point[a, k] - along_u * uv[n, 0, 0] - along_t * uv[n, 0, 1]
+    matrix = matrix_at(triangles.forward, n)
+    triangles.determinant[n] = dot(column(matrix, 2), cross(column(matrix, 0), column(matrix, 1)))
 
 
 @kernel
@@ -106,7 +109,7 @@ def _see_triangle(
     corner: Ints,
     uv: Doubles,
     lens: Lens,
-    surfaces: Surfaces,
+    triangles: Triangles,
 ) -> None:
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     p = (point[a, 0], point[a, 1], point[a, 2])
@@ -116,17 +119,29 @@ def _see_triangle(
     volume = dot(p, rows[0])
     if not (0.0 < abs(volume) < np.inf) or (lens.cull and volume > 0.0):
         return
-    surfaces.facing[n] = math.copysign(1.0, volume)
+    triangles.facing[n] = math.copysign(1.0, volume)
     weight = (1.0, 1.0, 1.0)
     if not lens.perspective:
         weight = (-depth[a], -depth[b], -depth[c])
     for k in range(3):
         across = column(rows, k)
         for m in range(3):
-            surfaces.weight[n, m, k] = across[m] / volume
-        surfaces.nearness[n, k] = dot(across, weight) / volume
-    _cut_near(surfaces, n, point, depth, corner, lens)
-    _set_forward(surfaces, n, point, corner, uv)
+            triangles.weight[n, m, k] = across[m] / volume
+        triangles.nearness[n, k] = dot(across, weight) / volume
+    _cut_near(triangles, n, point, depth, corner, lens)
+    _set_forward(triangles, n, point, corner, uv)
+
+
+@kernel
+def _bound(triangles: Triangles, n: int) -> None:
+    """Write what a triangle reaches over on screen."""
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(triangles.corners[n]):
+        x, y = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
+        left, right = min(left, x), max(right, x)
+        top, bottom = min(top, y), max(bottom, y)
+    record = triangles.bounds[n]
+    record["left"], record["top"], record["right"], record["bottom"] = left, top, right, bottom
 
 
 @kernel
@@ -137,10 +152,11 @@ def _see_chunk(
     corner: Ints,
     uv: Doubles,
     lens: Lens,
-    surfaces: Surfaces,
+    triangles: Triangles,
 ) -> None:
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(corner))):
-        _see_triangle(n, point, depth, corner, uv, lens, surfaces)
+        _see_triangle(n, point, depth, corner, uv, lens, triangles)
+        _bound(triangles, n)
 
 
 @parallel_kernel
@@ -151,7 +167,7 @@ def see(
     corner: Ints,
     uv: Doubles,
     lens: Lens,
-    surfaces: Surfaces,
+    triangles: Triangles,
 ) -> None:
     """Project triangles.
 
@@ -165,11 +181,11 @@ def see(
         (T, 3) vertices of the triangles.
     uv
         (T, 3, 2) u and t there.
-    surfaces
+    triangles
         Filled; all 0 before.
     """
     for chunk in tasks(counter, (len(corner) + CHUNK - 1) // CHUNK):
-        _see_chunk(chunk, point, depth, corner, uv, lens, surfaces)
+        _see_chunk(chunk, point, depth, corner, uv, lens, triangles)
 
 
 @kernel
@@ -183,26 +199,15 @@ def matrix_at(matrices: Doubles, n: int) -> Matrix:
 
 
 @kernel
-def bounds(surfaces: Surfaces, n: int) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom of a triangle, px; left > right where none is seen."""
-    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
-    for k in range(surfaces.corners[n]):
-        x, y = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
-        left, right = min(left, x), max(right, x)
-        top, bottom = min(top, y), max(bottom, y)
-    return left, top, right, bottom
-
-
-@kernel
-def plane_at(surfaces: Surfaces, n: int) -> Vector:
+def plane_at(triangles: Triangles, n: int) -> Vector:
     """A triangle's nearness: the product with (x, y, 1), also outside the triangle."""
-    return surfaces.nearness[n, 0], surfaces.nearness[n, 1], surfaces.nearness[n, 2]
+    return triangles.nearness[n, 0], triangles.nearness[n, 1], triangles.nearness[n, 2]
 
 
 @kernel
-def barycentric(surfaces: Surfaces, n: int, place: Place) -> Vector:
+def barycentric(triangles: Triangles, n: int, place: Place) -> Vector:
     """Weights of the three vertices at a place on screen in the triangle, of sum 1."""
-    a, b, c = multiply(matrix_at(surfaces.weight, n), (place[0], place[1], 1.0))
+    a, b, c = multiply(matrix_at(triangles.weight, n), (place[0], place[1], 1.0))
     a, b, c = max(0.0, a), max(0.0, b), max(0.0, c)
     total = a + b + c
     if not 0.0 < total < np.inf:  # rounding made more of a thin triangle than there is
@@ -211,9 +216,9 @@ def barycentric(surfaces: Surfaces, n: int, place: Place) -> Vector:
 
 
 @kernel
-def texture_place(surfaces: Surfaces, uv: Doubles, n: int, place: Place) -> Place:
+def texture_place(triangles: Triangles, uv: Doubles, n: int, place: Place) -> Place:
     """Texture coordinates u and t of a place on screen."""
-    weight = barycentric(surfaces, n, place)
+    weight = barycentric(triangles, n, place)
     return (
         dot(weight, (uv[n, 0, 0], uv[n, 1, 0], uv[n, 2, 0])),
         dot(weight, (uv[n, 0, 1], uv[n, 1, 1], uv[n, 2, 1])),

@@ -5,25 +5,25 @@ import math
 from resample.engine.jit import kernel
 from resample.engine.vectors import Vector, dot
 from resample.types import Doubles
-from resample_texture.mesh.kernels.surfaces import Lens, Place, Surfaces, plane_at
+from resample_texture.mesh.kernels.surfaces import Lens, Place, Triangles, plane_at
 from resample_texture.mesh.kernels.tiles import Block, columns_within, sample, span
 
 WIDE = 8  # sub-pixels; rows of wider triangles are narrowed down before they are tested
 
 
 @kernel
-def _set_edges(surfaces: Surfaces, n: int, edge: Doubles) -> None:
+def _set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
     """Edges of a polygon, each from its smaller to its greater end.
 
     So both triangles at an edge reckon with the same numbers, and what lies on it belongs to
     exactly one of them.
     """
-    count = surfaces.corners[n]
+    count = triangles.corners[n]
     for k in range(count):
         m = (k + 1) % count
-        ax, ay = surfaces.corner[n, k, 0], surfaces.corner[n, k, 1]
-        bx, by = surfaces.corner[n, m, 0], surfaces.corner[n, m, 1]
-        side = surfaces.facing[n]
+        ax, ay = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
+        bx, by = triangles.corner[n, m, 0], triangles.corner[n, m, 1]
+        side = triangles.facing[n]
         if bx < ax or (bx == ax and by < ay):
             ax, ay, bx, by, side = bx, by, ax, ay, -side
         edge[k, 0], edge[k, 1], edge[k, 2], edge[k, 3] = ax, ay, bx - ax, by - ay
@@ -69,13 +69,12 @@ def _nearness(plane: Vector, limit: tuple[float, float], place: Place) -> float:
 
 
 @kernel
-def claim(surfaces: Surfaces, member: int, block: Block) -> None:
+def show(triangles: Triangles, n: int, block: Block) -> None:
     """Give a triangle the sub-pixels whose sample it covers before all others so far."""
-    n = block.triangles[member]
-    edge, count = block.edge, surfaces.corners[n]
-    plane, limit = plane_at(surfaces, n), (surfaces.limit[n, 0], surfaces.limit[n, 1])
-    _set_edges(surfaces, n, edge)
-    first, last, start, end = span(surfaces, n, block)
+    edge, count = block.edge, triangles.corners[n]
+    plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
+    _set_edges(triangles, n, edge)
+    first, last, start, end = span(triangles, n, block)
     is_wide = end - start > WIDE
     fine = 1.0 / block.samples
     for row in range(first, last + 1):
@@ -90,29 +89,30 @@ def claim(surfaces: Surfaces, member: int, block: Block) -> None:
             nearness = _nearness(plane, limit, place)
             if nearness > block.nearness[row, column]:
                 block.nearness[row, column] = nearness
-                block.owner[row, column] = member
+                block.owner[row, column] = n
 
 
 @kernel
-def is_beside(surfaces: Surfaces, n: int, other: int, place: Place, lens: Lens) -> bool:
+def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens) -> bool:
     """Whether two triangles that face the same way are one surface at a place."""
-    if surfaces.facing[n] != surfaces.facing[other]:
+    if triangles.facing[n] != triangles.facing[other]:
         return False
-    own = dot(plane_at(surfaces, n), (place[0], place[1], 1.0))
-    its = dot(plane_at(surfaces, other), (place[0], place[1], 1.0))
+    own = dot(plane_at(triangles, n), (place[0], place[1], 1.0))
+    its = dot(plane_at(triangles, other), (place[0], place[1], 1.0))
     return abs(own - its) <= lens.tolerance * (abs(own) if lens.perspective else 1.0)
 
 
 @kernel
-def may_show(surfaces: Surfaces, member: int, block: Block, lens: Lens) -> bool:
-    """Whether a triangle without a sample of its own may be part of the visible surface."""
-    n = block.triangles[member]
-    plane, limit = plane_at(surfaces, n), (surfaces.limit[n, 0], surfaces.limit[n, 1])
-    first, last, start, end = span(surfaces, n, block)
+def may_show(triangles: Triangles, n: int, block: Block, lens: Lens) -> bool:
+    """Whether a triangle is seen, or may be part of the visible surface between its samples."""
+    plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
+    first, last, start, end = span(triangles, n, block)
     for row in range(first, last + 1):
         for column in range(start, end + 1):
             owner = block.owner[row, column]
-            if owner < 0 or surfaces.facing[n] != surfaces.facing[block.triangles[owner]]:
+            if owner == n:
+                return True
+            if owner < 0 or triangles.facing[n] != triangles.facing[owner]:
                 continue
             nearness = _nearness(plane, limit, sample(block, row, column))
             slack = lens.tolerance * (nearness if lens.perspective else 1.0)

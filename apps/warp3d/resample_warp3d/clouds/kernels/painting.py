@@ -21,8 +21,9 @@ from resample.engine.surfaces.blocks import (
     Surfaces,
     first_used,
     row_shift,
+    whole_within,
 )
-from resample.engine.surfaces.painting import add, claim, paint_tile, stride, write
+from resample.engine.surfaces.painting import add, claim, claimed, paint_tile, write
 from resample.types import Floats, Record, Records, Single, Tiles
 from resample_warp3d.clouds.kernels.discs import REACH
 
@@ -93,19 +94,13 @@ def _disc(record: Record) -> Disc:
 
 
 @kernel
-def _within(value: float, least: int, most: int) -> int:
-    """Whole number below a value, kept within bounds, whatever the value."""
-    return math.floor(max(float(least), min(float(most), value)))
-
-
-@kernel
 def _rows(disc: Disc, block: Block) -> tuple[int, int]:
     """First and last row of sub-pixels that a disc may touch."""
     fine = float(block.subpixels)
     first, last = block.box[0], block.box[1]
     return (
-        _within((disc.top - block.top) * fine + 0.5, first, last + 1),
-        _within((disc.bottom - block.top) * fine - 0.5, first - 1, last),
+        whole_within((disc.top - block.top) * fine + 0.5, first, last + 1),
+        whole_within((disc.bottom - block.top) * fine - 0.5, first - 1, last),
     )
 
 
@@ -136,8 +131,8 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
     before = row_shift(row, block.subpixels) + 0.5
     first, last = block.box[2], block.box[3]
     return (
-        _within((left - block.left) * fine - before + 0.99, first, last + 1),
-        _within((right - block.left) * fine - before + 0.01, first - 1, last),
+        whole_within((left - block.left) * fine - before + 0.99, first, last + 1),
+        whole_within((right - block.left) * fine - before + 0.01, first - 1, last),
     )
 
 
@@ -244,10 +239,10 @@ def _write(picture: CloudPicture, block: Block, _: int) -> None:
             picture.first_depth[y, x] = 1.0 / first if first > 0.0 else np.inf
 
 
-@plays(stride, Discs)
-def _stride(discs: Discs, tiles: Tiles, tile: int, block: Block) -> int:
-    """Sub-pixels of which one is enough, as one surface of splats fills the tile."""
-    return block.subpixels if _is_even(discs.records, tiles, tile, block) else 1
+@plays(claimed, Discs)
+def _claimed(discs: Discs, tiles: Tiles, tile: int, block: Block) -> None:
+    """Few of a tile's sub-pixels are enough where one surface of splats fills it."""
+    block.step[0] = block.subpixels if _is_even(discs.records, tiles, tile, block) else 1
 
 
 @kernel

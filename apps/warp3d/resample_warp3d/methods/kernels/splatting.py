@@ -12,7 +12,7 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.roles import plays
 from resample.engine.surfaces.blocks import WEIGHT, Block, Surfaces
 from resample.engine.surfaces.ellipses import beyond_center, first_center, held_ellipse
-from resample.engine.surfaces.painting import add, claim, paint_tile, stride, write
+from resample.engine.surfaces.painting import add, claim, paint_tile, write
 from resample.types import Floats, Single, Tiles
 from resample_warp3d.methods.kernels.jacobian import (
     ACROSS,
@@ -207,11 +207,6 @@ def _splat(samples: Samples, member: int, group: int, block: Block) -> None:
                 sums[i, j, 1] += weight * green
                 sums[i, j, 2] += weight * blue
                 sums[i, j, WEIGHT] += weight
-
-
-@plays(stride, Samples)
-def _stride(samples: Samples, tiles: Tiles, tile: int, block: Block) -> int:  # noqa: ARG001
-    return 1
 
 
 @plays(write, Rendered)
