@@ -1,7 +1,7 @@
 """The loop over parts of a source: each is placed cell by cell on pixels of its own.
 
 What a part is and how its cells are placed is the application's, which plays the roles `begun`,
-`lines` and `fill` for a bundle of its own.
+`lines` and `fill` for a bundle of its own, and `stamp` where cells are not all that a line holds.
 """
 
 from collections.abc import Iterator
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.sums import offsets
 from resample.engine.cells.taps import Spread, add
-from resample.engine.cells.tiles import LEFT, RIGHT
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, kernel, tasks
-from resample.engine.roles import making_role, role
+from resample.engine.roles import called_role, making_role, plays, role
+from resample.engine.surfaces.stamps import Ground
 from resample.types import Floats
 
 Integers = NDArray[np.int64]
@@ -50,6 +51,17 @@ def fill(source: Source, part: int, line: int, box: Integers, spread: Spread, wo
     raise NotImplementedError
 
 
+@called_role
+def stamp(work: Work, ground: Ground) -> None:
+    """Add what was placed with a batch and is no cell, but a splat."""
+    raise NotImplementedError
+
+
+@plays(stamp, object)
+def _stamp(work: Work, ground: Ground) -> None:
+    pass
+
+
 @inner_kernel
 def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: Work) -> None:
     """Add the cells of one part to its pixels."""
@@ -57,14 +69,16 @@ def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: W
     for n in range(begin, parts.start[part + 1]):
         sums[n] = np.float32(0)
     width, batch = box[RIGHT] - box[LEFT], work.batch
+    ground = Ground(sums, begin, width, box[BOTTOM] - box[TOP])
     for line in range(lines(source, part)):
         count = fill(source, part, line, box, spread, work)
+        stamp(work, ground)
         add(sums, begin, width, batch, count, spread)
 
 
 @kernel
 def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) -> None:
-    """Add the cells of every part to pixels of its own; for an application's parallel kernel."""
+    """Add every part to pixels of its own; for an application's parallel kernel."""
     for n in tasks(counter, parts.bounds.shape[0]):
         _paint_part(source, n, spread, parts, begun(source, n))
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resample.engine.cells.parts import batches
-from resample.engine.cells.sums import collect, offsets
+from resample.engine.cells.parts import batches, parts_of
+from resample.engine.cells.sums import collect
+from resample.engine.cells.taps import Spread
 from resample.engine.surfaces.stamps import RIM
 from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
@@ -107,7 +108,7 @@ class Splatting:
         nearest = max(2.0 * self.radius, 0.5) * slope
         variance = self.sigma**2 if self.threshold < math.inf else 0.0
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
-        return Shape(variance, self.filter_sigma**2, self.threshold, nearest, taps, self.is_sum)
+        return Shape(variance, self.filter_sigma**2, self.threshold, nearest, taps)
 
 
 def splat(
@@ -134,17 +135,16 @@ def splat(
     cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
     sums = Sums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
+    spread = Spread(numbers.taps, splatting.is_sum, profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(blocks.bounds, count + 1):
-            bounds = blocks.bounds[batch]
-            start = offsets(bounds, count + 1)
-            pixels = np.empty(start[-1], np.float32)
             splatted = Splatted(
                 source, coefficient, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
-                blocks.axes[batch], bounds,
+                blocks.axes[batch], numbers,
             )  # fmt: skip
-            splat_blocks(splatted, profile, numbers, start, pixels)
-            collect(bounds, start, pixels, picture)
+            parts = parts_of(blocks.bounds[batch], count + 1)
+            splat_blocks(splatted, spread, parts)
+            collect(*parts, picture)
     return sums.warped(*_borders(geometry, source_shape, edge, splatting))
 
 

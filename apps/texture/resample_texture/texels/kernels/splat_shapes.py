@@ -34,7 +34,6 @@ class Shape(NamedTuple):
     threshold: float  # px; a texel stretched by no more than this along any direction is a point
     nearest: float  # third homogeneous coordinate; texels nearer to the eye are left out
     taps: int  # px per side that a point meets
-    is_sum: bool  # a texel's value is a total, which is shared out, not a density
 
 
 @kernel

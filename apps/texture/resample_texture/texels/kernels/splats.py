@@ -10,10 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.batch import Batch
-from resample.engine.cells.taps import add_points
+from resample.engine.cells.batch import Batch, new_batch
+from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts, stamp
+from resample.engine.cells.taps import Spread
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, kernel, parallel_kernel
+from resample.engine.roles import plays
 from resample.engine.surfaces.stamps import MASS, PEAK, ROWS, SIDE, Ground, X, Y, add_splats
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import LENGTH, Integers
@@ -22,7 +24,7 @@ from resample_texture.texels.kernels.texels import fetch
 
 
 class Splatted(NamedTuple):
-    """A source in blocks of whole texels, and where they show."""
+    """A source in blocks of whole texels."""
 
     plain: Floats  # (H, W, C) values of texels as points
     coefficient: Floats  # (H, W, C) and as splats
@@ -32,34 +34,40 @@ class Splatted(NamedTuple):
     map_x: Doubles  # (H + 2, W + 2) places of the texels' centers, with a margin of one
     map_y: Doubles
     axes: Integers  # (B, 2, 6) blocks
-    bounds: Integers  # (B, 4) px they may touch
+    shape: Shape
+
+
+class Rows(NamedTuple):
+    """What rows of a block's texels are made of and with."""
+
+    batch: Batch
+    splat: Floats  # (ROWS, N) of the engine's stamps
+    values: Floats  # (channels, N) that splats have
+    weight: Floats  # (SIDE²,) to work with
+    as_point: Floats  # (channels, rows, N) of texels
+    as_splat: Floats
 
 
 @kernel
-def _add_points(ground: Ground, values: Floats, line: Floats, count: int, profile: Floats) -> None:
-    """Add those of a row that are points to the pixels of a block."""
-    sums, start, width, height = ground
-    taps = profile.shape[1]
+def _place_points(line: Floats, size: tuple[int, int], taps: int, batch: Batch) -> None:
+    """Place those of a row that are points on pixels (width, height)."""
+    width, height = size
     before = np.float32(0.5 * taps - 0.5)
     limit_x, limit_y = np.float32(width - taps + 1), np.float32(height - taps + 1)
-    pixel, mass = np.empty(count, np.int32), np.empty(count, np.float32)
-    along_x, along_y = np.empty(count, np.float32), np.empty(count, np.float32)
     zero = np.float32(0)
-    for n in range(count):
+    for n in range(line.shape[1]):
         x, y = line[X, n] - before, line[Y, n] - before
         is_in = (x >= zero) & (y >= zero) & (x < limit_x) & (y < limit_y)
         is_in &= line[PEAK, n] == zero
         column, row = (np.int32(x), np.int32(y)) if is_in else (np.int32(0), np.int32(0))
-        along_x[n] = x - np.float32(column)
-        along_y[n] = y - np.float32(row)
-        mass[n] = line[MASS, n] if is_in else zero
-        pixel[n] = row * width + column
-    batch = Batch(pixel, along_x, along_y, mass, values)
-    add_points(sums, start, width, batch, count, profile)
+        batch.along_x[n] = x - np.float32(column)
+        batch.along_y[n] = y - np.float32(row)
+        batch.mass[n] = line[MASS, n] if is_in else zero
+        batch.pixel[n] = row * width + column
 
 
 @kernel
-def _values(patch: Floats, row: int, line: Floats, is_sum: bool, values: Floats) -> None:
+def _write_values(patch: Floats, row: int, line: Floats, is_sum: bool, values: Floats) -> None:
     """Values of a row of texels, per px² if they are totals."""
     for c in range(values.shape[0]):
         for n in range(values.shape[1]):
@@ -68,55 +76,56 @@ def _values(patch: Floats, row: int, line: Floats, is_sum: bool, values: Floats)
                 values[c, n] = values[c, n] / line[MASS, n] if line[MASS, n] > 0 else np.float32(0)
 
 
-@kernel
-def _splat_block(source: Splatted, n: int, profile: Floats, shape: Shape, ground: Ground) -> None:
-    """Add all texels of one block to its pixels."""
-    block, bounds = source.axes[n], source.bounds[n]
-    first, channel_count = source.channels
-    for k in range(ground.start, ground.start + ground.width * ground.height * (channel_count + 1)):
-        ground.sums[k] = np.float32(0)
+@plays(begun, Splatted)
+def _begun(source: Splatted, part: int) -> Rows:
+    block, (first, channels) = source.axes[part], source.channels
     count, rows = block[0, LENGTH], block[1, LENGTH]
     no_totals, no_pad = np.empty((0, 0, 0, 0)), (0, 0)
-    patch = np.empty((channel_count, rows, count), np.float32)
-    fetch(source.coefficient, no_totals, block, no_pad, source.edge, patch, first)
-    as_points = np.empty((channel_count, rows, count), np.float32)
-    fetch(source.plain, no_totals, block, no_pad, source.edge, as_points, first)
-    line = np.empty((ROWS, count), np.float32)
-    values = np.empty((channel_count, count), np.float32)
-    weight = np.empty(SIDE * SIDE, np.float32)
-    for row in range(rows):
-        if source.map_x.size > 0:
-            splat_on_map(source.map_x, source.map_y, block, bounds, row, shape, line)
-        else:
-            splat_on_plane(source.matrix, block, bounds, row, shape, line)
-        points, splats = 0, 0
-        for k in range(count):
-            splats += line[PEAK, k] > np.float32(0)
-            points += (line[PEAK, k] == np.float32(0)) & (line[MASS, k] > np.float32(0))
-        if splats > 0:
-            _values(patch, row, line, shape.is_sum, values)
-            add_splats(ground, values, line, count, weight)
-        if points > 0:
-            _values(as_points, row, line, shape.is_sum, values)
-            _add_points(ground, values, line, count, profile)
+    as_point = np.empty((channels, rows, count), np.float32)
+    fetch(source.plain, no_totals, block, no_pad, source.edge, as_point, first)
+    as_splat = np.empty((channels, rows, count), np.float32)
+    fetch(source.coefficient, no_totals, block, no_pad, source.edge, as_splat, first)
+    return Rows(
+        new_batch(channels, count),
+        np.empty((ROWS, count), np.float32),
+        np.empty((channels, count), np.float32),
+        np.empty(SIDE * SIDE, np.float32),
+        as_point,
+        as_splat,
+    )
+
+
+@plays(lines, Splatted)
+def _lines(source: Splatted, part: int) -> int:
+    return int(source.axes[part, 1, LENGTH])
+
+
+@plays(fill, Splatted)
+def _fill(source: Splatted, part: int, line: int, box: Integers, spread: Spread, work: Rows) -> int:
+    splat, shape = work.splat, source.shape
+    if source.map_x.size > 0:
+        splat_on_map(source.map_x, source.map_y, source.axes[part], box, line, shape, splat)
+    else:
+        splat_on_plane(source.matrix, source.axes[part], box, line, shape, splat)
+    points, splats = 0, 0
+    for n in range(splat.shape[1]):
+        splats += splat[PEAK, n] > np.float32(0)
+        points += (splat[PEAK, n] == np.float32(0)) & (splat[MASS, n] > np.float32(0))
+    if splats > 0:
+        _write_values(work.as_splat, line, splat, spread.is_sum, work.values)
+    if points > 0:
+        _write_values(work.as_point, line, splat, spread.is_sum, work.batch.values)
+        size = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
+        _place_points(splat, size, spread.taps, work.batch)
+    return int(splat.shape[1]) if points > 0 else 0
+
+
+@plays(stamp, Rows)
+def _stamp(work: Rows, ground: Ground) -> None:
+    add_splats(ground, work.values, work.splat, work.splat.shape[1], work.weight)
 
 
 @parallel_kernel
-def splat_blocks(
-    counter: Counter, source: Splatted, profile: Floats, shape: Shape, start: Integers, sums: Floats
-) -> None:
-    """Add the texels of every block to pixels of its own.
-
-    Parameters
-    ----------
-    profile
-        (PHASES, T) weights of the point filter by phase.
-    start
-        (B + 1,) where the sums of each block begin.
-    sums
-        Space for all blocks' pixels, interleaved channels and weight.
-    """
-    for n in tasks(counter, source.axes.shape[0]):
-        box = source.bounds[n]
-        ground = Ground(sums, start[n], box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP])
-        _splat_block(source, n, profile, shape, ground)
+def splat_blocks(counter: Counter, source: Splatted, spread: Spread, parts: Parts) -> None:
+    """Add the texels of every block to pixels of its own."""
+    paint_parts(counter, source, spread, parts)
