@@ -1,11 +1,12 @@
 """Rendered clouds: no holes where discs grow, means where they shrink, and surfaces that hide."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.jit import threads
 from resample.types import Frame
@@ -317,6 +318,15 @@ def test_points_before_the_near_plane_are_left_out():
     assert not _render(_cloud(_grid(50)), _camera(1.0), near=101.0).rgba.any()
 
 
+@pytest.mark.parametrize("pixel_filter", [None, "gaussian"])
+def test_points_before_the_cameras_near_plane_are_left_out(pixel_filter):
+    cloud, camera = _cloud(_grid(50)), _camera(1.0)
+    for near, is_seen in ((99.0, True), (101.0, False)):
+        eye = replace(camera, near=near)
+        frame = render_cloud(cloud, eye, size=SMALL, filter=pixel_filter)
+        assert frame.rgba.any() == is_seen
+
+
 def test_points_that_are_no_numbers_are_left_out():
     position = _grid(40)
     bad = position.copy()
@@ -372,6 +382,11 @@ def test_a_lens_is_refused():
     camera = Camera(np.diag([10.0, 10, 1]), distortion=np.array([0.1, 0, 0, 0]))
     with pytest.raises(ValueError, match="without distortion"):
         _render(_cloud(_grid(4)), camera)
+
+
+def test_a_parallel_camera_is_refused():
+    with pytest.raises(ValueError, match="in perspective, not by Orthographic"):
+        _render(_cloud(_grid(4)), Orthographic(1.0, 1.0, 0.0, 0.0))
 
 
 def test_arrays_that_do_not_fit_are_refused():

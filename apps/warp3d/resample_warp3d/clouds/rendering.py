@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import AnyCamera, Camera
 from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
@@ -93,7 +93,7 @@ def render_cloud(
     cloud
         Points, or what `prepare_cloud` made of them, which saves time from the second picture on.
     camera
-        Without distortion.
+        In perspective, without distortion. What lies before its near plane is left out.
     size
         (height, width) px.
     style
@@ -110,13 +110,12 @@ def render_cloud(
     Raises
     ------
     ValueError
-        The size is none, the camera has distortion, or backs are to be left out though normals do
-        not tell them.
+        The size is none, the camera is parallel or has distortion, or backs are to be left out
+        though normals do not tell them.
     """
     chosen = CloudStyle() if style is None else style
     _check_size(*size)
-    if camera.distortion is not None:
-        raise ValueError("clouds are seen without distortion; give a camera that has none")
+    _check_camera(camera)
     start = perf_counter()
     surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
     if chosen.cull and len(surfels.position) and not surfels.is_oriented:
@@ -192,7 +191,7 @@ def _filtered(
     sums, first = np.zeros((*size, 5), np.float32), np.full(size, np.inf, np.float32)
     seen, seconds = np.zeros(len(surfels.position), np.uint8), dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(size):
-        moved = Camera(strip.matrix @ camera.matrix, camera.world_to_camera)
+        moved = replace(camera, matrix=strip.matrix @ camera.matrix)
         fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
         seen |= fine.seen
         for stage, spent in fine.seconds.items():
@@ -226,13 +225,23 @@ def eye_of(surfels: Surfels, camera: Camera, size: tuple[int, int], style: Cloud
         -pose[:3, :3].T @ shift,
         *size,
         float(np.sqrt(abs(matrix[0, 0] * matrix[1, 1]))),
-        float(style.near),
+        float(max(style.near, camera.near)),
         style.subpixels,
         float(style.point_size),
         light is Light.HEADLIGHT,
         style.cull,
         TOLERANCE,
     )
+
+
+def _check_camera(camera: AnyCamera) -> None:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"clouds are seen in perspective, not by {type(camera).__name__}")
+    if camera.distortion is not None:
+        raise ValueError(
+            "clouds are seen without distortion; give a camera that has none and bend the picture "
+            "by resample-texture warp --lens"
+        )
 
 
 def _check_size(height: int, width: int) -> None:
