@@ -25,7 +25,7 @@ from resample.painting.scene import (
     screen_of,
 )
 from resample.painting.slabs import paint_summed
-from resample.painting.splats import are_splats_exact, paint_mixture, paint_splats
+from resample.painting.splats import are_splats_exact, formula_of, paint_mixture, paint_splats
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
@@ -253,12 +253,12 @@ class Resampler:
         self, scene: Scene, samples: Samples, progress: Progress | None
     ) -> tuple[Painted, Statistics]:
         """Picture of samples that are composited one by one, or as points in layers."""
-        painted = None
-        if self._profile is not None and are_splats_exact(scene):
-            painted = paint_splats(scene, samples, self._profile, progress)
+        painted, formula = None, formula_of(scene, self._profile, self._pieces)
+        if are_splats_exact(scene):
+            painted = paint_splats(scene, samples, formula, progress)
         if painted is None and self._point_profile is not None and can_defer_points(scene):
             painted = paint_points(scene, samples, self._point_profile, progress)
-        return painted or paint_mixture(scene, samples, self._profile, self._pieces, progress)
+        return painted or paint_mixture(scene, samples, formula, progress)
 
     def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None

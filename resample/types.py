@@ -232,11 +232,32 @@ class Pieces(NamedTuple):
     far: Ten
 
 
-class Formula(NamedTuple):
-    """Line integrals of splats of exact footprint."""
+class Tabulated(NamedTuple):
+    """A kernel's line integrals where no formula fits."""
 
-    profile: Profile
-    peak: float  # the largest of them, scene units
+    values: Floats  # (K + 1,) over the squared distance, 0..1
+
+
+class Absorbing(NamedTuple):
+    """Opacities 1 - exp(-τ F)."""
+
+    peak: float  # the largest line integral F, scene units
+
+
+class Linear(NamedTuple):
+    """Classic splatting's opacities α F."""
+
+    layer: float  # scene units, thickness of the layer that α is the opacity of
+
+
+class Formula(NamedTuple):
+    """Line integrals of splats, and the opacities that they become.
+
+    Kernels are compiled for each class of the two; see `resample.engine.ellipsoids.lanes`.
+    """
+
+    integral: Profile | Pieces | Tabulated
+    opacity: Absorbing | Linear
 
 
 class Spread(NamedTuple):

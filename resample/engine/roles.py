@@ -2,13 +2,14 @@
 
 The engine owns the loops; what is placed in them differs between applications. A role is a function
 that such a loop calls. Which body runs is settled by the class of its first argument, a bundle that
-the application made, so that the machine code has no trace of the choice.
+the application made or None, so that the machine code has no trace of the choice.
 """
 
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from numba import none
 from numba.extending import overload
 
 from resample.engine.jit import OPTIONS
@@ -50,7 +51,8 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
         return body(*given, **named)  # type: ignore[no-any-return]
 
     def chosen(*given: Any) -> Body | None:
-        return bodies.get(getattr(given[0], "instance_class", object), bodies.get(object))
+        of = type(None) if given[0] == none else getattr(given[0], "instance_class", object)
+        return bodies.get(of, bodies.get(object))
 
     options = {**OPTIONS, **own, "no_cpython_wrapper": True}
     overload(play, jit_options=options, strict=False, inline=inline)(chosen)

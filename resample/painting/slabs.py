@@ -103,7 +103,7 @@ def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, "Mixture | None"]:
         if not may_have_points(scene, runs):
             return runs, None
     runs = runs_of(scene, samples, are_mixed=True)
-    return runs, mixture_of(scene, runs, None, None)
+    return runs, mixture_of(scene, runs)
 
 
 def _summed(scene: Scene, runs: Runs) -> tuple["Summed", int]:

@@ -1,8 +1,7 @@
 """Samples in runs of neighbours, which only those tiles project that show them.
 
-Splats of exact footprint take the quicker form of the painter; where there are other footprints,
-kernels or opacities, colors of splats, or points, the samples are a mixture. See
-`resample.engine.ellipsoids.deferred`.
+Splats of exact footprint take the quicker form of the painter; where there are other footprints or
+points, the samples are a mixture. See `resample.engine.ellipsoids.deferred`.
 """
 
 from typing import TYPE_CHECKING
@@ -12,22 +11,23 @@ import numpy as np
 from resample.painting.runs import RUN_EXTENT, breaks, counted, dealt, paint_in_steps
 from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
 from resample.types import (
-    AFFINE,
     DISC,
     EXACT,
     MOST_COLUMNS,
     RUN,
+    Absorbing,
     Film,
     Formula,
     Indices,
+    Linear,
     Pieces,
     Profile,
     Records,
     Runs,
     Samples,
     Statistics,
+    Tabulated,
     Tally,
-    Ten,
     Tiles,
 )
 
@@ -35,22 +35,13 @@ if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
 
 LONGEST_RUN = 64  # samples
-NO_FORMULA = Formula(Profile(*np.zeros(9, np.float32)), 0.0)
-NOTHING: Ten = (np.float32(0.0),) * 10
-NO_PIECES = Pieces(NOTHING, NOTHING)
 
 
 def are_splats_exact(scene: Scene) -> bool:
-    """Whether splats have exact footprints, opacities and colors, and some may be there."""
+    """Whether splats have exact footprints, and some may be there."""
     style = scene.style
     is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    return (
-        is_exact
-        and style.threshold < np.inf
-        and not style.linear_opacity
-        and style.tint_red < 0
-        and style.inflated == style.blurred == 0
-    )
+    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
 def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
@@ -102,8 +93,15 @@ def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
     return not are_mixed and bool(least * finest <= scene.style.threshold)
 
 
+def formula_of(scene: Scene, profile: Profile | None, pieces: Pieces | None) -> Formula:
+    """How splats are weighed, by the first of these that there is, or else by the table."""
+    style, peak = scene.style, _peak(scene)
+    integral = profile or pieces or Tabulated(scene.tables.footprint)
+    return Formula(integral, Linear(style.layer) if style.linear_opacity else Absorbing(peak))
+
+
 def paint_splats(
-    scene: Scene, samples: Samples, profile: Profile, progress: Progress | None
+    scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
 ) -> tuple[Painted, Statistics] | None:
     """Picture of samples for which `are_splats_exact`, or None if some are no splats.
 
@@ -113,8 +111,8 @@ def paint_splats(
         What painters get to know besides the samples.
     samples
         As `check_samples` gives them; the nearer neighbours are in memory, the better.
-    profile
-        Line integrals of the scene's kernel.
+    formula
+        Line integrals of the scene's kernel, and opacities.
     progress
         Called with the share of the work that is done.
     """
@@ -123,43 +121,25 @@ def paint_splats(
     if may_have_points(scene, runs):
         return None
     clock.lap("project")
-    return _painted(scene, runs, Formula(profile, _peak(scene)), None, clock, progress)
+    return _painted(scene, runs, formula, None, clock, progress)
 
 
 def paint_mixture(
-    scene: Scene,
-    samples: Samples,
-    profile: Profile | None,
-    pieces: Pieces | None,
-    progress: Progress | None,
+    scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
 ) -> tuple[Painted, Statistics]:
-    """Like `paint_splats`, of any samples; where there are no pieces, kernels are tabulated."""
+    """Like `paint_splats`, of any samples."""
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=True)
     clock.lap("project")
-    mixture = mixture_of(scene, runs, profile, pieces)
-    return _painted(scene, runs, NO_FORMULA, mixture, clock, progress)
+    return _painted(scene, runs, formula, mixture_of(scene, runs), clock, progress)
 
 
-def mixture_of(
-    scene: Scene, runs: Runs, profile: Profile | None, pieces: Pieces | None
-) -> "Mixture":
-    """What samples of all kinds are painted by."""
+def mixture_of(scene: Scene, runs: Runs) -> "Mixture":
+    """What painters know of samples of all kinds."""
     from resample.engine.ellipsoids.mixed import Mixture
 
-    style = scene.style
-    return Mixture(
-        profile or NO_FORMULA.profile,
-        pieces or NO_PIECES,
-        profile is not None,
-        pieces is not None,
-        scene.view.perspective and style.model not in (AFFINE, EXACT),
-        style.linear_opacity,
-        bool(style.threshold < np.inf),
-        float(runs.known["least_spacing"].min()),
-        _peak(scene),
-        style.layer,
-    )
+    least = float(runs.known["least_spacing"].min())
+    return Mixture(bool(scene.style.threshold < np.inf), least)
 
 
 def _painted(

@@ -14,12 +14,9 @@ import numpy as np
 
 from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
-from resample.engine.ellipsoids.mixed import (
-    Mixture,
-    flatten_rays,
-    paint_models_on_rows,
-)
-from resample.engine.ellipsoids.models import POINT, choose_points, form_models
+from resample.engine.ellipsoids.lanes import paint_splats_on_rows
+from resample.engine.ellipsoids.mixed import Mixture, flatten_rays
+from resample.engine.ellipsoids.models import POINT, choose_points, form_models, tint_splats
 from resample.engine.ellipsoids.outlines import (
     BATCH,
     CHUNKS,
@@ -63,7 +60,6 @@ from resample.engine.ellipsoids.rows import (
     new_rows,
     open_rows,
     paint_cut_splat_on_rows,
-    paint_splats_on_rows,
     resolve_rows,
 )
 from resample.engine.grid import grid
@@ -196,8 +192,10 @@ def form(
                 batch[np.uint64(n) + KEY] = key_of_bits(np.uint32(ready[n] >> HALF))
         if planes.shape[0] > 0:
             clip_batch(batch, position, 0, size, sight, planes)
-        if mixture is not None:
-            choose_points(batch, size, window, style, are_measured)
+        if mixture is not None and are_measured:
+            choose_points(batch, size, window, style)
+    if mixture is not None and style.tint_red >= 0.0:
+        tint_splats(room, count, style)
 
 
 @kernel
@@ -214,21 +212,16 @@ def _paint_samples(
     """Paint samples in their order, and count those that are at home in the tile, if not hidden."""
     (rows, open_groups, sheet, limits), room = ground, pool.room
     place, step = window.place, np.float32(1.0 / window.place.subpixels)
-    every, table, at_home, points = pool.offset, stage.tables.footprint, 0, 0
+    every, at_home, points = pool.offset, 0, 0
     for first in range(0, count, BETWEEN_LOOKS):
         if not close_rows(open_groups, rows, window.width, limits.opaque):
             break
         n, last = first, min(first + BETWEEN_LOOKS, count)
         while n < last:
             offset = every[n:last]
-            if mixture is None:
-                painted, found = paint_splats_on_rows(
-                    rows, open_groups, room, offset, step, formula, limits
-                )
-            else:
-                painted, found = paint_models_on_rows(
-                    rows, open_groups, room, offset, step, mixture, table, limits
-                )
+            painted, found = paint_splats_on_rows(
+                rows, open_groups, room, offset, step, formula, limits, mixture
+            )
             at_home += found
             n += painted
             if n < last and mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
@@ -273,6 +266,8 @@ def _paint_tile(
         count = waiting - stay
         sort_pairs(pool.ready[:count], pool.other[:count])
         form(pool, count, runs, sight, window, stage, mixture)
+        if mixture is None and stage.style.tint_red >= 0.0:
+            tint_splats(pool.room, count, stage.style)
         put_in_order(pool.ready[:count], pool.room, pool.offset)
         _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
         queue = (stay, next_run, farthest)
@@ -305,10 +300,9 @@ def paint_runs(
     stage
         What all painters share.
     formula
-        Line integrals of the kernel, where there is a mixture of no importance.
+        Line integrals of the kernel, and opacities.
     mixture
-        Where samples are no splats of exact footprint and opacity, or their kernel has no formula.
-        A function is compiled without what is done for it where it is None.
+        None: all samples are splats of exact footprint, and nothing else is compiled.
     output
         Film (H, W) written to, and a tally (T, 4): numbers of points and of splats painted by the
         tiles that hold their centers, 0, and grids.
@@ -329,11 +323,10 @@ def paint_runs(
         window = Window(place, height, width, home_of(home), sides)
         rows = new_rows(height, width)
         least_ray = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
-        linear, size = np.float32(0.0), (0, 0)
+        linear, size = np.float32(style.layer if style.linear_opacity else 0.0), (0, 0)
         if mixture is not None:
             flatten_rays(rows, height, width, style.model)
             least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
-            linear = np.float32(style.layer if style.linear_opacity else 0.0)
             size = (height, width)
         widest = np.float32(1.0) / least_ray
         limits = Limits(np.float32(style.opaque), np.float32(1.0 / style.layer), widest, linear)

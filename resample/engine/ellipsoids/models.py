@@ -16,6 +16,7 @@ from resample.engine.ellipsoids.outlines import (
     ACROSS,
     AMPLITUDE,
     AREA,
+    BATCH,
     BENT,
     BLUE,
     BOTTOM,
@@ -28,6 +29,7 @@ from resample.engine.ellipsoids.outlines import (
     OPACITY,
     RED,
     RIGHT,
+    ROOM,
     SPACING,
     TOP,
     A,
@@ -268,16 +270,14 @@ def form_rims(
 
 
 @kernel
-def choose_points(
-    room: Floats, count: int, window: Window, style: Style, are_measured: bool
-) -> None:
-    """Make points of samples that are close enough, and give splats the marker's color, if any."""
+def choose_points(room: Floats, count: int, window: Window, style: Style) -> None:
+    """Make points of samples that are close enough."""
     place, layer = window.place, style.layer
     n_side = place.subpixels
     for n in range(count):
         k = np.uint64(n)
         spacing = room[k + SPACING] * np.float32(n_side)
-        if are_measured and spacing <= style.threshold and room[k + CUT] == 0.0:
+        if spacing <= style.threshold and room[k + CUT] == 0.0:
             room[k + CUT] = POINT
             path = float(room[k + OPACITY]) * layer
             area = float(room[k + AREA]) / layer * (n_side * n_side)
@@ -292,7 +292,14 @@ def choose_points(
             if room[k + LEFT] < np.inf:
                 _bound(room, k, middle, (half, half), window)
             room[k + CUT] = POINT
-        elif style.tint_red >= 0.0:
+
+
+@kernel
+def tint_splats(room: Floats, count: int, style: Style) -> None:
+    """Give the splats of batch after batch the marker's color."""
+    for n in range(count):
+        k = np.uint64(n // BATCH * ROOM + n % BATCH)
+        if room[k + CUT] != POINT:
             brightest = max(room[k + RED], room[k + GREEN], room[k + BLUE])
             room[k + RED] = brightest * style.tint_red
             room[k + GREEN] = brightest * style.tint_green

@@ -1,4 +1,4 @@
-"""The sub-pixels of a tile as rows of numbers, on which splats are painted sixteen at a time.
+"""The sub-pixels of a tile as rows of numbers, sixteen of which can be worked on at a time.
 
 Two rows that belong together hold nine numbers of each of their sub-pixels: all the first ones,
 then all the second ones, and so on; those of one column stand side by side. As these lie at fixed
@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.canvas import Home
+from resample.engine.ellipsoids.outlines import BLUE as LIT_BLUE
 from resample.engine.ellipsoids.outlines import (
-    ACROSS,
     BOTTOM,
-    CUT,
-    DOWN,
     EXTINCTION,
     HOME,
     LEFT,
@@ -27,22 +25,19 @@ from resample.engine.ellipsoids.outlines import (
     B,
     C,
 )
-from resample.engine.ellipsoids.outlines import BLUE as LIT_BLUE
 from resample.engine.ellipsoids.outlines import DEPTH as FAR
 from resample.engine.ellipsoids.outlines import GREEN as LIT_GREEN
 from resample.engine.ellipsoids.outlines import RED as LIT_RED
 from resample.engine.ellipsoids.splats import cut_integral, seen_span
-from resample.engine.jit import kernel, lane_kernel
+from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
-from resample.engine.over import VISIBLE, Light
+from resample.engine.over import VISIBLE
 from resample.types import (
     MOST_COLUMNS,
     Ellipsoid,
     Film,
     Floats,
-    Formula,
     Place,
-    Profile,
     Single,
     Stage,
     View,
@@ -149,149 +144,6 @@ def narrowed(
     first = math.floor((-b - half) * per_column - shift)
     last = math.ceil((-b + half) * per_column - shift) + 1
     return max(bounds[0], int(first)), min(bounds[1], int(last))
-
-
-@lane_kernel
-def line_integral(form: Single, ray: Single, chord: Single, profile: Profile) -> Single:
-    """Integral of a splat's kernel along the ray of a sub-pixel."""
-    p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
-    t = max(np.float32(0.0), np.float32(1.0) - form * ray)
-    t2 = t * t
-    t4 = t2 * t2
-    shape = (p4 + t * p5) + t2 * (p6 + t * p7) + t4 * p8
-    shape = (p0 + t * p1) + t2 * (p2 + t * p3) + t4 * shape
-    return chord * shape * math.sqrt(t)
-
-
-@lane_kernel
-def fall_of(x: Single, is_thin: bool) -> Single:
-    """Change of what passes, expm1 of x or of 16 x."""
-    one, two = np.float32(1.0), np.float32(2.0)
-    x2 = x * x
-    fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
-    if not is_thin:  # expm1(2x) = expm1(x) (expm1(x) + 2)
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
-    return fall
-
-
-@lane_kernel
-def lay_behind(
-    rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: Limits
-) -> None:
-    """Composite light behind what a sub-pixel holds."""
-    red, green, blue, depth = light
-    zero, one = np.float32(0.0), np.float32(1.0)
-    alpha = rows[k + ALPHA]
-    behind = alpha - one
-    is_open = behind < -limits.opaque
-    share = fall * behind if is_open else zero
-    after = alpha + share
-    rows[k + RED] += share * red
-    rows[k + GREEN] += share * green
-    rows[k + BLUE] += share * blue
-    rows[k + ALPHA] = after
-    rows[k + DEPTH] += share * depth
-    rows[k + WEIGHT] += integral * limits.per_layer if is_open else zero
-    first = rows[k + FIRST]
-    rows[k + FIRST] = depth if (first == np.inf) & (after > np.float32(VISIBLE)) else first
-
-
-@lane_kernel
-def paint_splats_on_rows(
-    rows: Floats,
-    open_groups: Groups,
-    room: Floats,
-    offset: Members,
-    step: Single,
-    formula: Formula,
-    limits: Limits,
-) -> tuple[int, int]:
-    """Composite splats of exact footprint up to the first one that a plane cuts.
-
-    Gives how many these are, and how many of those that were painted are at home in the tile.
-
-    Parameters
-    ----------
-    rows, open_groups
-        Written to, and what is known of it.
-    room, offset
-        Columns of numbers as `form_batch` fills them, and where in the first one splats are.
-    step
-        Px between sub-pixels.
-    formula
-        Line integrals of the kernel.
-    limits
-        What all splats of a tile share.
-    """
-    profile, peak = formula
-    zero, one, two, at_home = np.float32(0.0), np.float32(1.0), np.float32(2.0), 0
-    for n in range(offset.size):
-        s = np.uint64(offset[n])
-        if room[s + CUT] > zero:
-            return n, at_home
-        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
-        if left >= right or not is_open(open_groups, top, bottom, left, right):
-            continue
-        at_home += int(room[s + HOME])
-        a, b, c = room[s + A], room[s + B], room[s + C]
-        light = (room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE], room[s + FAR])
-        across, down = room[s + ACROSS], room[s + DOWN]
-        is_thin = room[s + EXTINCTION] * peak <= 1.0
-        depth_per = -room[s + EXTINCTION] * (one if is_thin else PER_DEEPEST)
-        under, first_column, last_column = groups_between(left, right), left, right
-        for pair in range(top >> 1, (bottom + 1) >> 1):
-            if open_groups[pair] & under == np.uint32(0):
-                continue
-            dy = down + np.float32(2 * pair) * step
-            below = down + np.float32(2 * pair + 1) * step
-            cross, cross_below = two * b * dy, two * b * below
-            rest, rest_below = c * dy * dy, c * below * below
-            if right - left > COLUMNS:
-                bounds = (left, right)
-                first_column, last_column = narrowed(
-                    a, b * float(dy), float(c) * dy * dy - limits.widest, bounds, across, step
-                )
-                first, last = narrowed(
-                    a,
-                    b * float(below),
-                    float(c) * below * below - limits.widest,
-                    bounds,
-                    across,
-                    step,
-                )
-                first_column, last_column = min(first_column, first), max(last_column, last)
-            base = np.uint64(pair * PAIR)
-            # Two loops of constant counts with one body: a function for both is not made lanes.
-            if right - left <= COLUMNS // 2:
-                first_k = base + np.uint64(2 * left)
-                dx_start = across + np.float32(left) * step
-                for lane in range(LANES // 2):
-                    k = first_k + np.uint64(lane)
-                    dx = dx_start + np.float32(lane >> 1) * step
-                    is_below = lane & 1 != 0
-                    form = (a * dx + (cross_below if is_below else cross)) * dx
-                    form += rest_below if is_below else rest
-                    integral = line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
-                    fall = fall_of(max(-one, integral * depth_per), is_thin)
-                    lay_behind(rows, k, fall, integral, light, limits)
-                continue
-            for start in range(first_column, last_column, COLUMNS):
-                first_k = base + np.uint64(2 * start)
-                dx_start = across + np.float32(start) * step
-                for lane in range(LANES):
-                    k = first_k + np.uint64(lane)
-                    dx = dx_start + np.float32(lane >> 1) * step
-                    is_below = lane & 1 != 0
-                    form = (a * dx + (cross_below if is_below else cross)) * dx
-                    form += rest_below if is_below else rest
-                    integral = line_integral(form, rows[k + RAY], rows[k + CHORD], profile)
-                    fall = fall_of(max(-one, integral * depth_per), is_thin)
-                    lay_behind(rows, k, fall, integral, light, limits)
-    return offset.size, at_home
 
 
 @kernel
