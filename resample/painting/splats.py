@@ -173,7 +173,7 @@ def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
     from resample.engine.ellipsoids.outlines import CHUNKS
 
     count = np.zeros(CHUNKS, np.int64)
-    if scene.style.threshold > 0:
+    if 0 < scene.style.threshold >= runs.known["least_spacing"].min():
         count_points(tiles, runs, scene.stage, count)
     return int(count.sum())
 

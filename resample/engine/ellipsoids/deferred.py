@@ -318,7 +318,10 @@ def paint_runs(
         home, place, height, width = laid_out(
             tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
         )
-        pad = 0.0 if mixture is None else pad_of_tile(style, beyond.beyond, n)
+        pad = 0.0
+        if mixture is not None:
+            is_any_point = mixture.least * n <= style.threshold
+            pad = pad_of_tile(style, beyond.beyond, n) if is_any_point else float(beyond.beyond)
         sides = sides_of(eye, shape, place, (height, width), pad)
         window = Window(place, height, width, home_of(home), sides)
         rows = new_rows(height, width)

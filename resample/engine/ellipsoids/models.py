@@ -41,10 +41,10 @@ from resample.engine.ellipsoids.outlines import (
     Y,
 )
 from resample.engine.grid import point_width
-from resample.engine.jit import kernel
+from resample.engine.jit import kernel, lane_step
 from resample.engine.lookup import absorbed
 from resample.engine.points.adding import MOST_TAPS
-from resample.engine.vectors import Vector, column, combine, cross, dot, multiply, scaled
+from resample.engine.vectors import Matrix, Vector, column, combine, cross, dot, multiply, scaled
 from resample.types import (
     CORRECTED,
     DISC,
@@ -69,34 +69,35 @@ def form_models(
 ) -> None:
     """Give `count` samples footprints by the style's model; `are_measured`: and spacings."""
     eye, shape, _ = sight.optics
-    if style.model != EXACT or are_measured:
+    if are_measured or style.inflated > 0.0:
         measure_batch(room, position, count, eye, shape)
-    is_curved = eye.perspective and style.model in (CORRECTED, SMALL_ANGLE)
-    if is_curved:
-        form_rims(room, position, count, sight, window, style.model == SMALL_ANGLE)
-    elif style.model not in (EXACT, DISC):
-        form_affine(room, position, count, sight, window, style)
-    if style.model in (CORRECTED, SMALL_ANGLE):
-        for n in range(count):
-            k = np.uint64(n)
-            sine = room[k + BENT] if is_curved else np.float32(0.0)
-            room[k + FLAT], room[k + BENT] = np.float32(1.0) - sine, sine
-    else:
-        is_disc = style.model == DISC and eye.perspective
-        for n in range(count):
-            k = np.uint64(n)
-            bent = -room[k + BENT] if is_disc else np.float32(0.0)
-            room[k + FLAT], room[k + BENT] = np.float32(1.0), bent
     if style.model == EXACT:
+        _straighten(room, count)
         for n in range(count):
             room[np.uint64(n) + AMPLITUDE] = np.float32(1.0)
+    elif style.model == DISC:
+        form_discs(room, position, count, eye, shape)
+    elif eye.perspective and style.model == CORRECTED:
+        form_rims(room, position, count, sight, window)
+    elif eye.perspective and style.model == SMALL_ANGLE:
+        form_rims_of_small_angles(room, position, count, sight, window)
+    else:
+        form_affine(room, position, count, sight, window, style)
+        _straighten(room, count)
+
+
+@kernel
+def _straighten(room: Floats, count: int) -> None:
+    """Let squared distances be what the quadratic forms say."""
+    for n in range(count):
+        k = np.uint64(n)
+        room[k + FLAT], room[k + BENT] = np.float32(1.0), np.float32(0.0)
 
 
 @kernel
 def measure_batch(room: Floats, position: Floats, count: int, eye: Eye, shape: Shape) -> None:
-    """Spacing, amplitude and sin² α of samples, the last as `BENT`; what points add as `AREA`."""
-    t, v = shape.to_unit, shape.covariance
-    far, per_radius = eye.perspective, 1.0 / shape.radius
+    """Spacing of samples; what points add, and how obliquely they are seen, as `OPACITY`."""
+    v, far, per_radius = shape.covariance, eye.perspective, 1.0 / shape.radius
     for n in range(count):
         k = np.uint64(n)
         x = float(position[np.uint64(3) * k])
@@ -111,20 +112,40 @@ def measure_batch(room: Floats, position: Floats, count: int, eye: Eye, shape: S
         xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
         mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
         major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
-        unit = multiply(t, center)
-        squared = dot(unit, unit)
-        along = math.sqrt(dot(center, center) / squared)
-        parallel = 1.0 / math.sqrt(t[0][2] * t[0][2] + t[1][2] * t[1][2] + t[2][2] * t[2][2])
         # A layer of thickness 1, seen at an angle, is as many times as thick along the ray.
         oblique = math.sqrt(1.0 + x * x + y * y)
         room[k + SPACING] = np.float32(major * per_radius)
-        room[k + AMPLITUDE] = np.float32(shape.scale * (along if far else parallel))
-        room[k + BENT] = np.float32(min(1.0, 1.0 / squared) if far else 0.0)
         room[k + AREA] = np.float32(shape.volume * fx * fy)  # to be shared by a layer's thickness
         room[k + OPACITY] = np.float32(oblique)
 
 
 @kernel
+def form_discs(room: Floats, position: Floats, count: int, eye: Eye, shape: Shape) -> None:
+    """Let splats of exact form be discs that face the eye."""
+    t, far = shape.to_unit, eye.perspective
+    parallel = _squared_chord(t, (0.0, 0.0, 1.0))
+    for n in range(count):
+        k = np.uint64(n)
+        x = float(position[np.uint64(3) * k])
+        y = float(position[np.uint64(3) * k + np.uint64(1)])
+        z = float(position[np.uint64(3) * k + np.uint64(2)])
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        unit = multiply(t, center)
+        per_squared = 1.0 / dot(unit, unit)
+        along = dot(center, center) * per_squared if far else parallel
+        room[k + AMPLITUDE] = np.float32(shape.scale * math.sqrt(along))
+        room[k + FLAT] = np.float32(1.0)
+        room[k + BENT] = np.float32(-min(1.0, per_squared) if far else 0.0)
+
+
+@kernel
+def _squared_chord(to_unit: Matrix, along: Vector) -> float:
+    """Square of how far one goes along a direction while unit space is crossed by 1."""
+    unit = multiply(to_unit, along)
+    return dot(along, along) / dot(unit, unit)
+
+
+@lane_step
 def _bound(
     room: Floats,
     k: np.uint64,
@@ -145,20 +166,20 @@ def _bound(
     room[k + BOTTOM] = room[k + BOTTOM] if is_cut else np.float32(bottom + 1.0)
 
 
-@kernel
+@lane_step
 def _write_form(
     room: Floats,
     k: np.uint64,
     form: Vector,
+    extent: tuple[float, float],
     window: Window,
 ) -> None:
     """Write a quadratic form a, b, c and the bounds of the ellipse on which it is 1."""
     (a, b, c), place = form, window.place
-    half, determinant = 0.5 / place.subpixels, a * c - b * b
+    half = 0.5 / place.subpixels
     is_cut = room[k + CUT] > np.float32(0.0)
     middle_x = place.x + half - float(room[k + ACROSS])
     middle_y = place.y + half - float(room[k + DOWN])
-    extent = (math.sqrt(c / determinant), math.sqrt(a / determinant))
     _bound(room, k, (middle_x, middle_y), extent, window)
     room[k + A] = room[k + A] if is_cut else np.float32(a)
     room[k + B] = room[k + B] if is_cut else np.float32(b)
@@ -180,15 +201,17 @@ def form_affine(
     2001 add the pixel filter's covariance to the footprint's own.
     """
     eye, shape, _ = sight.optics
-    v, far = shape.covariance, eye.perspective
-    per_inflated = 1.0 / style.inflated if style.inflated > 0.0 else np.inf
-    blurred = style.blurred
+    t, v, far = shape.to_unit, shape.covariance, eye.perspective
+    is_inflated, blurred = style.inflated > 0.0, style.blurred
+    per_inflated = 1.0 / style.inflated if is_inflated else 0.0
+    parallel = _squared_chord(t, (0.0, 0.0, 1.0))
     for n in range(count):
         k = np.uint64(n)
         x = float(position[np.uint64(3) * k])
         y = float(position[np.uint64(3) * k + np.uint64(1)])
         z = float(position[np.uint64(3) * k + np.uint64(2)])
         center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        unit = multiply(t, center)
         per_z = 1.0 / center[2] if far else 1.0
         x, y = (center[0] * per_z, center[1] * per_z) if far else (0.0, 0.0)
         fx, fy = eye.fx * per_z, eye.fy * per_z
@@ -196,77 +219,114 @@ def form_affine(
         yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
         xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
         before = xx * yy - xy * xy
-        grown = min(1.0, float(room[k + SPACING]) * per_inflated)
+        grown = min(1.0, float(room[k + SPACING]) * per_inflated) if is_inflated else 1.0
         wider = 1.0 / (grown * grown)
         xx, yy, xy = wider * xx + blurred, wider * yy + blurred, wider * xy
         scale = 1.0 / (xx * yy - xy * xy)
-        room[k + AMPLITUDE] *= np.float32(math.sqrt(before * scale))
-        _write_form(room, k, (yy * scale, -xy * scale, xx * scale), window)
+        along = dot(center, center) / dot(unit, unit) if far else parallel
+        room[k + AMPLITUDE] = np.float32(shape.scale * math.sqrt(along * before * scale))
+        form, extent = (yy * scale, -xy * scale, xx * scale), (math.sqrt(xx), math.sqrt(yy))
+        _write_form(room, k, form, extent, window)
+
+
+@lane_step
+def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector, Vector, float]:
+    """Half the diameters AB and EF of the circle in which the cone touches, and its middle.
+
+    All in camera axes; and 1 / |unit|², which is sin² α.
+    """
+    per_squared = 1.0 / dot(unit, unit)
+    parallel, other = cross(unit, back[2]), cross(unit, column(to_unit, 0))
+    is_on_axis = dot(parallel, parallel) * per_squared < 1e-18 * dot(back[2], back[2])
+    parallel = (
+        other[0] if is_on_axis else parallel[0],
+        other[1] if is_on_axis else parallel[1],
+        other[2] if is_on_axis else parallel[2],
+    )
+    rim = (1.0 - per_squared) / dot(parallel, parallel)
+    parallel = scaled(math.sqrt(rim), parallel)
+    axis = scaled(math.sqrt(per_squared), cross(parallel, unit))  # as long, for they are upright
+    middle = scaled(1.0 - per_squared, unit)
+    return multiply(back, axis), multiply(back, parallel), multiply(back, middle), per_squared
+
+
+@lane_step
+def _write_rim(
+    room: Floats,
+    k: np.uint64,
+    middle: tuple[float, float],
+    first: tuple[float, float],
+    second: tuple[float, float],
+    window: Window,
+) -> None:
+    """Write the ellipse around a middle, px, of these conjugate half diameters, px."""
+    (first_x, first_y), (second_x, second_y) = first, second
+    half, determinant = 0.5 / window.place.subpixels, first_x * second_y - first_y * second_x
+    scale = 1.0 / (determinant * determinant)
+    xx, yy = first_x * first_x + second_x * second_x, first_y * first_y + second_y * second_y
+    xy = first_x * first_y + second_x * second_y
+    room[k + ACROSS] = np.float32(window.place.x + half - middle[0])
+    room[k + DOWN] = np.float32(window.place.y + half - middle[1])
+    form, extent = (scale * yy, -scale * xy, scale * xx), (math.sqrt(xx), math.sqrt(yy))
+    _write_form(room, k, form, extent, window)
 
 
 @kernel
-def form_rims(
-    room: Floats,
-    position: Floats,
-    count: int,
-    sight: Sight,
-    window: Window,
-    small_angle: bool,
-) -> None:
+def form_rims(room: Floats, position: Floats, count: int, sight: Sight, window: Window) -> None:
     """Footprints by the paper's appendix A; see `resample.engine.ellipsoids.footprints`."""
-    (eye, shape, _), place = sight.optics, window.place
+    eye, shape, _ = sight.optics
     t, back, fx, fy = shape.to_unit, shape.from_unit, eye.fx, eye.fy
-    half = 0.5 / place.subpixels
     for n in range(count):
         k = np.uint64(n)
         x = float(position[np.uint64(3) * k])
         y = float(position[np.uint64(3) * k + np.uint64(1)])
         z = float(position[np.uint64(3) * k + np.uint64(2)])
-        unit = multiply(t, combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z))))
-        squared = dot(unit, unit)
-        # The circle in which the cone touches, and its diameters AB and EF
-        rim = math.sqrt(1.0 - 1.0 / squared)
-        middle = scaled(1.0 - 1.0 / squared, unit)
-        parallel, other = cross(unit, back[2]), cross(unit, column(t, 0))
-        is_on_axis = dot(parallel, parallel) < 1e-18 * squared * dot(back[2], back[2])
-        parallel = (
-            other[0] if is_on_axis else parallel[0],
-            other[1] if is_on_axis else parallel[1],
-            other[2] if is_on_axis else parallel[2],
-        )
-        parallel = scaled(rim / math.sqrt(dot(parallel, parallel)), parallel)
-        axis = cross(parallel, unit)
-        axis = scaled(rim / math.sqrt(dot(axis, axis)), axis)
-        start = multiply(back, combine(middle, -1.0, axis))
-        end = multiply(back, combine(middle, 1.0, axis))
-        chord, touched = multiply(back, parallel), multiply(back, middle)
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
+        start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
+        # The midpoint of A'B', and the chord parallel to EF whose projection goes through it; that
+        # is as deep as √(1 - skew²) times the harmonic mean of the depths, their geometric mean.
+        both = 1.0 / (start[2] * end[2])
+        ax, ay = start[0] * (both * end[2]), start[1] * (both * end[2])
+        bx, by = end[0] * (both * start[2]), end[1] * (both * start[2])
+        shrink = math.sqrt(both)
+        middle = (fx * (0.5 * (ax + bx)) + eye.cx, fy * (0.5 * (ay + by)) + eye.cy)
+        first = (fx * (0.5 * (bx - ax)), fy * (0.5 * (by - ay)))
+        _write_rim(room, k, middle, first, (fx * shrink * chord[0], fy * shrink * chord[1]), window)
+        amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
+        room[k + AMPLITUDE] = np.float32(amplitude)
+        room[k + BENT] = np.float32(min(1.0, sine))
+        room[k + FLAT] = np.float32(1.0) - room[k + BENT]
+
+
+@kernel
+def form_rims_of_small_angles(
+    room: Floats, position: Floats, count: int, sight: Sight, window: Window
+) -> None:
+    """Like `form_rims`, by C', C'B' and C'F' as small angles have them."""
+    eye, shape, _ = sight.optics
+    t, back, fx, fy = shape.to_unit, shape.from_unit, eye.fx, eye.fy
+    for n in range(count):
+        k = np.uint64(n)
+        x = float(position[np.uint64(3) * k])
+        y = float(position[np.uint64(3) * k + np.uint64(1)])
+        z = float(position[np.uint64(3) * k + np.uint64(2)])
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
+        start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
         ax, ay, bx, by = start[0] / start[2], start[1] / start[2], end[0] / end[2], end[1] / end[2]
-        # By small angles C', C'B' and C'F'
-        is_farther = ax * ax + ay * ay > bx * bx + by * by
-        mid_x, mid_y = touched[0] / touched[2], touched[1] / touched[2]
-        first_x, first_y = (ax if is_farther else bx) - mid_x, (ay if is_farther else by) - mid_y
-        shrink = 1.0 / touched[2]
-        # else the midpoint of A'B', and the chord parallel to EF whose projection goes through it
-        skew = (start[2] - end[2]) / (start[2] + end[2])
-        depth = 2.0 * start[2] * end[2] / (start[2] + end[2])
-        mid_x, mid_y = (
-            mid_x if small_angle else 0.5 * (ax + bx),
-            mid_y if small_angle else 0.5 * (ay + by),
+        is_farther, shrink = ax * ax + ay * ay > bx * bx + by * by, 1.0 / touched[2]
+        mid_x, mid_y = touched[0] * shrink, touched[1] * shrink
+        first = (
+            fx * ((ax if is_farther else bx) - mid_x),
+            fy * ((ay if is_farther else by) - mid_y),
         )
-        first_x = fx * (first_x if small_angle else 0.5 * (bx - ax))
-        first_y = fy * (first_y if small_angle else 0.5 * (by - ay))
-        shrink = shrink if small_angle else math.sqrt(max(0.0, 1.0 - skew * skew)) / depth
-        second_x, second_y = fx * shrink * chord[0], fy * shrink * chord[1]
-        determinant = first_x * second_y - first_y * second_x
-        scale = 1.0 / (determinant * determinant)
-        room[k + ACROSS] = np.float32(place.x + half - (fx * mid_x + eye.cx))
-        room[k + DOWN] = np.float32(place.y + half - (fy * mid_y + eye.cy))
-        form = (
-            scale * (first_y * first_y + second_y * second_y),
-            -scale * (first_x * first_y + second_x * second_y),
-            scale * (first_x * first_x + second_x * second_x),
-        )
-        _write_form(room, k, form, window)
+        second = (fx * shrink * chord[0], fy * shrink * chord[1])
+        _write_rim(room, k, (fx * mid_x + eye.cx, fy * mid_y + eye.cy), first, second, window)
+        amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
+        room[k + AMPLITUDE] = np.float32(amplitude)
+        room[k + BENT] = np.float32(min(1.0, sine))
+        room[k + FLAT] = np.float32(1.0) - room[k + BENT]
 
 
 @kernel
