@@ -7,6 +7,8 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.engine.ellipsoids.lanes import line_integral, t_of
+from resample.engine.ellipsoids.mixed import Bend
 from resample.profiles.filters import Box, Gaussian, Lanczos
 from resample.profiles.orders import EverySample, Summing
 from resample.profiles.reconstruction import (
@@ -14,9 +16,11 @@ from resample.profiles.reconstruction import (
     GaussianKernel,
     _line_integrals,
     footprint_pieces,
+    footprint_profile,
+    footprint_table,
 )
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
-from resample.types import Layers, Samples
+from resample.types import Layers, Samples, Tabulated
 from tests.records import from_records
 
 SIZE = {"height": 44, "width": 57}
@@ -146,6 +150,23 @@ def test_pieces_are_the_line_integrals(kernel):
     powers = (distance - (piece + 0.5) / 2)[:, None] ** np.arange(10)
     fitted = (np.array(footprint_pieces(kernel))[piece] * powers).sum(1) * np.sqrt(1 - distance**2)
     np.testing.assert_allclose(fitted, exact, atol=1e-5 * exact.max())
+
+
+@pytest.mark.parametrize("sine", [0.0, 0.05, 0.6])
+def test_a_bent_distance_is_the_index_corrected(sine):
+    bend, form = Bend(*np.float32([1 - sine, sine, 1.0])), np.linspace(0, 1.2, 99)
+    t = [t_of(bend, u, np.float32(1.0)) for u in form.astype(np.float32)]
+    truth = np.where(form < 1, 1 - form / (1 - sine + sine * form), 0)
+    np.testing.assert_allclose(t, truth, atol=3e-7)  # float32
+
+
+def test_all_kernels_are_one_integral_by_profile_pieces_or_table():
+    kernel, chord = GaussianKernel(), np.float32(2.0)
+    table = Tabulated(footprint_table(kernel).values)
+    for t in np.linspace(0, 1, 50, dtype=np.float32):
+        exact = line_integral(table, t, chord)
+        for formula in (footprint_profile(kernel), footprint_pieces(kernel)):
+            assert line_integral(formula, t, chord) == pytest.approx(exact, abs=1e-5)
 
 
 def test_kernels_with_edges_have_no_pieces():
