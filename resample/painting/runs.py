@@ -26,7 +26,7 @@ def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indic
 
     They have at most `longest` samples, within `extent` voxels.
     """
-    from resample.engine.ellipsoids.outlines import CHUNKS, break_runs
+    from resample.engine.ellipsoids.run_bounds import CHUNKS, break_runs
 
     samples_count = samples.extinction.size
     start, count = np.empty(samples_count, np.int64), np.zeros(CHUNKS, np.int64)

@@ -52,7 +52,8 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
     ValueError
         Sub-pixels that are as fine do not fit under so wide a filter.
     """
-    from resample.engine.ellipsoids.outlines import NO_REACH, outline_runs, reach_of
+    from resample.engine.ellipsoids.outlines import NO_REACH, reach_of
+    from resample.engine.ellipsoids.run_bounds import outline_runs
     from resample.engine.grid import grid
 
     start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
@@ -170,7 +171,7 @@ def _painted(
 def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
     """How many of the samples that are seen are points."""
     from resample.engine.ellipsoids.deferred import count_points
-    from resample.engine.ellipsoids.outlines import CHUNKS
+    from resample.engine.ellipsoids.run_bounds import CHUNKS
 
     count = np.zeros(CHUNKS, np.int64)
     if 0 < scene.style.threshold >= runs.known["least_spacing"].min():

@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.engine.ellipsoids import outlines
+from resample.engine.ellipsoids import run_bounds
 from resample.engine.ellipsoids.pool import ask_for
 from resample.painting import splats as deferred
 from resample.profiles.filters import Gaussian
@@ -94,13 +94,13 @@ def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
     samples, found = box(rng), []
-    outline = outlines.outline_runs
+    outline = run_bounds.outline_runs
 
     def spy(runs, *rest):
         outline(runs, *rest)
         found.append(runs.copy())
 
-    monkeypatch.setattr(outlines, "outline_runs", spy)
+    monkeypatch.setattr(run_bounds, "outline_runs", spy)
     monkeypatch.setattr(deferred, "_is_vague", lambda *_, **__: True)
     Resampler(order=order)(samples, camera, **SIZE)
     bound, exact = found

@@ -19,7 +19,6 @@ from resample.engine.ellipsoids.mixed import Mixture, flatten_rays
 from resample.engine.ellipsoids.models import POINT, choose_points, form_models, tint_splats
 from resample.engine.ellipsoids.outlines import (
     BATCH,
-    CHUNKS,
     CUT,
     KEY,
     LEFT,
@@ -62,6 +61,7 @@ from resample.engine.ellipsoids.rows import (
     paint_cut_splat_on_rows,
     resolve_rows,
 )
+from resample.engine.ellipsoids.run_bounds import CHUNKS
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind

@@ -1,4 +1,4 @@
-"""Where samples fall on the screen, many at once, and what runs of neighbours have in common.
+"""Where samples fall on the screen, many at once.
 
 The formulas are those of `resample.engine.ellipsoids.footprints` for exact footprints, without a
 branch, so that a compiler works on eight samples at a time. What is found are columns of
@@ -9,11 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.ellipsoids.footprints import Eye, Optics, Shape, Side, optics_of
 from resample.engine.grid import POINT_SPACING, point_width
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import kernel
 from resample.engine.layers import key_of, place_of
 from resample.engine.sorting import Pairs, bits_of, paired
 from resample.engine.vectors import Vector, column, combine, cross, dot, multiply
@@ -24,9 +23,6 @@ from resample.types import (
     Floats,
     Layers,
     Place,
-    Record,
-    Records,
-    Samples,
     Single,
     Stage,
     Style,
@@ -44,12 +40,7 @@ ROOM = 25 * BATCH  # numbers of a batch
 EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
 # What rounding may take away, at most
 SLACK = 1e-9  # share of a half extent or a distance
-ROUNDED = 1e-6  # share of a spacing
-BORDER = 1e-3  # px
-CHUNKS = 64  # fixed, so that runs never depend on the number of threads
 
-Indices = NDArray[np.int64]
-Integers = NDArray[np.int32]
 Sides = tuple[Side, Side, Side, Side]
 Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
@@ -411,278 +402,3 @@ def clip_batch(
             unit = multiply(shape.to_unit, center)
             room[k + CUT] = 1.0
             room[k + A], room[k + B], room[k + C] = unit
-
-
-@kernel
-def _ordered(bits: np.int32) -> np.int32:
-    """Integer that sorts as the float32 of these bits does, and back."""
-    return np.int32(bits ^ ((bits >> np.int32(31)) & np.int32(0x7FFFFFFF)))
-
-
-@kernel
-def box_of(bits: Integers, low: Floats, high: Floats) -> None:
-    """Least and greatest x, y and z (3,) of positions, whose bits are given, (3 n,).
-
-    As integers, of which a compiler compares many at once, as none is not a number.
-    """
-    most, least = np.int32(0x7FFFFFFF), np.int32(-0x80000000)
-    x_low = y_low = z_low = most
-    x_high = y_high = z_high = least
-    for n in range(bits.size // 3):
-        k = np.uint64(3) * np.uint64(n)
-        x, y, z = (
-            _ordered(bits[k]),
-            _ordered(bits[k + np.uint64(1)]),
-            _ordered(bits[k + np.uint64(2)]),
-        )
-        x_low, x_high = min(x_low, x), max(x_high, x)
-        y_low, y_high = min(y_low, y), max(y_high, y)
-        z_low, z_high = min(z_low, z), max(z_high, z)
-    lows, highs = low.view(np.int32), high.view(np.int32)
-    lows[0], lows[1], lows[2] = _ordered(x_low), _ordered(y_low), _ordered(z_low)
-    highs[0], highs[1], highs[2] = _ordered(x_high), _ordered(y_high), _ordered(z_high)
-
-
-@kernel
-def _end_of_run(position: Floats, extent: float, first: int, last: int) -> int:
-    """First sample that lies too far from one between it and the first; `last` if there is none."""
-    x_low = x_high = position[3 * first]
-    y_low = y_high = position[3 * first + 1]
-    z_low = z_high = position[3 * first + 2]
-    for n in range(first + 1, last):
-        x, y, z = position[3 * n], position[3 * n + 1], position[3 * n + 2]
-        x_low, x_high = min(x_low, x), max(x_high, x)
-        y_low, y_high = min(y_low, y), max(y_high, y)
-        z_low, z_high = min(z_low, z), max(z_high, z)
-        if max(x_high - x_low, y_high - y_low, z_high - z_low) > extent:
-            return n
-    return last
-
-
-@parallel_kernel
-def break_runs(
-    counter: Counter, position: Floats, extent: float, most: int, start: Indices, count: Indices
-) -> None:
-    """Where runs of at most `most` samples begin that lie within `extent` scene units.
-
-    Positions are flat (3 N,). Each chunk n of the samples writes `count` (CHUNKS,)[n] numbers to
-    `start` (N,) from its own first sample on.
-    """
-    samples, bits = position.size // 3, position.view(np.int32)
-    low, high = np.empty(3, np.float32), np.empty(3, np.float32)
-    for chunk in tasks(counter, CHUNKS):
-        first, last = samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
-        runs, n = 0, first
-        while n < last:
-            start[first + runs] = n
-            runs += 1
-            behind = min(n + most, last)
-            box_of(bits[3 * n : 3 * behind], low, high)
-            if max(high[0] - low[0], high[1] - low[1], high[2] - low[2]) > extent:
-                behind = _end_of_run(position, extent, n, behind)
-            n = behind
-        count[chunk] = runs
-
-
-@kernel
-def _write(run: Record, bounds: Side, key: float, spacings: tuple[float, float], seen: int) -> None:
-    """Fill in a run, of bounds left, top, right and bottom."""
-    run["left"], run["top"], run["right"], run["bottom"] = bounds
-    run["key"], run["seen"] = key, seen
-    run["least_spacing"], run["most_spacing"] = spacings
-
-
-@kernel
-def sum_up(run: Record, room: Floats, first: int, last: int) -> None:
-    """What samples of a batch have in common."""
-    left = top = key = least = np.float32(np.inf)
-    right = bottom = most = np.float32(-np.inf)
-    seen = 0
-    for n in range(first, last):
-        k = np.uint64(n)
-        if room[k + LEFT] <= room[k + RIGHT]:
-            left, right = min(left, room[k + LEFT]), max(right, room[k + RIGHT])
-            top, bottom = min(top, room[k + TOP]), max(bottom, room[k + BOTTOM])
-            key = min(key, room[k + KEY])
-            if room[k + SPACING] < np.inf:
-                least, most = min(least, room[k + SPACING]), max(most, room[k + SPACING])
-            seen += 1
-    bounds = (float(left), float(top), float(right), float(bottom))
-    _write(run, bounds, float(key), (float(least), float(most)), seen)
-
-
-@kernel
-def _spread(of: Vector, half: Vector) -> float:
-    """How far a product with a vector may be from that of a box's center."""
-    return abs(of[0]) * half[0] + abs(of[1]) * half[1] + abs(of[2]) * half[2]
-
-
-@kernel
-def _least_key(
-    layers: Layers, middle: Vector, world: Vector, center: Vector, half: Vector
-) -> float:
-    """Bound of the keys of samples in a box, given in axes of the scene and of the camera."""
-    if layers.is_around:
-        x = max(0.0, abs(center[0]) - half[0])
-        y = max(0.0, abs(center[1]) - half[1])
-        z = max(0.0, abs(center[2]) - half[2])
-        return math.sqrt(x * x + y * y + z * z)
-    along, place = _spread(layers.axis, world), layers.offset + dot(layers.axis, middle)
-    far = (abs(middle[0]), abs(middle[1]), abs(middle[2]))
-    along += SLACK * (_spread(layers.axis, far) + along + abs(layers.offset))
-    if layers.eye == -np.inf:
-        return place - along
-    return max(0.0, abs(place - layers.eye) - along - SLACK * abs(layers.eye))
-
-
-@kernel
-def _interval(x: float, half: float, near: float, far: float) -> tuple[float, float]:
-    """Least and greatest x / z, where x is within `half` and z between `near` and `far`."""
-    low, high = x - half, x + half
-    return low / (near if low < 0.0 else far), high / (far if high < 0.0 else near)
-
-
-@kernel
-def _spacings_of(center: Vector, half: Vector, eye: Eye, shape: Shape) -> tuple[float, float]:
-    """Bounds of the spacing of samples in a box of camera axes, all of it in front of the eye.
-
-    The spacing is 1 / z times the largest singular value of a matrix, which changes by no more than
-    the matrix does.
-    """
-    v, (cx, cy, cz) = shape.covariance, center
-    x, y = (cx / cz, cy / cz) if eye.perspective else (0.0, 0.0)
-    xx = eye.fx * eye.fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
-    yy = eye.fy * eye.fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
-    xy = eye.fx * eye.fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-    mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
-    largest = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant))) / shape.radius
-    if not eye.perspective:
-        return (1.0 - ROUNDED) * largest, (1.0 + ROUNDED) * largest
-    near, far = cz - half[2], cz + half[2]
-    turn = math.hypot(half[0] + abs(x) * half[2], half[1] + abs(y) * half[2]) / near
-    change = max(eye.fx, eye.fy) * turn * math.sqrt(v[2][2]) / shape.radius
-    return (1.0 - ROUNDED) * (largest - change) / far, (1.0 + ROUNDED) * (largest + change) / near
-
-
-@kernel
-def _bounds_of_box(
-    center: Vector,
-    half: Vector,
-    depths: tuple[float, float],
-    eye: Eye,
-    shape: Shape,
-    mirrored: bool,
-) -> Side:
-    """Bounds in px of ellipsoids whose centers lie in a box, and which reach over these depths."""
-    v, (near, far) = shape.covariance, depths
-    wide, high = math.sqrt(v[0][0]), math.sqrt(v[1][1])
-    left, right = _interval(center[0], half[0] + wide, near, far)
-    top, bottom = _interval(center[1], half[1] + high, near, far)
-    if mirrored:  # as far from the centers as the farther edge of one may be
-        deep = math.sqrt(v[2][2])
-        nearest = center[2] - half[2] if eye.perspective else 1.0
-        first, last = _interval(center[0], half[0], near, far)
-        aside = (wide + max(abs(left), abs(right)) * deep) / nearest
-        left, right = min(left, first - aside), max(right, last + aside)
-        first, last = _interval(center[1], half[1], near, far)
-        aside = (high + max(abs(top), abs(bottom)) * deep) / nearest
-        top, bottom = min(top, first - aside), max(bottom, last + aside)
-    return (
-        eye.fx * left + eye.cx - BORDER,
-        eye.fy * top + eye.cy - BORDER,
-        eye.fx * right + eye.cx + BORDER,
-        eye.fy * bottom + eye.cy + BORDER,
-    )
-
-
-@kernel
-def _is_outlined_by_box(
-    run: Record,
-    low: Floats,
-    high: Floats,
-    seen: int,
-    sight: Sight,
-) -> bool:
-    """Fill in a run of which `seen` samples are not too faint, if their box says enough.
-
-    That is where all of them are seen or none is, and no near plane cuts one.
-    """
-    (eye, shape, area), layers, beyond, _ = sight
-    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
-    world = (high[0] - middle[0], high[1] - middle[1], high[2] - middle[2])
-    center, r, v = (
-        combine(eye.shift, 1.0, multiply(eye.rotation, middle)),
-        eye.rotation,
-        shape.covariance,
-    )
-    half = (_spread(r[0], world), _spread(r[1], world), _spread(r[2], world))
-    unit = (1.0, 1.0, 1.0)
-    slack = SLACK * (_spread(center, unit) + _spread(eye.shift, unit))
-    half = (half[0] + slack, half[1] + slack, half[2] + slack)
-    reach = (math.sqrt(v[0][0]), math.sqrt(v[1][1]), math.sqrt(v[2][2]))
-    near, far = center[2] - half[2] - reach[2], center[2] + half[2] + reach[2]
-    if near <= eye.near or (eye.perspective and near <= 0.0):
-        return False
-    spacings = _spacings_of(center, half, eye, shape)
-    pad = 0.0
-    if spacings[0] <= beyond.threshold or beyond.beyond > 0.0:
-        pad = float(pad_of(np.float32(min(spacings[1], beyond.threshold)), beyond))
-    is_inside = True
-    for side in area.sides:
-        normal = (side[0], side[1], side[2])
-        beside, spread = dot(normal, center) + side[3], _spread(normal, half)
-        if beside > spread and pad == 0.0 and not beyond.mirrored:
-            seen = 0
-        elif beside > -spread and seen > 0:
-            is_inside = False
-    depths = (near, far) if eye.perspective else (1.0, 1.0)
-    bounds = _bounds_of_box(center, half, depths, eye, shape, beyond.mirrored)
-    bounds = (bounds[0] - pad, bounds[1] - pad, bounds[2] + pad, bounds[3] + pad)
-    if bounds[2] < -area.margin or bounds[0] > area.width + area.margin:
-        seen = 0
-    if bounds[3] < -area.margin or bounds[1] > area.height + area.margin:
-        seen = 0
-    if seen == 0:
-        far = np.inf
-        _write(run, (far, far, -far, -far), far, (far, -far), 0)
-        return True
-    if not is_inside:
-        return False
-    key = _least_key(layers, middle, world, center, half)
-    _write(run, bounds, key, spacings, seen)
-    return True
-
-
-@parallel_kernel
-def outline_runs(
-    counter: Counter,
-    known: Records,
-    start: Indices,
-    samples: Samples,
-    stage: Stage,
-    beyond: Reach,
-    by_boxes: bool,
-) -> None:
-    """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next.
-
-    `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
-    of what would else be known of it, and no sample is projected. Not with clipping planes.
-    """
-    sight, planes = sight_of(stage, beyond), stage.screen.planes
-    position, extinction = samples.position.reshape(-1), samples.extinction
-    bits = position.view(np.int32)
-    room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    for chunk in tasks(counter, CHUNKS):
-        for run in range(known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS):
-            begin, count = start[run], start[run + 1] - start[run]
-            if by_boxes:
-                seen = 0
-                for n in range(begin, begin + count):
-                    seen += extinction[np.uint64(n)] > sight.faintest
-                box_of(bits[3 * begin : 3 * (begin + count)], low, high)
-                if _is_outlined_by_box(known[run], low, high, seen, sight):
-                    continue
-            outline_batch(room, position, extinction, begin, count, sight)
-            if planes.shape[0] > 0:
-                clip_batch(room, position, begin, count, sight, planes)
-            sum_up(known[run], room, 0, count)

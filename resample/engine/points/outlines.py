@@ -1,6 +1,7 @@
 """Where points fall on the screen, many at once, and what runs of neighbours have in common.
 
-As `resample.engine.ellipsoids.outlines`, for samples that are points on any grid a tile may get.
+As `outlines` and `run_bounds` of `resample.engine.ellipsoids`, for samples that are points on any
+grid a tile may get.
 """
 
 import math
@@ -11,15 +12,14 @@ from numpy.typing import NDArray
 from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
-    CHUNKS,
     KEY,
     LEFT,
     RIGHT,
     ROOM,
     SPACING,
     TOP,
-    sum_up,
 )
+from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
 from resample.engine.grid import POINT_SPACING
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.layers import key_of, place_of
