@@ -86,6 +86,7 @@ class Footprint(StrEnum):
 
 
 WIDENED = (Primitive.INFLATE, Primitive.EWA)  # their ellipses are affine
+SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # whose samples may differ in size
 FOOTPRINTS = {
     primitive: [Footprint.AFFINE] if primitive in WIDENED else list(Footprint)
     for primitive in Primitive
@@ -201,12 +202,15 @@ class Resampler:
         Raises
         ------
         ValueError
-            Arrays do not fit together or hold values that are not finite, the size is no size, or
-            a field or its projection does not go with the order.
+            Arrays do not fit together or hold values that are not finite, the size is no size, a
+            field or its projection does not go with the order, or choices are not for samples that
+            have a scale each.
         """
         check_size(height, width)
         self._check_field(isinstance(samples, Field))
         checked, look = _checked(samples)
+        if checked.scale is not None:
+            self._check_scaled()
         if checked.extinction.size == 0:
             nothing = nothing_painted(height, width, has_values=True)
             return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
@@ -228,6 +232,8 @@ class Resampler:
         from resample.engine.ellipsoids.footprints import project
 
         checked, look = _checked(samples)
+        if checked.scale is not None:
+            raise ValueError("there are no records of samples that have a scale each")
         with _kernels(None):
             scene = self._scene(checked, camera.view(), (height, width), look, None)
             records = np.zeros(checked.extinction.size, FOOTPRINT)
@@ -249,6 +255,18 @@ class Resampler:
                 "can be shown by composite"
             )
 
+    def _check_scaled(self) -> None:
+        """Refuse choices that would paint samples of a scale each as if they had none."""
+        if self.order.summing is not Summing.POINTS:
+            raise ValueError(
+                f"samples of a scale each need the order every-sample, not {self.order}"
+            )
+        if self.primitive not in SCALED or self.footprint not in (None, Footprint.EXACT):
+            raise ValueError(
+                f"samples of a scale each are {', '.join(SCALED)} of exact footprint, not "
+                f"{self.primitive} of {self.footprint or OWN_FOOTPRINT.get(self.primitive)}"
+            )
+
     def _streamed(
         self, scene: Scene, samples: Samples, progress: Progress | None
     ) -> tuple[Painted, Statistics]:
@@ -256,7 +274,8 @@ class Resampler:
         painted, formula = None, formula_of(scene, self._profile, self._pieces)
         if are_splats_exact(scene):
             painted = paint_splats(scene, samples, formula, progress)
-        if painted is None and self._point_profile is not None and can_defer_points(scene):
+        can_defer = samples.scale is None and can_defer_points(scene)
+        if painted is None and self._point_profile is not None and can_defer:
             painted = paint_points(scene, samples, self._point_profile, progress)
         return painted or paint_mixture(scene, samples, formula, progress)
 

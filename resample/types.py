@@ -42,12 +42,13 @@ COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
 
 
 class Samples(NamedTuple):
-    """N samples of an object in the scene; all of them share one reconstruction ellipsoid."""
+    """N samples of an object in the scene; all have ellipsoids of one shape."""
 
     position: Floats  # (N, 3) scene units
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
     extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
+    scale: Floats | None = None  # (N,) how many times as large each one's ellipsoid is; None: 1
 
 
 class Lamp(NamedTuple):

@@ -40,8 +40,8 @@ def check_samples(samples: Samples) -> Samples:
     Raises
     ------
     ValueError
-        Shapes do not fit, a value is not finite, an extinction is negative, or the lattice is
-        singular.
+        Shapes do not fit, a value is not finite, an extinction is negative, a scale is not above
+        0, or the lattice is singular.
     """
     position = np.ascontiguousarray(samples.position, np.float32)
     color = np.ascontiguousarray(samples.color, np.float32)
@@ -60,7 +60,22 @@ def check_samples(samples: Samples) -> Samples:
             raise ValueError(f"a sample's {name} is not finite; leave such samples out")
     if count and extinction.min() < 0:
         raise ValueError(f"an extinction is {extinction.min()}; it must be 0 or more")
-    return Samples(position, color, extinction, lattice)
+    return Samples(position, color, extinction, lattice, _checked_scale(samples.scale, extinction))
+
+
+def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None:
+    """Sizes of samples of these extinctions, if they have any."""
+    if scale is None:
+        return None
+    with np.errstate(over="ignore"):
+        sizes = np.ascontiguousarray(scale, np.float32)
+        if sizes.shape != extinction.shape:
+            raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
+        if not (_is_finite(sizes) and (sizes > 0).all()):
+            raise ValueError("a scale is a finite number above 0")
+        if not _is_finite(sizes * extinction):
+            raise ValueError("a sample's scale times its extinction is not finite")
+    return sizes
 
 
 def _is_finite(array: Floats | Doubles) -> bool:

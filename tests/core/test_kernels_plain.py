@@ -38,6 +38,16 @@ def test_splats_are_the_kernels_along_the_rays(camera):
     np.testing.assert_allclose(frame.rgba, truth, atol=1e-5)  # tables of 1024 steps
 
 
+@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS])
+def test_samples_of_a_size_each_are_those_of_a_lattice_that_wide(primitive):
+    camera, scale = Camera.from_intrinsics(8.0, 8.0, 4.1, 3.9, near=6.5), np.array([0.5, 0.5])
+    samples = two()._replace(extinction=np.array([0.001, 0.002], np.float32))
+    frame = draw(samples._replace(scale=scale), camera, primitive=primitive)
+    other = draw(samples._replace(lattice=0.5 * samples.lattice), camera, primitive=primitive)
+    np.testing.assert_allclose(frame.rgba, other.rgba, rtol=2e-3, atol=1e-8)
+    assert frame.rgba.max() > 1e-4
+
+
 def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
     samples = two()._replace(position=np.array([(0.3, 0, 0.5), (0, 0.2, 1.5)], np.float32))
     camera = Camera.from_intrinsics(4.0, 4.0, 4.1, 3.9)

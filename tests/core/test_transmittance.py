@@ -40,7 +40,7 @@ def block(spacing=SPACING):
 
 
 def permuted(samples, order):
-    position, color, extinction, lattice = samples
+    position, color, extinction, lattice, _ = samples
     return Samples(position[order], color[order], extinction[order], lattice)
 
 

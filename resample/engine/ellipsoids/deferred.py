@@ -62,6 +62,7 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS
+from resample.engine.ellipsoids.sizes import gather_sizes, resize, stand_alone
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind
@@ -107,16 +108,16 @@ def find_spacings(
     beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
     sight, planes, style = sight_of(stage, beyond), stage.screen.planes, stage.style
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
-    start = runs.start
+    start, scale = runs.start, runs.samples.scale
     room = np.empty(ROOM, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
             if may_be_finer(runs.known[run], finest, style):
                 begin, count = start[run], start[run + 1] - start[run]
-                outline_batch(room, position, extinction, begin, count, sight)
+                outline_batch(room, position, extinction, scale, begin, count, sight)
                 if planes.shape[0] > 0:
-                    clip_batch(room, position, begin, count, sight, planes)
+                    clip_batch(room, position, scale, begin, count, sight, planes)
                 finest = min(finest, finest_of(room, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest
 
@@ -139,7 +140,8 @@ def take_runs(
     window, open_groups = shown
     # Arrays are taken from their bundles once: their reference counts are all threads' own.
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
-    color, start, known = runs.samples.color.reshape(-1), runs.start, runs.known
+    color, scale = runs.samples.color.reshape(-1), runs.samples.scale
+    start, known = runs.start, runs.known
     found, outline, line = pool.found, pool.outline, pool.waiting
     waiting, next_run, farthest = queue
     before, place, height, width = waiting, window.place, window.height, window.width
@@ -156,9 +158,9 @@ def take_runs(
             ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
         if is_run_open(known[run], place, height, width, open_groups):
             if mixture is None or mixture.is_plain:
-                meet_batch(found, position, extinction, begin, count, sight, window)
+                meet_batch(found, position, extinction, scale, begin, count, sight, window)
             else:
-                outline_batch(outline, position, extinction, begin, count, sight)
+                outline_batch(outline, position, extinction, scale, begin, count, sight)
                 meet_outlined(found, outline, begin, count, window)
             if sheets is not None:
                 key_by_sheets(found, position, begin, count, sheets, sight.optics.eye)
@@ -183,17 +185,21 @@ def form(
         size, begin = min(BATCH, count - first), first // BATCH * ROOM
         ready, batch = every[first : first + size], room[begin : begin + ROOM]
         gather(ready, samples, position, batch)
-        form_batch(batch, position, size, sight, window)
+        scale = gather_sizes(batch, ready, samples.scale)
+        form_batch(batch, position, scale, size, sight, window)
         if mixture is not None:
             are_measured = mixture.least * window.place.subpixels <= style.threshold
             are_measured |= planes.shape[0] > 0
             form_models(batch, position, size, sight, window, style, are_measured)
+            resize(batch, scale, size)
             for n in range(size):
                 batch[np.uint64(n) + KEY] = key_of_bits(np.uint32(ready[n] >> HALF))
         if planes.shape[0] > 0:
-            clip_batch(batch, position, 0, size, sight, planes)
+            clip_batch(batch, position, scale, 0, size, sight, planes)
         if mixture is not None and are_measured:
             choose_points(batch, size, window, style)
+            n = window.place.subpixels
+            stand_alone(batch, position, scale, size, sight, n, stage.tables.footprint)
     if mixture is not None and style.tint_red >= 0.0:
         tint_splats(room, count, style)
 
@@ -333,7 +339,8 @@ def paint_runs(
             size = (height, width)
         widest = np.float32(1.0) / least_ray
         limits = Limits(np.float32(style.opaque), np.float32(1.0 / style.layer), widest, linear)
-        ground = Ground(rows, open_rows(height, width), new_sheet(size[0], size[1]), limits)
+        sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
+        ground = Ground(rows, open_rows(height, width), sheet, limits)
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         _paint_tile(members, runs, window, stage, formula, mixture, ground, tally[tile])
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
@@ -346,13 +353,14 @@ def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     sight = sight_of(stage, reach_of(style, stage.ellipsoid.radius))
     room, tile_rows = np.empty(ROOM, np.float32), tiles.spacing.size // tiles.columns
+    scale = runs.samples.scale
     for chunk in tasks(counter, CHUNKS):
         size = runs.known.size
         for run in range(size * chunk // CHUNKS, size * (chunk + 1) // CHUNKS):
             begin, many = start[run], start[run + 1] - start[run]
-            outline_batch(room, position, extinction, begin, many, sight)
+            outline_batch(room, position, extinction, scale, begin, many, sight)
             if planes.shape[0] > 0:
-                clip_batch(room, position, begin, many, sight, planes)
+                clip_batch(room, position, scale, begin, many, sight, planes)
             for n in range(many):
                 k = np.uint64(n)
                 if room[k + LEFT] <= room[k + RIGHT] and room[k + CUT] == 0.0:

@@ -15,7 +15,7 @@ from resample.engine.grid import POINT_SPACING, point_width
 from resample.engine.jit import kernel
 from resample.engine.layers import key_of, place_of
 from resample.engine.sorting import Pairs, bits_of, paired
-from resample.engine.vectors import Vector, column, combine, cross, dot, multiply
+from resample.engine.vectors import Vector, column, combine, cross, dot, multiply, scaled
 from resample.types import (
     AFFINE,
     SMALL_ANGLE,
@@ -35,8 +35,8 @@ LEFT, TOP, RIGHT, BOTTOM, DEPTH, KEY, SPACING, CUT, X, Y, A, B, C = (
 ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
     np.uint64(number * BATCH) for number in range(13, 20)
 )
-AMPLITUDE, FLAT, BENT, AREA, OPACITY = (np.uint64(number * BATCH) for number in range(20, 25))
-ROOM = 25 * BATCH  # numbers of a batch
+AMPLITUDE, FLAT, BENT, AREA, OPACITY, SIZE = (np.uint64(number * BATCH) for number in range(20, 26))
+ROOM = 26 * BATCH  # numbers of a batch
 EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
 # What rounding may take away, at most
 SLACK = 1e-9  # share of a half extent or a distance
@@ -122,8 +122,28 @@ def pad_of_tile(style: Style, widened: Single, subpixels: int) -> float:
     """Px that samples of a tile are painted beyond their outlines, at most; points are finite."""
     pad = style.point_extent
     if style.variance > 0.0:
-        pad *= point_width(style.threshold, style.variance) / subpixels
+        pad *= point_width(min(style.threshold, 1e30), style.variance) / subpixels
     return max(float(widened), pad if style.threshold > 0.0 else 0.0)
+
+
+@kernel
+def size_of(scale: Floats | None, sample: np.uint64) -> float:
+    """How many times as large as others' a sample's ellipsoid is."""
+    return 1.0 if scale is None else float(scale[sample])
+
+
+@kernel
+def seen_alike(center: Vector, eye: Eye, size: float) -> tuple[Vector, Eye]:
+    """A sample of size 1, and an eye that sees it as the given one sees that of this size.
+
+    Scaled about the eye, what is seen stays the same; parallel rays come closer, though.
+    """
+    per_size = 1.0 / size
+    apart = 1.0 if eye.perspective else size
+    x, y, z = center
+    nearer = (per_size * x, per_size * y, per_size * z)
+    fx, fy, near = apart * eye.fx, apart * eye.fy, per_size * eye.near
+    return nearer, Eye(eye.rotation, eye.shift, fx, fy, eye.cx, eye.cy, near, eye.perspective)
 
 
 @kernel
@@ -150,6 +170,7 @@ def outline_batch(
     room: Floats,
     position: Floats,
     extinction: Floats,
+    scale: Floats | None,
     begin: int,
     count: int,
     sight: Sight,
@@ -158,10 +179,10 @@ def outline_batch(
 
     Samples that the near plane cuts are marked, and have no spacing.
     """
-    (eye, shape, area), layers, beyond, faintest = sight
-    v = shape.covariance
+    (camera, shape, area), layers, beyond, faintest = sight
+    v, far, are_resized = shape.covariance, camera.perspective, scale is not None
     low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
-    far, reach, per_radius = eye.perspective, math.sqrt(v[2][2]), 1.0 / shape.radius
+    reach, per_radius = math.sqrt(v[2][2]), 1.0 / shape.radius
     to_left, to_right, to_top, to_bottom = area.sides
     least = reach if far else -np.inf
     for n in range(count):
@@ -170,9 +191,10 @@ def outline_batch(
         x = float(position[np.uint64(3) * sample])
         y = float(position[np.uint64(3) * sample + np.uint64(1)])
         z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        cx, cy, cz = center
+        center = combine(camera.shift, 1.0, multiply(camera.rotation, (x, y, z)))
         key = key_of(layers, place_of(layers, (x, y, z), center))
+        center, eye = seen_alike(center, camera, size_of(scale, sample))
+        cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
         x = cx * per_z if far else 0.0
         y = cy * per_z if far else 0.0
@@ -199,8 +221,9 @@ def outline_batch(
         pad = float(pad_of(spacing, beyond))
         left, top, right, bottom = left - pad, top - pad, right + pad, bottom + pad
         is_inside = (right >= low) & (left <= high_x) & (bottom >= low) & (top <= high_y)
-        is_wider = (pad > 0.0) | beyond.mirrored
-        is_inside = is_inside if is_wider & (not is_cut) else beside <= 0.0
+        are_bounds_right = ((pad > 0.0) | beyond.mirrored) & (not is_cut)
+        are_bounds_right |= are_resized & (not far)  # whose sides are as far away as for all
+        is_inside = is_inside if are_bounds_right else beside <= 0.0
         is_seen = is_inside & (cz + reach > eye.near)
         is_seen &= extinction[sample] > faintest
         left, right = (-EVERYWHERE, EVERYWHERE) if is_around else (left, right)
@@ -257,6 +280,7 @@ def meet_batch(
     pair: Pairs,
     position: Floats,
     extinction: Floats,
+    scale: Floats | None,
     begin: int,
     count: int,
     sight: Sight,
@@ -281,9 +305,13 @@ def meet_batch(
         )
         center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
         key = key_of(layers, place_of(layers, (x, y, z), center))
+        size = size_of(scale, sample)
+        center, _ = seen_alike(center, eye, size)
         # What reaches as far on one side as an ellipsoid does on the other reaches farther than it
         # by at most this many reaches: edges seen at an angle change no more than depths do.
         excess = 2.0 * reach / (center[2] - 2.0 * reach) if is_mirrored else 0.0
+        if scale is not None:
+            excess = size * (excess + 1.0 + SLACK) - 1.0
         is_met = (beside <= excess) | (center[2] <= (2.0 * least if is_mirrored else least))
         is_met &= extinction[sample] > faintest
         found = paired(bits_of(key), int(sample))
@@ -310,6 +338,7 @@ def meet_outlined(pair: Pairs, room: Floats, begin: int, count: int, window: Win
 def form_batch(
     room: Floats,
     position: Floats,
+    scale: Floats | None,
     count: int,
     sight: Sight,
     window: Window,
@@ -320,9 +349,9 @@ def form_batch(
     `height` rows and `width` columns. Samples that the near plane cuts have their centers in place
     of forms.
     """
-    (eye, shape, _), (place, height, width, home, _) = sight.optics, window
+    (camera, shape, _), (place, height, width, home, _) = sight.optics, window
     t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
-    far, per_px = eye.perspective, float(place.subpixels)
+    far, per_px = camera.perspective, float(place.subpixels)
     least = reach if far else -np.inf
     last_column, last_row, half = width - 1.0, height - 1.0, 0.5 / place.subpixels
     first_x, last_x, first_y, last_y = home
@@ -331,7 +360,9 @@ def form_batch(
         x = float(position[np.uint64(3) * k])
         y = float(position[np.uint64(3) * k + np.uint64(1)])
         z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = combine(camera.shift, 1.0, multiply(camera.rotation, (x, y, z)))
+        depth, size = center[2], size_of(scale, k)
+        center, eye = seen_alike(center, camera, size)
         cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
         left, top, right, bottom = _bounds_of(center, eye, shape)
@@ -340,7 +371,9 @@ def form_batch(
         unit = multiply(t, center)
         ray_x, ray_y = unit[0] if far else t[0][2], unit[1] if far else t[1][2]
         ray = (ray_x, ray_y, unit[2] if far else t[2][2])
-        across, down = cross(ray, shape.across), cross(ray, shape.down)
+        per_px_of_size = 1.0 if far else 1.0 / size
+        across = cross(ray, scaled(per_px_of_size, shape.across))
+        down = cross(ray, scaled(per_px_of_size, shape.down))
         on_x = np.float32(eye.fx * (cx * per_z) + eye.cx)
         on_y = np.float32(eye.fy * (cy * per_z) + eye.cy)
         is_home = (on_x >= first_x) & (on_x < last_x) & (on_y >= first_y) & (on_y < last_y)
@@ -354,7 +387,7 @@ def form_batch(
         room[k + RIGHT] = np.float32(right + 1.0)
         room[k + TOP] = np.float32(top)
         room[k + BOTTOM] = np.float32(bottom + 1.0)
-        room[k + DEPTH] = np.float32(cz)
+        room[k + DEPTH] = np.float32(depth)
         room[k + X] = on_x
         room[k + Y] = on_y
         room[k + ACROSS] = np.float32(place.x + half - on_x)
@@ -370,6 +403,7 @@ def form_batch(
 def clip_batch(
     room: Floats,
     position: Floats,
+    scale: Floats | None,
     begin: int,
     count: int,
     sight: Sight,
@@ -382,7 +416,7 @@ def clip_batch(
     (eye, shape, _), beyond = sight.optics, sight.beyond
     finest = max(beyond.for_splats, beyond.for_points) if beyond.fixed == 0.0 else beyond.fixed
     for n in range(count):
-        k, first = np.uint64(n), 3 * (begin + n)
+        k, first, size = np.uint64(n), 3 * (begin + n), size_of(scale, np.uint64(begin + n))
         world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
         center, nearest, is_point = (
             combine(eye.shift, 1.0, multiply(eye.rotation, world)),
@@ -394,11 +428,11 @@ def clip_batch(
         for m in range(planes.shape[0]):
             inside = planes[m, 0] * center[0] + planes[m, 1] * center[1]
             inside += planes[m, 2] * center[2] + planes[m, 3]
-            reach = 0.0 if is_point else planes[m, 4]
+            reach = 0.0 if is_point else size * planes[m, 4]
             if inside <= -reach:
                 room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
             nearest = min(nearest, inside - reach)
         if nearest < 0.0 and not is_point:
-            unit = multiply(shape.to_unit, center)
+            unit = multiply(shape.to_unit, seen_alike(center, eye, size)[0])
             room[k + CUT] = 1.0
             room[k + A], room[k + B], room[k + C] = unit

@@ -15,6 +15,7 @@ from resample.engine.ellipsoids.outlines import (
     GREEN,
     RED,
     ROOM,
+    SIZE,
     A,
     B,
     C,
@@ -71,12 +72,16 @@ class Pool(NamedTuple):
 @kernel
 def new_pool(most: int) -> Pool:
     """Pool for so many samples, a multiple of BATCH."""
+    room = np.empty(most // BATCH * ROOM, np.float32)
+    for first in range(0, room.size, ROOM):
+        for n in range(BATCH):  # where they have no others
+            room[np.uint64(first + n) + SIZE] = np.float32(1.0)
     return Pool(
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
         np.empty(most, np.int32),
-        np.empty(most // BATCH * ROOM, np.float32),
+        room,
         np.empty(BATCH, np.uint64),
         np.empty(ROOM, np.float32),
     )

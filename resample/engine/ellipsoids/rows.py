@@ -20,6 +20,7 @@ from resample.engine.ellipsoids.outlines import (
     HOME,
     LEFT,
     RIGHT,
+    SIZE,
     TOP,
     A,
     B,
@@ -156,7 +157,7 @@ def paint_cut_splat_on_rows(
     stage: Stage,
     limits: Limits,
 ) -> int:
-    """Composite what is seen of a sphere that a plane cuts; its form is its center.
+    """Composite what is seen of a sphere that a plane cuts; its form is its center at size 1.
 
     Gives 1 if it is at home in the tile and not hidden.
     """
@@ -168,7 +169,8 @@ def paint_cut_splat_on_rows(
     if left >= right or not is_open(open_groups, top, bottom, left, right):
         return 0
     center, depth = (room[s + A], room[s + B], room[s + C]), room[s + FAR]
-    extinction = room[s + EXTINCTION]
+    extinction, per_size = room[s + EXTINCTION], 1.0 / float(room[s + SIZE])
+    apart = 1.0 if view.perspective else per_size
     for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         for column in range(left, right):
@@ -177,8 +179,11 @@ def paint_cut_splat_on_rows(
             if before <= limits.opaque:
                 continue
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
-            seen = seen_span(x, y, view, planes)
-            integral = np.float32(cut_integral(center, x, y, seen, view, ellipsoid, partial))
+            first, last = seen_span(x, y, view, planes)
+            seen = (per_size * first, per_size * last)
+            integral = np.float32(
+                cut_integral(center, apart * x, apart * y, seen, view, ellipsoid, partial)
+            )
             if integral <= np.float32(0.0):
                 continue
             alpha = absorbed(extinction * (thick if thick > 0.0 else integral))

@@ -288,10 +288,11 @@ def outline_runs(
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next.
 
     `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
-    of what would else be known of it, and no sample is projected. Not with clipping planes.
+    of what would else be known of it, and no sample is projected. Not with clipping planes, nor
+    where samples have sizes.
     """
     sight, planes = sight_of(stage, beyond), stage.screen.planes
-    position, extinction = samples.position.reshape(-1), samples.extinction
+    position, extinction, scale = samples.position.reshape(-1), samples.extinction, samples.scale
     bits = position.view(np.int32)
     room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
     for chunk in tasks(counter, CHUNKS):
@@ -304,7 +305,7 @@ def outline_runs(
                 box_of(bits[3 * begin : 3 * (begin + count)], low, high)
                 if _is_outlined_by_box(known[run], low, high, seen, sight):
                     continue
-            outline_batch(room, position, extinction, begin, count, sight)
+            outline_batch(room, position, extinction, scale, begin, count, sight)
             if planes.shape[0] > 0:
-                clip_batch(room, position, begin, count, sight, planes)
+                clip_batch(room, position, scale, begin, count, sight, planes)
             sum_up(known[run], room, 0, count)

@@ -1,4 +1,7 @@
-"""Points among splats: summed sheet by sheet in the order of all samples, then put behind."""
+"""Points among splats: summed sheet by sheet in the order of all samples, then put behind.
+
+Those that stand alone, as samples of a size each do, are a sheet each.
+"""
 
 from typing import NamedTuple
 
@@ -50,16 +53,18 @@ class Sheet(NamedTuple):
     dirty: NDArray[np.int64]  # (5,) first and last row, first and last column touched; the number
     across: Floats  # (MOST_TAPS,) room for weights
     down: Floats
+    is_alone: bool  # a point is put behind before anything else is
 
 
 @kernel
-def new_sheet(height: int, width: int) -> Sheet:
+def new_sheet(height: int, width: int, is_alone: bool) -> Sheet:
     """Empty sheet of so many rows and columns of sub-pixels."""
     return Sheet(
         np.zeros((height, width, 8), np.float32),
         np.array([_NOWHERE, 0, _NOWHERE, 0, 0]),
         np.empty(MOST_TAPS, np.float32),
         np.empty(MOST_TAPS, np.float32),
+        is_alone,
     )
 
 
@@ -88,7 +93,7 @@ def add_among(
     left, right = int(room[s + LEFT]), int(room[s + RIGHT])
     if left >= right or top >= bottom or not is_open(open_groups, top, bottom, left, right):
         return 0
-    cell, dirty, across, down = sheet
+    cell, dirty, across, down, is_alone = sheet
     n, style, profile = place.subpixels, stage.style, stage.tables.point
     number = np.int64(np.floor(room[s + KEY] / np.float32(stage.layers.thickness)))
     if number != dirty[4]:
@@ -116,6 +121,8 @@ def add_among(
             cell[row, column, 5] += opacity * cover
             cell[row, column, 6] += opacity * zero
             cell[row, column, 7] += opacity * zero
+    if is_alone:
+        put_behind(sheet, rows, np.float32(style.opaque))
     return int(room[s + HOME])
 
 

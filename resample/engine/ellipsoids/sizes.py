@@ -1,0 +1,87 @@
+"""Samples of a size each: what of their footprints grows with them, and points that stand alone."""
+
+import math
+
+import numpy as np
+
+from resample.engine.ellipsoids.models import POINT
+from resample.engine.ellipsoids.outlines import (
+    AREA,
+    BATCH,
+    CUT,
+    EXTINCTION,
+    OPACITY,
+    SIZE,
+    SPACING,
+    Sight,
+)
+from resample.engine.jit import kernel
+from resample.engine.lookup import absorbed, unit_lookup
+from resample.engine.sorting import Pairs, member_of
+from resample.engine.vectors import combine, dot, multiply
+from resample.types import Floats
+
+# Squared distances from a center between which footprints are integrated, 0..1, and their weights
+_NODE, _WEIGHT = np.polynomial.legendre.leggauss(12)
+NODE, WEIGHT = 0.5 + 0.5 * _NODE, 0.5 * _WEIGHT
+FAINTEST = 1e-30  # opacity of a point, so that there is something to divide by
+
+
+@kernel
+def gather_sizes(room: Floats, ready: Pairs, scale: Floats | None) -> Floats | None:
+    """Sizes (BATCH,) of samples, if they have any; line integrals are as many times as long."""
+    if scale is None:
+        return None
+    for n in range(ready.size):
+        k = np.uint64(n)
+        room[k + SIZE] = scale[np.uint64(member_of(ready[n]))]
+        room[k + EXTINCTION] *= room[k + SIZE]
+    return room[SIZE : SIZE + np.uint64(BATCH)]
+
+
+@kernel
+def resize(room: Floats, scale: Floats | None, count: int) -> None:
+    """Spacings and areas of `count` samples that were measured as if they had size 1."""
+    if scale is not None:
+        for n in range(count):
+            k, size = np.uint64(n), scale[np.uint64(n)]
+            room[k + SPACING] *= size
+            room[k + AREA] *= size * size
+
+
+@kernel
+def stand_alone(
+    room: Floats,
+    position: Floats,
+    scale: Floats | None,
+    count: int,
+    sight: Sight,
+    subpixels: int,
+    table: Floats,
+) -> None:
+    """Let points of a size each take the light that their splats would.
+
+    Points of a lattice take what a layer of them does, as their neighbours fill it.
+    """
+    if scale is None:
+        return
+    eye, shape, _ = sight.optics
+    t, far, total = shape.to_unit, eye.perspective, 0.0
+    parallel = 1.0 / math.sqrt(t[0][2] * t[0][2] + t[1][2] * t[1][2] + t[2][2] * t[2][2])
+    for m in range(NODE.size):
+        total += WEIGHT[m] * unit_lookup(table, np.float32(NODE[m]))
+    for n in range(count):
+        k, first = np.uint64(n), 3 * n
+        if room[k + CUT] != POINT:
+            continue
+        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
+        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        unit, squared = multiply(t, center), dot(center, center)
+        along = shape.scale * (math.sqrt(squared / dot(unit, unit)) if far else parallel)
+        lost, grown = 0.0, scale[k] * subpixels / (center[2] if far else 1.0)
+        for m in range(NODE.size):
+            integral = along * unit_lookup(table, np.float32(NODE[m]))
+            lost += WEIGHT[m] * absorbed(room[k + EXTINCTION] * integral)
+        oblique = math.sqrt(squared) / center[2] if far else 1.0
+        mass = shape.volume * oblique * eye.fx * eye.fy * grown * grown
+        room[k + OPACITY] = np.float32(max(FAINTEST, mass / (along * total) * lost))
