@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
-    from resample.library.particles import absorbed, particles
+    from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
     from resample.types import Frame, Samples
@@ -28,7 +28,6 @@ _HOMES = {
     "Samples": "types",
     "Scatter": "library.scattering",
     "Scattering": "library.scattering",
-    "absorbed": "library.particles",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
     "particles": "library.particles",
@@ -46,7 +45,6 @@ __all__ = [
     "Samples",
     "Scatter",
     "Scattering",
-    "absorbed",
     "look_at",
     "orbit",
     "particles",
