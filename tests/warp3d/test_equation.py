@@ -1,8 +1,15 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera
-from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
+from resample.cameras.models import Camera, Orthographic
+from resample_warp3d.depth.equation import (
+    between,
+    inverse,
+    lens_places,
+    of_rectified,
+    places,
+    warp_places,
+)
 from resample_warp3d.types import DepthImage
 from tests.warp3d.naive_sheet import EMPTY, camera_at
 
@@ -25,6 +32,9 @@ def projected(camera, point):
 TARGETS = {
     "moved": camera_at((0.4, -0.2, 0.5), 0.1, 0.3),
     "zoomed": camera_at((0.1, 0.0, -0.5), focal=200.0, shape=(30, 90)),
+    "mirrored": Camera(
+        SKEWED.matrix @ np.diag([-1.0, 1, 1]), camera_at((0, 0.1, 0)).world_to_camera
+    ),
     "upside down": SKEWED.moved(camera_at((0.3, 0.1, -1.0), -0.2).world_to_camera),
 }
 
@@ -125,3 +135,12 @@ def test_samples_lie_at_pixel_centers_unless_the_lens_says_otherwise(rng):
     np.testing.assert_array_equal(center[1, 2], [2.5, 1.5])
     assert center.shape == (2, 3, 2)
     np.testing.assert_array_equal(places(DepthImage(EMPTY, nearness, bent)), bent)
+
+
+def test_a_camera_without_a_lens_has_no_places_of_one():
+    assert lens_places(SKEWED, (80, 100)).shape == (0, 0, 2)
+
+
+def test_a_parallel_camera_is_none_of_depth_images():
+    with pytest.raises(ValueError, match="not by Orthographic"):
+        between(SKEWED, Orthographic(5, 5, 1, 1))

@@ -36,5 +36,9 @@ def test_help_imports_nothing_heavy(words):
     assert imported & HEAVY == set()
 
 
+def test_files_of_depth_are_imported_without_heavy_libraries():
+    assert modules_after("import resample_warp3d.depth.files") & HEAVY == set()
+
+
 def test_every_module_is_imported_without_heavy_libraries():
     assert modules_after(f"import {', '.join(plain_modules())}") & HEAVY == set()

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from resample.cameras.lens import distortion
-from resample.cameras.models import Camera, Convention, Orthographic
+from resample.cameras.models import Camera, Convention
 from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
 from resample.cameras.poses import camera_to_world, from_opengl
-from resample_warp3d.depth.equation import between, lens_places, warp_places
 
 MATRIX = np.array([[90.0, 2.0, 49.0], [0.0, -85.0, 41.0], [0.0, 0.0, 1.0]])
 SHAPE = (80, 100)
@@ -112,15 +111,6 @@ def test_a_negative_focal_length_mirrors_the_picture_alone():
     np.testing.assert_allclose(seen(mirrored, point), [x, 82 - y])
 
 
-def test_warping_between_cameras_with_skew_and_negative_focal_lengths_follows_points():
-    first = Camera(MATRIX, turned(0.1))
-    second = Camera(MATRIX @ np.diag([-1.0, 1, 1]), turned(-0.2))
-    point = np.array([0.4, -0.3, 2.0])
-    z = [(camera.world_to_camera[:3] @ [*point, 1])[2] for camera in (first, second)]
-    place, nearness = warp_places(between(first, second), seen(first, point), np.array(1 / z[0]))
-    np.testing.assert_allclose([*place, nearness], [*seen(second, point), 1 / z[1]], rtol=1e-12)
-
-
 # Poses.
 
 
@@ -203,7 +193,6 @@ def test_distorting_leads_back(camera):
 def test_a_lens_that_does_nothing_is_none():
     camera = Camera(MATRIX, distortion=np.zeros(5))
     assert camera.distortion is None
-    assert lens_places(camera, SHAPE).shape == (0, 0, 2)
 
 
 def test_places_that_no_light_reaches_are_not_numbers():
@@ -242,14 +231,9 @@ def test_what_painters_of_scenes_do_not_know_of_a_camera_is_refused(camera, comp
         camera.view()
 
 
-def test_a_parallel_camera_is_none_of_depth_images():
-    with pytest.raises(ValueError, match="not by Orthographic"):
-        between(Camera(MATRIX), Orthographic(5, 5, 1, 1))
-
-
 def test_importing_cameras_and_files_of_poses_loads_nothing_heavy():
     code = (
-        "import sys, resample.cameras.files, resample_warp3d.depth.files\n"
+        "import sys, resample.cameras.files\n"
         "heavy = {'numba', 'cv2', 'OpenImageIO', 'scipy', 'trimesh', 'matplotlib', 'PIL'}\n"
         "print(*sorted(heavy & set(sys.modules)))"
     )
