@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from resample import types
-from resample.engine import jit, lookup, paint
+from resample.engine import jit, lookup
+from resample.engine.ellipsoids.deferred import paint_runs
 from tests.processes import PATIENCE
 
 compiled_only = pytest.mark.skipif(
@@ -20,7 +21,7 @@ compiled_only = pytest.mark.skipif(
 
 
 @compiled_only
-@pytest.mark.parametrize("compiled", [paint.paint_tiles, lookup.unit_lookup])
+@pytest.mark.parametrize("compiled", [paint_runs, lookup.unit_lookup])
 def test_the_name_of_a_cache_file_holds_the_digest_of_all_kernels(compiled):
     assert jit.SOURCES[:12] in jit.index_of(compiled).name
 
