@@ -68,7 +68,7 @@ def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None
     if scale is None:
         return None
     with np.errstate(over="ignore"):
-        sizes = np.ascontiguousarray(scale, np.float32)
+        sizes = np.require(scale, np.float32, ["C", "W"])  # a view of one number is neither
         if sizes.shape != extinction.shape:
             raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
         if not (_is_finite(sizes) and (sizes > 0).all()):

@@ -121,24 +121,25 @@ def _summed(scene: Scene, runs: Runs) -> tuple["Summed", int]:
     is_narrow = (1 + 2 * margin) * finest <= NARROW
     ring, columns = (Narrow, NARROW) if is_narrow else (Wide, MOST_COLUMNS)
     if scene.style.projection in (AVERAGE, ADDITIVE):
-        return Summed(ALL, layers.thickness, None, ring(1)), columns
+        return Summed(ALL, layers.thickness, layers, ring(1)), columns
     if scene.summing is Summing.SHEETS:
         find_first_sheets(runs, layers, scene.view)
         return Summed(WHOLES, layers.thickness, layers, ring(1)), columns
     reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
     slots = math.ceil(2 * reach / layers.thickness) + 2
-    return Summed(PARTS, layers.thickness, None, ring(slots)), columns
+    return Summed(PARTS, layers.thickness, layers, ring(slots)), columns
 
 
 def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
     """How sums are composited; what is mixed has been tinted by then."""
-    from resample.engine.slabs.blends import Beside, Colors, Values
+    from resample.engine.slabs.blends import Colors, Mixed, Values
 
     style, look = scene.style, scene.classifier
     if look is None:
+        if is_mixed:
+            return Mixed(style.linear_opacity, style.layer, are_beside=not style.variance)
         tint = (float(style.tint_red), float(style.tint_green), float(style.tint_blue))
-        kind = Beside if is_mixed and not style.variance else Colors
-        return kind(*((-1.0,) * 3 if is_mixed else tint), style.linear_opacity, style.layer)
+        return Colors(*tint, style.linear_opacity, style.layer)
     mass = 0.0
     if style.projection == ADDITIVE and not scene.view.perspective:
         mass = float(scene.ellipsoid.volume * scene.view.focal[0] * scene.view.focal[1])

@@ -52,15 +52,13 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
     ValueError
         Sub-pixels that are as fine do not fit under so wide a filter.
     """
-    from resample.engine.ellipsoids.outlines import NO_REACH, reach_of
     from resample.engine.ellipsoids.run_bounds import outline_runs
     from resample.engine.grid import grid
 
     start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
     known = np.zeros(start.size - 1, RUN)
-    beyond = reach_of(scene.style, scene.ellipsoid.radius) if are_mixed else NO_REACH
     for by_boxes in (len(scene.screen.planes) == 0 and samples.scale is None, False):
-        outline_runs(known, start, samples, scene.stage, beyond, by_boxes)
+        outline_runs(known, start, samples, scene.stage, are_mixed, by_boxes)
         if not (by_boxes and _is_vague(scene, known, are_mixed=are_mixed)):
             break
     least = known["least_spacing"].min()

@@ -33,7 +33,7 @@ PLANE = [[0.3, 1.0, 0.2, 2.0]]
 TOLERANCE = 1e-4
 
 
-def box(rng, extinction=0.4, side=15):
+def box(rng, extinction=0.4, side=11):
     """Samples of a sheared lattice, z slowest."""
     lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
     index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2

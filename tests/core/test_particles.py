@@ -12,7 +12,7 @@ SIZE = {"height": SIDE, "width": SIDE}
 POSE = np.array([[0.8, 0, 0.6, 0.5], [0, 1, 0, -0.2], [-0.6, 0, 0.8, 1.0], [0, 0, 0, 1]])
 CAMERA = Camera.from_intrinsics(20.0, 24.0, 12.3, 11.6, POSE)
 PARALLEL = Orthographic(4.0, 4.4, 12.3, 11.6, POSE)
-KERNELS = [GaussianKernel(), BSplineKernel()]
+KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
 
 
 def spheres(count=40):

@@ -100,7 +100,9 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
     np.testing.assert_allclose(product[seen], far[..., 0][seen], atol=20 * TOLERANCE)
 
 
-@pytest.mark.parametrize("kernel", [GaussianKernel(), BSplineKernel()])
+@pytest.mark.parametrize(
+    "kernel", [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
+)
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 def test_other_kernels_and_orders_by_distance(rng, kernel, order):
     samples, camera = crowd(rng), CAMERAS["inside"]

@@ -77,7 +77,7 @@ def test_colors_agree_with_the_obvious_loop(
 def test_without_light_samples_keep_the_voxels_fields(rng: np.random.Generator) -> None:
     voxels = scattered(rng)._replace(gradient=np.empty((0, 3), np.float32))
     samples = shade(voxels, None)
-    for name in samples._fields:
+    for name in set(samples._fields) & set(voxels._fields):
         assert getattr(samples, name) is getattr(voxels, name)
 
 

@@ -131,11 +131,11 @@ def take_runs(
     sight: Sight,
     shown: tuple[Window, Groups],
     mixture: Mixture | None,
-    sheets: Layers | None,
+    sheets: tuple[Layers, bool] | None,
 ) -> Queue:
     """Take the samples of a tile's next runs, until there are enough, or no room for more.
 
-    Where there are sheets, samples wait in the order of these; runs have keys like that, too.
+    Where there are sheets in whose order samples wait, runs have keys like that, too.
     """
     window, open_groups = shown
     # Arrays are taken from their bundles once: their reference counts are all threads' own.
@@ -162,8 +162,8 @@ def take_runs(
             else:
                 outline_batch(outline, position, extinction, scale, begin, count, sight)
                 meet_outlined(found, outline, begin, count, window)
-            if sheets is not None:
-                key_by_sheets(found, position, begin, count, sheets, sight.optics.eye)
+            if sheets is not None and sheets[1]:
+                key_by_sheets(found, position, begin, count, sheets[0], sight.optics.eye)
             waiting, farthest = take(line, waiting, found, count, farthest)
     return waiting, next_run, farthest
 

@@ -244,7 +244,7 @@ def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector
         other[2] if is_on_axis else parallel[2],
     )
     rim = (1.0 - per_squared) / dot(parallel, parallel)
-    parallel = scaled(math.sqrt(rim), parallel)
+    parallel = scaled(math.sqrt(max(0.0, rim)), parallel)
     axis = scaled(math.sqrt(per_squared), cross(parallel, unit))  # as long, for they are upright
     middle = scaled(1.0 - per_squared, unit)
     return multiply(back, axis), multiply(back, parallel), multiply(back, middle), per_squared
@@ -289,7 +289,7 @@ def form_rims(room: Floats, position: Floats, count: int, sight: Sight, window: 
         both = 1.0 / (start[2] * end[2])
         ax, ay = start[0] * (both * end[2]), start[1] * (both * end[2])
         bx, by = end[0] * (both * start[2]), end[1] * (both * start[2])
-        shrink = math.sqrt(both)
+        shrink = math.sqrt(max(0.0, both))
         middle = (fx * (0.5 * (ax + bx)) + eye.cx, fy * (0.5 * (ay + by)) + eye.cy)
         first = (fx * (0.5 * (bx - ax)), fy * (0.5 * (by - ay)))
         _write_rim(room, k, middle, first, (fx * shrink * chord[0], fy * shrink * chord[1]), window)

@@ -10,16 +10,17 @@ from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     KEY,
     LEFT,
+    NO_REACH,
     RIGHT,
     ROOM,
     SLACK,
     SPACING,
     TOP,
-    Reach,
     Sight,
     clip_batch,
     outline_batch,
     pad_of,
+    reach_of,
     sight_of,
 )
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
@@ -282,15 +283,17 @@ def outline_runs(
     start: Indices,
     samples: Samples,
     stage: Stage,
-    beyond: Reach,
+    are_mixed: bool,
     by_boxes: bool,
 ) -> None:
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next.
 
+    `are_mixed`: they may be painted beyond their outlines, as points and some models of footprints.
     `by_boxes`: where the box around a run says how many of its samples are seen, the run has bounds
     of what would else be known of it, and no sample is projected. Not with clipping planes, nor
     where samples have sizes.
     """
+    beyond = reach_of(stage.style, stage.ellipsoid.radius) if are_mixed else NO_REACH
     sight, planes = sight_of(stage, beyond), stage.screen.planes
     position, extinction, scale = samples.position.reshape(-1), samples.extinction, samples.scale
     bits = position.view(np.int32)

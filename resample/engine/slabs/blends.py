@@ -35,18 +35,16 @@ class Colors(NamedTuple):
     layer: float  # scene units, thickness of a layer
 
 
-class Beside(NamedTuple):
-    """Like `Colors`, of splats that overlap and of points that lie beside each other.
+class Mixed(NamedTuple):
+    """Like `Colors`, of splats and points; their colors are tinted already.
 
     The paper's points are as wide as pixels and have opacities, where those of others are as wide
     as splats and have line integrals.
     """
 
-    tint_red: float
-    tint_green: float
-    tint_blue: float
     is_linear: bool
     layer: float
+    are_beside: bool  # the paper's points lie beside each other and the splats, which overlap
 
 
 class Values(NamedTuple):
@@ -62,7 +60,7 @@ class Values(NamedTuple):
     mass: float  # px² × scene units that the line integrals of all pixels sum to; 0: as they are
 
 
-Blend = Colors | Beside | Values
+Blend = Colors | Mixed | Values
 
 
 @making_role
@@ -71,7 +69,12 @@ def matter_of(blend: Blend, room: Floats, s: np.uint64, share: Single) -> Matter
     raise NotImplementedError
 
 
-@plays(matter_of, Beside)
+@plays(matter_of, Mixed)
+def _matter_of_mixed(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    light = (room[s + RED], room[s + GREEN], room[s + BLUE])
+    return _matter(light, blend.is_linear, blend.layer, room, s)
+
+
 @plays(matter_of, Colors)
 def _matter_of_color(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
     red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
@@ -80,9 +83,21 @@ def _matter_of_color(blend, room, s, share):  # type: ignore[no-untyped-def]  # 
         red = np.float32(brightest * blend.tint_red)
         green = np.float32(brightest * blend.tint_green)
         blue = np.float32(brightest * blend.tint_blue)
-    weight = room[s + EXTINCTION]
-    if blend.is_linear:
-        weight = absorbed(weight * np.float32(blend.layer)) / np.float32(blend.layer)
+    return _matter((red, green, blue), blend.is_linear, blend.layer, room, s)
+
+
+@kernel
+def _matter(
+    light: tuple[Single, Single, Single],
+    is_linear: bool,
+    layer: float,
+    room: Floats,
+    s: np.uint64,
+) -> Matter:
+    """What a sample of this color adds."""
+    weight, (red, green, blue) = room[s + EXTINCTION], light
+    if is_linear:
+        weight = absorbed(weight * np.float32(layer)) / np.float32(layer)
     return Matter(weight, weight * red, weight * green, weight * blue, weight * room[s + DEPTH])
 
 
@@ -109,8 +124,7 @@ def share_of(
     raise NotImplementedError
 
 
-@plays(share_of, Beside)
-@plays(share_of, Colors)
+@plays(share_of, object)
 def _all_of_color(blend, shape, room, s, rows, place, integral):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.float32(1.0)
 

@@ -47,7 +47,7 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
 from resample.engine.runs import home_of, in_order
-from resample.engine.slabs.blends import Beside, Blend, Colors, Values
+from resample.engine.slabs.blends import Blend, Colors, Mixed, Values
 from resample.engine.slabs.colors import composite_beside, composite_colors
 from resample.engine.slabs.fields import (
     STATES,
@@ -97,7 +97,7 @@ class Summed(NamedTuple):
 
     what: int  # PARTS, WHOLES or ALL
     thickness: float  # scene units, of a slab
-    sheets: Layers | None  # that are summed as wholes
+    layers: Layers
     ring: Ring  # of slabs that are open at a time
 
 
@@ -153,7 +153,7 @@ def state_of(blend: Blend, height: int, width: int, cutting: Cutting) -> Floats:
     raise NotImplementedError
 
 
-@plays(state_of, Beside)
+@plays(state_of, Mixed)
 @plays(state_of, Colors)
 def _no_state(blend, height, width, cutting):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.zeros((0, 0, STATES), np.float32)
@@ -170,15 +170,14 @@ def sums_beside(blend: Blend, ring: Ring, pairs: int) -> Floats:
     raise NotImplementedError
 
 
-@plays(sums_beside, Colors)
-@plays(sums_beside, Values)
+@plays(sums_beside, object)
 def _with_splats(blend, ring, pairs):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.empty(0, np.float32)
 
 
-@plays(sums_beside, Beside)
-def _by_themselves(blend, ring, pairs):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return new_sums(ring, pairs)
+@plays(sums_beside, Mixed)
+def _by_themselves(blend, ring, pairs):  # type: ignore[no-untyped-def]
+    return new_sums(ring, pairs if blend.are_beside else 0)
 
 
 @making_role
@@ -194,9 +193,12 @@ def _close_colors(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[n
     composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
 
 
-@plays(close, Beside)
+@plays(close, Mixed)
 def _close_beside(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    composite_beside(canvas, ring, slab.slot, opaque, blend.is_linear)
+    if blend.are_beside:
+        composite_beside(canvas, ring, slab.slot, opaque, blend.is_linear)
+    else:
+        composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
 
 
 @plays(close, Values)
@@ -210,7 +212,7 @@ def finish(blend: Blend, canvas: Canvas, n: int, weight: Floats, home: Home, val
     raise NotImplementedError
 
 
-@plays(finish, Beside)
+@plays(finish, Mixed)
 @plays(finish, Colors)
 def _finish_colors(blend, canvas, n, weight, home, value):  # type: ignore[no-untyped-def]
     pass
@@ -362,11 +364,12 @@ def _paint_tile(
     tally: Tally,
 ) -> None:
     """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
-    (runs, sight, window), known, sheets = seen, seen.runs.known, ready.summed.sheets
+    (runs, sight, window), known, summed = seen, seen.runs.known, ready.summed
+    sheets = (summed.layers, summed.what == WHOLES)
     in_order(known, members)
     pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
     shown = (window, canvas.open_groups)
-    begin = FAR_AHEAD if ready.summed.what == PARTS else 0
+    begin = FAR_AHEAD if summed.what == PARTS else 0
     sweep = Sweep(begin, 0, FAR_AHEAD, True)
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         if 2 * queue[0] > pool.waiting.size:

@@ -26,7 +26,7 @@ from resample.engine.jit import kernel
 from resample.engine.points.adding import Box, box_around
 from resample.engine.points.among import width_of
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.blends import Beside, Blend, Colors, Values, matter_of
+from resample.engine.slabs.blends import Blend, Mixed, Values, matter_of
 from resample.engine.slabs.splats import Span, Tools, touch_slabs
 from resample.engine.slabs.sums import Canvas, Ring, stride_of, sum_at
 from resample.types import Floats, Place, Single, Stage
@@ -47,9 +47,23 @@ def spread(
     raise NotImplementedError
 
 
-@plays(spread, Colors)
 @plays(spread, Values)
-def _spread_integrals(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
+def _spread_values(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
+    _spread_integrals(blend, canvas, room, s, box, slot, tools, layer)
+
+
+@kernel
+def _spread_integrals(
+    blend: Blend,
+    canvas: Canvas,
+    room: Floats,
+    s: np.uint64,
+    box: Box,
+    slot: tuple[Ring, int],
+    tools: Tools,
+    layer: Single,
+) -> None:
+    """Add a point that has line integrals."""
     oblique = _oblique(room[s + X], room[s + Y], tools)
     mass = np.float32(room[s + AREA] * layer * oblique)
     matter = matter_of(blend, room, s, np.float32(1.0))
@@ -57,8 +71,19 @@ def _spread_integrals(blend, canvas, room, s, box, slot, tools, layer):  # type:
     _spread(canvas, canvas.sums, box, slot, mass, amount, tools.limits.per_layer, tools)
 
 
-@plays(spread, Beside)
-def _spread_opacities(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]  # noqa: ARG001
+@plays(spread, Mixed)
+def _spread_as_asked(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
+    if blend.are_beside:
+        _spread_opacities(canvas, room, s, box, slot, tools)
+    else:
+        _spread_integrals(blend, canvas, room, s, box, slot, tools, layer)
+
+
+@kernel
+def _spread_opacities(
+    canvas: Canvas, room: Floats, s: np.uint64, box: Box, slot: tuple[Ring, int], tools: Tools
+) -> None:
+    """Add a point that has an opacity."""
     area, alpha = room[s + AREA], room[s + OPACITY]
     one, share = np.float32(1.0), alpha / area
     red, green, blue, depth = room[s + RED], room[s + GREEN], room[s + BLUE], room[s + DEPTH]
