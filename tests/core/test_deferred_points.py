@@ -219,7 +219,7 @@ def test_hidden_points_are_skipped(rng):
 
 
 def test_colors_may_be_bright(rng):
-    samples = box(rng)._replace(color=rng.uniform(0, 500, (15**3, 3)).astype(np.float32))
+    samples = box(rng)._replace(color=rng.uniform(0, 500, (11**3, 3)).astype(np.float32))
     frame = Resampler(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
     other = from_records(samples, FAR, **SIZE, primitive=Primitive.POINTS)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=500 * TOLERANCE)

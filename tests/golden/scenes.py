@@ -72,6 +72,19 @@ def samples() -> Samples:
     )
 
 
+def particles() -> Samples:
+    """Samples of a size each, from specks to spheres that reach over their neighbours."""
+    rng = np.random.default_rng(11)
+    scale = np.exp(rng.uniform(-4, 0.7, 300)).astype(np.float32)
+    return Samples(
+        rng.uniform(-6, 6, (300, 3)).astype(np.float32),
+        rng.uniform(0, 1, (300, 3)).astype(np.float32),
+        (rng.uniform(1, 20, 300) / scale).astype(np.float32),
+        0.5 * np.eye(3),
+        scale,
+    )
+
+
 def field() -> Field:
     """Values and gradients at the same places, with colors for the values."""
     rng = np.random.default_rng(7)
@@ -104,6 +117,8 @@ def _add_volumes() -> None:
         choices = {"projection": projection, "iso": iso, "order": ImageSheets(0.5)}
         SCENES[f"field, {projection}"] = volume(field, 16.0, **choices)
     SCENES["volume, inside and cut"] = _inside
+    SCENES["particles"] = volume(particles, 16.0)
+    SCENES["particles, splats"] = volume(particles, 16.0, primitive=Primitive.SPLATS)
 
 
 def _inside() -> Any:
