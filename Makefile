@@ -23,10 +23,8 @@ figures: $(VENV)/.run
 WORKERS ?= auto
 PYTEST  := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 --dist worksteal
 test: $(VENV)/.dev
-	$(BIN)/python -m tests.warm
 	$(PYTEST) -m "not sweep" $(ARGS)
 test-all: $(VENV)/.dev
-	$(BIN)/python -m tests.warm
 	$(PYTEST) $(ARGS)
 # All of it takes long and wants a quiet machine; GROUPS="volume core" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev

@@ -93,7 +93,7 @@ DAILY = [
 UNLIKE = [CHOICES[name] for name in ("affine", "small angles", "along an axis", "by distance")]
 
 
-def box(rng, extinction=0.4, side=9):
+def box(rng, extinction=0.4, side=8):
     """Samples of a sheared lattice, z slowest."""
     lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
     index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
