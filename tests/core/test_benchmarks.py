@@ -204,7 +204,12 @@ def test_a_floor_fills_its_frame():
 # exact areas; silhouettes of whole pixels.
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("volume, splats", 40), ("volume, points", 40), ("texture", 25), ("depth image", 20)],
+    [
+        ("volume, splats", 40),
+        ("volume, points", 40),
+        ("texture", 25),
+        pytest.param("depth image", 20, marks=pytest.mark.sweep),
+    ],
 )
 def test_baselines_make_the_same_picture(name, least):
     work = guard.WORKS[name]()
