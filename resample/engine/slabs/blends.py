@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.ellipsoids.lanes import chord_of, t_of
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
     BLUE,
@@ -20,7 +21,7 @@ from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.integrals import Integral, whole
-from resample.engine.slabs.shapes import Shape, amplitude_of, squared_of
+from resample.engine.slabs.shapes import Shape
 from resample.engine.slabs.sums import Matter
 from resample.types import Classifier, Floats, Place, Single
 
@@ -147,11 +148,11 @@ def _share_of_mass(
     mass: float,
 ) -> Single:
     """Factor by which the sub-pixels' line integrals along parallel rays sum to a splat's mass."""
-    n, zero, one, two = place.subpixels, np.float32(0.0), np.float32(1.0), np.float32(2.0)
+    n, zero, two = place.subpixels, np.float32(0.0), np.float32(2.0)
     a, b, c, half = shape.a, room[s + B], room[s + C], np.float32(0.5 / place.subpixels)
     x = np.float32(place.x) + half - room[s + ACROSS]
     y = np.float32(place.y) + half - room[s + DOWN]
-    ray, chord = rows[RAY], amplitude_of(shape, rows[CHORD])  # all parallel rays have the same
+    ray, chord = rows[RAY], chord_of(shape.bend, rows[CHORD])  # all parallel rays have the same
     bounded = float(a * c - b * b) * ray
     left, right = _between(x, np.sqrt(c / bounded), place.x, n)
     top, bottom = _between(y, np.sqrt(a / bounded), place.y, n)
@@ -160,8 +161,8 @@ def _share_of_mass(
         dy = np.float32(place.y + (row + 0.5) / n - y)
         for column in range(left, right + 1):
             dx = np.float32(place.x + (column + 0.5) / n - x)
-            form = max(zero, (a * dx + two * b * dy) * dx + c * dy * dy) * ray
-            total += whole(integral, max(zero, one - squared_of(shape, form)))
+            form = max(zero, (a * dx + two * b * dy) * dx + c * dy * dy)
+            total += whole(integral, t_of(shape.bend, form, ray))
     if not total > 0.0:
         return zero
     return np.float32(mass * (n * n) / (chord * total))

@@ -4,18 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.ellipsoids.mixed import Mixture
+from resample.engine.ellipsoids.mixed import Bend, Mixture, bend_of
 from resample.engine.ellipsoids.models import POINT
-from resample.engine.ellipsoids.outlines import (
-    ACROSS,
-    AMPLITUDE,
-    BENT,
-    DOWN,
-    FLAT,
-    A,
-    X,
-    Y,
-)
+from resample.engine.ellipsoids.outlines import ACROSS, DOWN, A, X, Y
 from resample.engine.roles import lane_role, plays
 from resample.types import Floats, Place, Single
 
@@ -24,15 +15,14 @@ class Exact(NamedTuple):
     """A splat that takes all but its form from the pixels' rays."""
 
     a: Single
+    bend: None
 
 
 class Modelled(NamedTuple):
     """A splat by a model, whose form need not lie where its center does."""
 
     a: Single
-    flat: Single
-    bent: Single
-    amplitude: Single
+    bend: Bend | None
     right: Single  # px from the form's middle to the sample's center, negated
     below: Single
 
@@ -48,48 +38,15 @@ def shape_of(mixture: Mixture | None, room: Floats, s: np.uint64, place: Place) 
 
 @plays(shape_of, type(None))
 def _exact(mixture, room, s, place):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return Exact(room[s + A])
+    return Exact(room[s + A], None)
 
 
 @plays(shape_of, Mixture)
-def _modelled(mixture, room, s, place):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _modelled(mixture, room, s, place):  # type: ignore[no-untyped-def]
     half = np.float32(0.5 / place.subpixels)
     right = np.float32(place.x) + half - room[s + X] - room[s + ACROSS]
     below = np.float32(place.y) + half - room[s + Y] - room[s + DOWN]
-    return Modelled(room[s + A], room[s + FLAT], room[s + BENT], room[s + AMPLITUDE], right, below)
-
-
-@lane_role
-def squared_of(shape: Shape, u: Single) -> Single:
-    """Squared distance of a ray from the center, from the form times the ray's own number."""
-    raise NotImplementedError
-
-
-@plays(squared_of, Exact)
-def _squared_exactly(shape, u):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return u
-
-
-@plays(squared_of, Modelled)
-def _squared_by_model(shape, u):  # type: ignore[no-untyped-def]
-    one, inside = np.float32(1.0), max(np.float32(0.0), u)
-    return inside / (shape.flat + shape.bent * inside) if inside < one else one
-
-
-@lane_role
-def amplitude_of(shape: Shape, chord: Single) -> Single:
-    """What line integrals of the unit kernel are multiplied by, from the ray's own number."""
-    raise NotImplementedError
-
-
-@plays(amplitude_of, Exact)
-def _amplitude_of_ray(shape, chord):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return chord
-
-
-@plays(amplitude_of, Modelled)
-def _amplitude_of_model(shape, chord):  # type: ignore[no-untyped-def]
-    return chord * shape.amplitude
+    return Modelled(room[s + A], bend_of(mixture, room, s), right, below)
 
 
 @lane_role

@@ -11,6 +11,7 @@ import numpy as np
 
 from resample.engine.ellipsoids import footprints
 from resample.engine.ellipsoids.footprints import Eye
+from resample.engine.ellipsoids.lanes import chord_of, t_of
 from resample.engine.ellipsoids.mixed import Mixture
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
@@ -59,13 +60,11 @@ from resample.engine.slabs.integrals import (
 )
 from resample.engine.slabs.shapes import (
     Shape,
-    amplitude_of,
     below_center,
     from_center,
     inverse_square_of,
     is_point,
     shape_of,
-    squared_of,
 )
 from resample.engine.slabs.sums import (
     Canvas,
@@ -213,8 +212,8 @@ def _see(
         aside = from_center(shape, dx)
         lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
-        ray, per_depth, amplitude = rows[k + RAY], along[k], amplitude_of(shape, rows[k + CHORD])
-        t = max(zero, one - squared_of(shape, form * ray))
+        ray, per_depth, amplitude = rows[k + RAY], along[k], chord_of(shape.bend, rows[k + CHORD])
+        t = t_of(shape.bend, form, ray)
         before, integral_of_all = seen(integral, work, lane, t, np.sqrt(t))
         work[lane + ALONG] = per_depth
         work[lane + SHIFT] = lean * inverse_square_of(shape, ray, per_depth) * per_depth
@@ -274,8 +273,8 @@ def _add_whole(
         is_below = n & 1 != 0
         form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
         form += below.rest if is_below else line.rest
-        t = max(zero, full - squared_of(shape, form * rows[k + RAY]))
-        part = amplitude_of(shape, rows[k + CHORD]) * whole(integral, t)
+        t = t_of(shape.bend, form, rows[k + RAY])
+        part = chord_of(shape.bend, rows[k + CHORD]) * whole(integral, t)
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
         sums[s] += part * weight
