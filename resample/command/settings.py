@@ -17,16 +17,46 @@ Color = tuple[float, float, float]
 COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
+# What descriptions begin with.
+SIZE = "In px: 400 for a square, 640x480 for width and height."
+CALIBRATED = (
+    "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
+    "calibration"
+)
+COUNTED = "Opencv counts from the first pixel's center: in"
+
+Convention = Literal["corner", "opencv"]
+Threads = Annotated[
+    int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
+]
+MethodsFilter = Annotated[
+    str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
+]
+Shown = Annotated[
+    Literal["composite", "maximum", "average", "additive", "first-hit"],
+    Field(
+        description="What a pixel shows: light through what lies in front, the largest, mean "
+        "or sum of the values, or the surface of the iso value."
+    ),
+]
+Iso = Annotated[
+    float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+]
+
 
 def _number(given: object) -> object:
     """Number that a word of the command line stands for; pydantic's literals do not convert it."""
     return int(given) if isinstance(given, str) and given.isdecimal() else given
 
 
-class Resampling(BaseModel):
-    """How samples become a picture."""
+class Choices(BaseModel):
+    """What a user chooses. It stays as it was made; names that it does not know are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Resampling(Choices):
+    """How samples become a picture."""
 
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
@@ -62,16 +92,8 @@ class Resampling(BaseModel):
             " Fields and their projections take image-sheets:thickness=0.5, maxima 1."
         ),
     ] = None
-    projection: Annotated[
-        Literal["composite", "maximum", "average", "additive", "first-hit"],
-        Field(
-            description="What a pixel shows: light through what lies in front, the largest, mean "
-            "or sum of the values, or the surface of the iso value."
-        ),
-    ] = "composite"
-    iso: Annotated[
-        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
-    ] = None
+    projection: Shown = "composite"
+    iso: Iso = None
     opacity: Annotated[
         Literal["exact", "linear"],
         Field(description="Exact transmittance of the field, or classic splatting's product."),
@@ -109,14 +131,10 @@ class Resampling(BaseModel):
         )
 
 
-class PictureFormat(BaseModel):
+class PictureFormat(Choices):
     """What kind of picture is written."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    size: Annotated[
-        str, Field(description="In px: 400 for a square, 640x480 for width and height.")
-    ] = "400"
+    size: Annotated[str, Field(description=SIZE)] = "400"
     background: Annotated[
         str | None,
         Field(
@@ -129,9 +147,7 @@ class PictureFormat(BaseModel):
         BeforeValidator(_number),
         Field(description="Per channel: 8 or 16 of a PNG."),
     ] = 8
-    threads: Annotated[
-        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
-    ] = None
+    threads: Threads = None
 
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
@@ -141,24 +157,18 @@ class PictureFormat(BaseModel):
         ValueError
             It is not one or two whole numbers above 0, or more than a picture can hold.
         """
-        from resample.resampler import LARGEST_PICTURE
+        from resample.resampler import check_size
 
         match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
         if match is None:
             raise ValueError(f"size {self.size!r}; give 400 or 640x480")
         width, height = int(match[1]), int(match[2] or match[1])
-        if not 0 < width * height <= LARGEST_PICTURE:
-            raise ValueError(
-                f"a picture of {width} x {height} pixels; both sides must be at least 1 and there "
-                f"can be at most {LARGEST_PICTURE} pixels"
-            )
+        check_size(height, width)
         return height, width
 
 
-class Written(BaseModel):
+class Written(Choices):
     """How a picture of any kind is written."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     background: Annotated[
         str | None,

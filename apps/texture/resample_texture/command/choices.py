@@ -4,24 +4,30 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from resample.command.settings import height_and_width
+from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
+from resample.command.settings import (
+    CALIBRATED,
+    COUNTED,
+    SIZE,
+    Choices,
+    Convention,
+    MethodsFilter,
+    Threads,
+    height_and_width,
+)
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
     from resample_texture.mesh.rendering import Mesh
 
-Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
-class Place(BaseModel):
+class Place(Choices):
     """Where the picture's pixels go: one of matrix, corners, map, flow and lens."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     matrix: Annotated[
         str | None,
@@ -53,28 +59,19 @@ class Place(BaseModel):
     lens: Annotated[
         str | None,
         Hyphen,
-        Field(
-            description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
-            "file of OpenCV's calibration. Its distortion is taken out."
-        ),
+        Field(description=f"{CALIBRATED}. Its distortion is taken out."),
     ] = None
-    convention: Annotated[
-        Literal["corner", "opencv"],
-        Field(
-            description="Opencv counts from the first pixel's center: in matrix, corners and map."
-        ),
-    ] = "corner"
+    convention: Annotated[Convention, Field(description=f"{COUNTED} matrix, corners and map.")] = (
+        "corner"
+    )
     inverse: Annotated[
         bool,
-        Parameter(negative=""),
+        Switch,
         Field(description="The matrix leads from target to source; a lens distorts."),
     ] = False
     size: Annotated[
         str | None,
-        Field(
-            description="In px: 400 for a square, 640x480 for width and height. The source's; that "
-            "of the map; what holds the corners."
-        ),
+        Field(description=f"{SIZE} The source's; that of the map; what holds the corners."),
     ] = None
 
     def check(self) -> None:
@@ -97,18 +94,14 @@ class Place(BaseModel):
         return None if self.size is None else height_and_width(self.size)
 
 
-class Warping(BaseModel):
+class Warping(Choices):
     """How a picture is warped."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: Annotated[
         str,
         Field(description="How: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
     ] = "hybrid"
-    filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
-    ] = None
+    filter: MethodsFilter = None
     interpolation: Annotated[
         str | None,
         Field(description="Between texels: nearest, bilinear, catmull-rom, spline, gaussian."),
@@ -125,12 +118,10 @@ class Warping(BaseModel):
     ] = True
     total: Annotated[
         bool,
-        Parameter(negative=""),
+        Switch,
         Field(description="Values are totals, such as a flux: keep their sum, not their mean."),
     ] = False
-    threads: Annotated[
-        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
-    ] = None
+    threads: Threads = None
 
     def check(self) -> None:
         """Refuse names that nobody knows, before any work is done.
@@ -149,27 +140,12 @@ class Warping(BaseModel):
             registry.build("interpolations", self.interpolation)
 
 
-class MeshView(BaseModel):
+class MeshView(Choices):
     """How a mesh is seen."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    camera: Annotated[
-        str,
-        Hyphen,
-        Field(
-            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
-            "cameras."
-        ),
-    ] = "30/20/1"
-    fov: Annotated[
-        float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
-    ] = 30.0
-    up: Annotated[
-        Literal["x", "y", "z", "-x", "-y", "-z"],
-        Hyphen,
-        Field(description="Axis that points upwards."),
-    ] = "y"
+    camera: Viewed = "30/20/1"
+    fov: FieldOfView = 30.0
+    up: Up = "y"
     shading: Annotated[bool, Field(description="Light surfaces: from the eye.")] = False
 
     def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
@@ -186,13 +162,7 @@ class MeshView(BaseModel):
         return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
     def viewpoint(self) -> "Viewpoint":
-        """Where the mesh is seen from.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The camera is none; see `resample.cameras.files.viewpoint`.
-        """
+        """Where the mesh is seen from, as `resample.cameras.files.viewpoint` reads it."""
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)

@@ -5,21 +5,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
+from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample_texture.command.choices import (
-    Edges,
-    Hyphen,
-    MeshView,
-    Place,
-    Warping,
-    region,
-)
-
-Flat = Parameter(name="*")  # a model's fields are flags of their own
-Output = Annotated[Path, Parameter(alias="-o")]
+from resample_texture.command.choices import Edges, MeshView, Place, Warping, region
 
 app = App(
     name="resample-texture",
@@ -41,13 +32,13 @@ def warp(
     image: Path,
     /,
     *,
-    output: Output,
-    place: Annotated[Place, Flat] = PLACE,
-    warping: Annotated[Warping, Flat] = WARPING,
-    written: Annotated[Written, Flat] = WRITTEN,
+    output: flags.Output,
+    place: Annotated[Place, flags.Flat] = PLACE,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
     roi: str | None = None,
     coverage: Path | None = None,
-    stats: Path | None = None,
+    stats: flags.Stats = None,
 ) -> None:
     """Warp a picture by a matrix, by corners, by a map or by a lens.
 
@@ -63,8 +54,6 @@ def warp(
         Write only this part of the target: left,top,width,height in px.
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
-    stats
-        Also write sizes, counts and times (.json).
     """
     from resample.command.session import Session
     from resample.files.pictures import (
@@ -104,11 +93,11 @@ def rectify(
     photo: Path,
     /,
     *,
-    corners: Annotated[str, Hyphen],
-    output: Output,
+    corners: Annotated[str, flags.Hyphen],
+    output: flags.Output,
     size: str | None = None,
-    warping: Annotated[Warping, Flat] = PAGE,
-    written: Annotated[Written, Flat] = WRITTEN,
+    warping: Annotated[Warping, flags.Flat] = PAGE,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
     """Turn a photographed page into a page.
 
@@ -155,14 +144,14 @@ def mesh(
     model: Path,
     /,
     *,
-    output: Output,
-    view: Annotated[MeshView, Flat] = VIEW,
-    size: str = "512",
+    output: flags.FrameOutput,
+    view: Annotated[MeshView, flags.Flat] = VIEW,
+    size: flags.Size = "512",
     texture: Path | None = None,
     interpolation: str = "catmull-rom",
     filter: str = "box",  # noqa: A002
     background: str | None = None,
-    bits: Literal[8, 16] = 8,
+    bits: flags.Bits = 8,
 ) -> None:
     """Show a mesh with its texture.
 
@@ -172,10 +161,6 @@ def mesh(
     ----------
     model
         OBJ with its MTL, GLB, glTF or PLY.
-    output
-        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
-    size
-        In px: 400 for a square, 640x480 for width and height.
     texture
         Picture to use in place of the textures that the file names.
     interpolation
@@ -184,8 +169,6 @@ def mesh(
         Pixel filter, such as gaussian:sigma=0.6.
     background
         Behind the picture: black, white, #rrggbb or none for transparent.
-    bits
-        Per channel: 8 or 16 of a PNG.
     """
     from resample import registry
     from resample.command.session import Session, announce_compilation
@@ -220,10 +203,10 @@ def compare(
     image: Path,
     /,
     *,
-    scene: Annotated[str, Hyphen] = "floor",
+    scene: Annotated[str, flags.Hyphen] = "floor",
     methods: str = COMPARED,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    output: flags.OptionalOutput = None,
+    as_json: flags.Json = False,
     truth_filter: Literal["box", "gaussian"] = "box",
     linear: bool = True,
     edge: Edges = "transparent",
@@ -247,8 +230,6 @@ def compare(
     output
         Written to: a page with sliders (.html), or all pictures side by side with details enlarged
         (.png).
-    as_json
-        Print JSON instead of a table; the PSNR of equal pictures is null.
     truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
@@ -298,15 +279,15 @@ def animate(
     image: Path,
     /,
     *,
-    output: Output,
+    output: flags.FilmOutput,
     path: Literal["fly", "turn"] = "fly",
     frames: int = 48,
-    fps: float = 24.0,
-    size: str = "426x240",
+    fps: flags.FramesPerSecond = 24.0,
+    size: flags.Size = "426x240",
     method: str = "hybrid",
     edge: Edges = "transparent",
-    background: str = "#9dbbd8",
-    resume: Annotated[bool, Parameter(negative="")] = False,
+    background: flags.FilmBackground = "#9dbbd8",
+    resume: flags.Resume = False,
 ) -> None:
     """Fly over a picture, or turn around it.
 
@@ -316,24 +297,14 @@ def animate(
     ----------
     image
         Any picture.
-    output
-        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
         The camera's way: fly, low over the picture, forth and back; or turn, around its middle.
     frames
         How many.
-    fps
-        Frames per second.
-    size
-        In px: 400 for a square, 640x480 for width and height.
     method
         As in warp.
     edge
         What lies beyond the picture's edges.
-    background
-        Behind the picture: black, white or #rrggbb.
-    resume
-        Keep the frames that a run which ended early has made.
     """
     from resample import registry
     from resample.command.console import progress_bar
@@ -359,7 +330,7 @@ def animate(
 
 
 @app.command
-def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
+def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> None:
     """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
 
     Parameters
@@ -387,14 +358,8 @@ def figures(*, output: Output = FIGURES, image: Path | None = None) -> None:
 
 
 @app.command
-def demo(*, output: Output = DEMO) -> None:
-    """Show floors of generated pictures by several methods, and a flight over one.
-
-    Parameters
-    ----------
-    output
-        Written to: folder; created if missing.
-    """
+def demo(*, output: flags.DemoOutput = DEMO) -> None:
+    """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
     from resample.command.console import progress_bar
     from resample.command.session import announce_compilation

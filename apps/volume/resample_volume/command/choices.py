@@ -4,9 +4,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from resample.command.settings import Resampling
+from resample.command.flags import FieldOfView, Hyphen, Up, Viewed
+from resample.command.settings import Choices, Iso, Resampling, Shown
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
@@ -14,15 +15,11 @@ if TYPE_CHECKING:
     from resample_volume.rendering import Appearance
     from resample_volume.types import Volume
 
-
-Hyphen = Parameter(allow_leading_hyphen=True)  # -30/20 is a value, no flag
 Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
 
 
-class Source(BaseModel):
+class Source(Choices):
     """What is read, where the file alone does not say it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     reader: Annotated[
         str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
@@ -36,10 +33,8 @@ class Source(BaseModel):
     ] = None
 
 
-class Look(BaseModel):
+class Look(Choices):
     """What voxels look like and from where."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     transfer: Annotated[
         str,
@@ -57,22 +52,9 @@ class Look(BaseModel):
             description="Length in scene units over which opacities hold. A voxel's size.",
         ),
     ] = None
-    camera: Annotated[
-        str,
-        Hyphen,
-        Field(
-            description="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of "
-            "cameras."
-        ),
-    ] = "30/20/1"
-    fov: Annotated[
-        float, Field(description="Degrees along the shorter side; 0 is parallel projection.")
-    ] = 30.0
-    up: Annotated[
-        Literal["x", "y", "z", "-x", "-y", "-z"],
-        Hyphen,
-        Field(description="Axis that points upwards."),
-    ] = "z"
+    camera: Viewed = "30/20/1"
+    fov: FieldOfView = 30.0
+    up: Up = "z"
     shading: Annotated[bool, Field(description="Light surfaces: from where light says.")] = True
     light: Annotated[
         str,
@@ -181,33 +163,17 @@ class Look(BaseModel):
         )
 
     def viewpoint(self) -> "Viewpoint":
-        """Where the volume is seen from.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The camera is none; see `resample.cameras.files.viewpoint`.
-        """
+        """Where the volume is seen from, as `resample.cameras.files.viewpoint` reads it."""
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)
 
 
-class Projecting(BaseModel):
+class Projecting(Choices):
     """What a pixel shows."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    projection: Annotated[
-        Literal["composite", "maximum", "average", "additive", "first-hit"],
-        Field(
-            description="What a pixel shows: light through what lies in front, the largest, mean "
-            "or sum of the values, or the surface of the iso value."
-        ),
-    ] = "composite"
-    iso: Annotated[
-        float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
-    ] = None
+    projection: Shown = "composite"
+    iso: Iso = None
 
     def resampling(self) -> Resampling:
         """Renderer's choices, else the default ones."""

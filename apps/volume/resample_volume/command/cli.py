@@ -8,13 +8,12 @@ from typing import Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
+from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
 from resample_volume.command.choices import Look, Projecting, Source
 
-Flat = Parameter(name="*")  # a model's fields are flags of their own
 Unshown = Parameter(show_default=False)
-Output = Annotated[Path, Parameter(alias="-o")]
 
 app = App(
     name="resample-volume",
@@ -40,13 +39,13 @@ def render(
     volume: str,
     /,
     *,
-    output: Output,
-    look: Annotated[Look, Flat] = LOOK,
-    resampling: Annotated[Resampling, Flat] = RESAMPLING,
-    picture: Annotated[PictureFormat, Flat] = PICTURE,
-    source: Annotated[Source, Flat] = SOURCE,
-    color_bar: Annotated[bool, Parameter(negative="")] = False,
-    stats: Path | None = None,
+    output: flags.FrameOutput,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    color_bar: Annotated[bool, flags.Switch] = False,
+    stats: flags.Stats = None,
 ) -> None:
     """Render a volume to a picture.
 
@@ -56,12 +55,8 @@ def render(
     ----------
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
-    output
-        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
     color_bar
         Add a bar of colors, opacities and values to the right (.png).
-    stats
-        Also write sizes, counts and times (.json).
     """
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
@@ -103,16 +98,16 @@ def compare(
     methods: str = "points,splats,hybrid",
     footprints: Annotated[str, Unshown] = "",
     orders: Annotated[str, Unshown] = "",
-    peer: Annotated[Literal["vtk"] | None, Parameter(negative="")] = None,
+    peer: Annotated[Literal["vtk"] | None, flags.Switch] = None,
     reference: Literal["splats", "rays"] = "splats",
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
-    difference: Annotated[bool, Parameter(negative="")] = False,
+    output: flags.OptionalOutput = None,
+    difference: Annotated[bool, flags.Switch] = False,
     rays: int = 8,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    look: Annotated[Look, Flat] = FAR_LOOK,
-    projection: Annotated[Projecting, Flat] = PROJECTING,
-    size: str = "96",
-    source: Annotated[Source, Flat] = SOURCE,
+    as_json: flags.Json = False,
+    look: Annotated[Look, flags.Flat] = FAR_LOOK,
+    projection: Annotated[Projecting, flags.Flat] = PROJECTING,
+    size: flags.Size = "96",
+    source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Render a volume by several methods, footprints, orders and peers, and measure them.
 
@@ -138,10 +133,6 @@ def compare(
         Show the errors, too, enlarged.
     rays
         Of the reference per side of a pixel, 1 to 32.
-    as_json
-        Print JSON instead of a table; the PSNR of equal pictures is null.
-    size
-        In px: 400 for a square, 640x480 for width and height.
     """
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
@@ -189,17 +180,17 @@ def animate(
     volume: str,
     /,
     *,
-    output: Output,
+    output: flags.FilmOutput,
     path: str = "orbit",
     frames: int | None = None,
-    fps: float = 24.0,
-    look: Annotated[Look, Flat] = LOOK,
-    resampling: Annotated[Resampling, Flat] = RESAMPLING,
-    size: str = "400",
-    background: str = "black",
+    fps: flags.FramesPerSecond = 24.0,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    size: flags.Size = "400",
+    background: flags.FilmBackground = "black",
     threads: int | None = None,
-    source: Annotated[Source, Flat] = SOURCE,
-    resume: Annotated[bool, Parameter(negative="")] = False,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    resume: flags.Resume = False,
 ) -> None:
     """Move a camera around a volume, or away from it.
 
@@ -209,23 +200,13 @@ def animate(
     ----------
     volume
         As in render.
-    output
-        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
     path
         The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
         from voxels that are splats to voxels that are points; or a file of keyframes or poses.
     frames
         How many. 96, or as many as the keyframes' times ask for.
-    fps
-        Frames per second.
-    size
-        In px: 400 for a square, 640x480 for width and height.
-    background
-        Behind the picture: black, white or #rrggbb.
     threads
         At most this many; pixels do not depend on it.
-    resume
-        Keep the frames that a run which ended early has made.
     """
     from resample.command.console import progress_bar
     from resample.command.session import Session, require_picture
@@ -256,7 +237,7 @@ def info(
     *,
     bins: int = 16,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    source: Annotated[Source, Flat] = SOURCE,
+    source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Print a volume's size, spacing, range of values and histogram.
 
@@ -279,7 +260,7 @@ def info(
 
 
 @app.command
-def generate(name: str, /, *, output: Output) -> None:
+def generate(name: str, /, *, output: flags.Output) -> None:
     """Write a generated volume to a file.
 
     Example: resample-volume generate vessel-tree:size=256 -o vessels.nrrd
@@ -327,7 +308,7 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 @app.command
 def figures(
     *,
-    output: Output = FIGURES,
+    output: flags.Output = FIGURES,
     figure: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
     data: Path | None = None,
 ) -> None:
@@ -350,14 +331,8 @@ def figures(
 
 
 @app.command
-def demo(*, output: Output = DEMO_FOLDER) -> None:
-    """Render the generated volumes by all three methods.
-
-    Parameters
-    ----------
-    output
-        Written to: folder; created if missing.
-    """
+def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
+    """Render the generated volumes by all three methods."""
     from resample.command.console import say
     from resample.command.session import Session
     from resample.files.images import write_frame

@@ -4,10 +4,19 @@ from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from resample.command.settings import height_and_width
+from resample.command.flags import Hyphen, Stats, Switch
+from resample.command.settings import (
+    CALIBRATED,
+    COUNTED,
+    SIZE,
+    Choices,
+    Convention,
+    MethodsFilter,
+    Threads,
+    height_and_width,
+)
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
@@ -17,15 +26,12 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
 
-Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
 Shape = tuple[int, int]  # height and width, px
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 
-class Depth(BaseModel):
+class Depth(Choices):
     """What the numbers of the depth file mean."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     depth_kind: Annotated[
         Literal["z", "ray", "inverse", "disparity"],
@@ -87,10 +93,8 @@ class Depth(BaseModel):
         return encodings.PlanarDepth(self.depth_scale)
 
 
-class SourceCamera(BaseModel):
+class SourceCamera(Choices):
     """The camera that took the picture."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     intrinsics: Annotated[
         str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; fy may be negative.")
@@ -103,15 +107,10 @@ class SourceCamera(BaseModel):
         str | None,
         Hyphen,
         Field(
-            description="Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml "
-            "file of OpenCV's calibration, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside "
-            "them."
+            description=f"{CALIBRATED}, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside them."
         ),
     ] = None
-    convention: Annotated[
-        Literal["corner", "opencv"],
-        Field(description="Opencv counts from the first pixel's center: in cx and cy."),
-    ] = "corner"
+    convention: Annotated[Convention, Field(description=f"{COUNTED} cx and cy.")] = "corner"
     source_pose: Annotated[
         str | None,
         Field(
@@ -188,10 +187,8 @@ class SourceCamera(BaseModel):
         return shot.camera.resized(shot.shape, shape)
 
 
-class Aim(BaseModel):
+class Aim(Choices):
     """From where and how the new picture is seen."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     pose: Annotated[
         str | None,
@@ -217,7 +214,7 @@ class Aim(BaseModel):
     ] = None
     size: Annotated[
         str | None,
-        Field(description="In px: 400 for a square, 640x480 for width and height. The source's."),
+        Field(description=f"{SIZE} The source's."),
     ] = None
 
     def check(self) -> None:
@@ -265,35 +262,29 @@ class Aim(BaseModel):
         return Camera(matrix, self.step() @ pose)
 
 
-class Warping(BaseModel):
+class Warping(Choices):
     """How pictures are warped."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: Annotated[
         str,
         Field(description="How: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
     ] = "hybrid"
-    filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
-    ] = None
+    filter: MethodsFilter = None
     noise: Annotated[
         float | None,
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
     ] = None
     fill: Annotated[
         bool,
-        Parameter(negative=""),
+        Switch,
         Field(description="Make up what no view shows, from the background beside it."),
     ] = False
     unmixed: Annotated[
         bool,
-        Parameter(negative=""),
+        Switch,
         Field(description="Colors are names or numbers, which are not mixed."),
     ] = False
-    threads: Annotated[
-        int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
-    ] = None
+    threads: Threads = None
 
     def built(self) -> "Method":
         """The method.
@@ -326,10 +317,8 @@ class Warping(BaseModel):
         return method
 
 
-class Extras(BaseModel):
+class Extras(Choices):
     """What is written beside the picture."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     holes: Annotated[
         Path | None,
@@ -353,19 +342,15 @@ class Extras(BaseModel):
         Path | None, Field(description="The source as a colored mesh or points (.ply, .glb).")
     ] = None
     export_as: Annotated[Literal["mesh", "points"], Field(description="What is exported.")] = "mesh"
-    stats: Annotated[
-        Path | None, Field(description="Also write sizes, counts and times (.json).")
-    ] = None
+    stats: Stats = None
 
     def paths(self) -> list[Path | None]:
         """All files that are asked for."""
         return [self.holes, self.coverage, self.depth_output, self.export, self.stats]
 
 
-class Travel(BaseModel):
+class Travel(Choices):
     """How the camera of an animation moves."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     path: Annotated[
         str,

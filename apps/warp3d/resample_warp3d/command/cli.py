@@ -7,26 +7,10 @@ from typing import Annotated, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
+from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import (
-    Written,
-    height_and_width,
-    method_names,
-)
-from resample_warp3d.command.choices import (
-    Aim,
-    Depth,
-    Extras,
-    Hyphen,
-    SourceCamera,
-    Travel,
-    Warping,
-)
-
-Flat = Parameter(name="*")  # a model's fields are flags of their own
-Output = Annotated[Path, Parameter(alias="-o")]
-Switch = Parameter(negative="")
-Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+from resample.command.settings import Written, height_and_width, method_names
+from resample_warp3d.command.choices import Aim, Depth, Extras, SourceCamera, Travel, Warping
 
 app = App(
     name="resample-warp3d",
@@ -50,14 +34,14 @@ def render(
     depth: str,
     /,
     *,
-    output: Output,
-    eye: Annotated[SourceCamera, Flat] = EYE,
-    meaning: Annotated[Depth, Flat] = DEPTH,
-    aim: Annotated[Aim, Flat] = AIM,
-    view: Annotated[list[str] | None, Switch] = None,
-    warping: Annotated[Warping, Flat] = WARPING,
-    written: Annotated[Written, Flat] = WRITTEN,
-    extras: Annotated[Extras, Flat] = EXTRAS,
+    output: flags.Output,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[Depth, flags.Flat] = DEPTH,
+    aim: Annotated[Aim, flags.Flat] = AIM,
+    view: Annotated[list[str] | None, flags.Switch] = None,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    extras: Annotated[Extras, flags.Flat] = EXTRAS,
 ) -> None:
     """Show a picture with depth from another place.
 
@@ -136,12 +120,12 @@ def stereo(
     disparity: str,
     /,
     *,
-    output: Output,
+    output: flags.Output,
     disparity_scale: float | None = None,
-    fraction: Annotated[float, Hyphen] = 1.0,
+    fraction: Annotated[float, flags.Hyphen] = 1.0,
     given: Annotated[Literal["left", "right"], Parameter(name="--from")] = "left",
-    warping: Annotated[Warping, Flat] = WARPING,
-    written: Annotated[Written, Flat] = WRITTEN,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: Path | None = None,
     coverage: Path | None = None,
 ) -> None:
@@ -200,15 +184,15 @@ def animate(
     depth: str,
     /,
     *,
-    output: Output,
-    eye: Annotated[SourceCamera, Flat] = EYE,
-    meaning: Annotated[Depth, Flat] = DEPTH,
-    travel: Annotated[Travel, Flat] = TRAVEL,
-    fps: float = 24.0,
+    output: flags.FilmOutput,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[Depth, flags.Flat] = DEPTH,
+    travel: Annotated[Travel, flags.Flat] = TRAVEL,
+    fps: flags.FramesPerSecond = 24.0,
     size: str | None = None,
-    warping: Annotated[Warping, Flat] = WARPING,
-    background: str = "black",
-    resume: Annotated[bool, Switch] = False,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    background: flags.FilmBackground = "black",
+    resume: flags.Resume = False,
 ) -> None:
     """Move a camera past a picture with depth.
 
@@ -220,16 +204,8 @@ def animate(
         As of render.
     depth
         As of render.
-    output
-        Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files.
-    fps
-        Frames per second.
     size
         In px: 400 for a square, 640x480 for width and height. The picture's.
-    background
-        Behind the picture: black, white or #rrggbb.
-    resume
-        Keep the frames that a run which ended early has made.
     """
     from resample.command.session import Session
     from resample.command.settings import linear_color
@@ -263,18 +239,18 @@ def cloud(
     file: Path,
     /,
     *,
-    output: Output,
-    camera: Annotated[str, Hyphen] = "30/20/1",
-    up: Annotated[Up, Hyphen] = "z",
+    output: flags.FrameOutput,
+    camera: flags.Viewed = "30/20/1",
+    up: flags.Up = "z",
     pose: str | None = None,
-    intrinsics: Annotated[str | None, Hyphen] = None,
-    size: str = "640x480",
+    intrinsics: Annotated[str | None, flags.Hyphen] = None,
+    size: flags.Size = "640x480",
     point_size: float = 1.0,
     filter: str | None = None,  # noqa: A002
     light: Literal["none", "eye"] | None = None,
-    one_sided: Annotated[bool, Switch] = False,
+    one_sided: Annotated[bool, flags.Switch] = False,
     background: str | None = None,
-    bits: Literal[8, 16] = 8,
+    bits: flags.Bits = 8,
 ) -> None:
     """Show a point cloud with normals, where it has them, and colors.
 
@@ -284,18 +260,10 @@ def cloud(
     ----------
     file
         .ply, .pcd, .xyz, .txt, .csv or .npz.
-    output
-        Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.
-    camera
-        Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of cameras.
-    up
-        Axis that points upwards.
     pose
         File or file:frame of a pose: in place of the camera, with intrinsics.
     intrinsics
         fx,fy,cx,cy[,skew] in px; for a pose.
-    size
-        In px: 400 for a square, 640x480 for width and height.
     point_size
         Factor of what the points' spacing suggests.
     filter
@@ -306,8 +274,6 @@ def cloud(
         Leave out what is seen from behind.
     background
         Behind the picture: black, white, #rrggbb or none for transparent. None.
-    bits
-        Per channel: 8 or 16 of a PNG.
     """
     from resample.cameras.files import viewpoint
     from resample.command.session import Session
@@ -346,13 +312,13 @@ def compare(
     scene: Literal["generated"] | None = None,
     truth: Path | None = None,
     mask: Path | None = None,
-    eye: Annotated[SourceCamera, Flat] = EYE,
-    meaning: Annotated[Depth, Flat] = DEPTH,
-    aim: Annotated[Aim, Flat] = AIM,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[Depth, flags.Flat] = DEPTH,
+    aim: Annotated[Aim, flags.Flat] = AIM,
     views: str = ",".join(VIEWS),
     methods: str = COMPARED,
-    output: Annotated[Path | None, Parameter(alias="-o")] = None,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    output: flags.OptionalOutput = None,
+    as_json: flags.Json = False,
 ) -> None:
     """Measure methods by what a view really shows, in the generated scene or in your own pictures.
 
@@ -378,8 +344,6 @@ def compare(
         Separated by commas; with parameters as in hybrid:quality=2.
     output
         Written to: all pictures side by side with details enlarged (.png).
-    as_json
-        Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample import registry
     from resample.files.writing import check_targets, rows_as_json
@@ -418,10 +382,10 @@ def figures(
     depth: str | None = None,
     /,
     *,
-    output: Output = FIGURES,
-    eye: Annotated[SourceCamera, Flat] = EYE,
-    meaning: Annotated[Depth, Flat] = DEPTH,
-    aim: Annotated[Aim, Flat] = AIM,
+    output: flags.Output = FIGURES,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[Depth, flags.Flat] = DEPTH,
+    aim: Annotated[Aim, flags.Flat] = AIM,
     views: str = "oblique",
     methods: str = "hybrid,mcmillan",
 ) -> None:
@@ -469,14 +433,8 @@ def figures(
 
 
 @app.command
-def demo(*, output: Output = DEMO) -> None:
-    """Show a generated room from elsewhere by several methods, and a camera that sways in it.
-
-    Parameters
-    ----------
-    output
-        Written to: folder; created if missing.
-    """
+def demo(*, output: flags.DemoOutput = DEMO) -> None:
+    """Show a generated room from elsewhere by several methods, and a camera that sways in it."""
     from resample_warp3d.command.compare import write_demo
 
     output.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,52 @@
+"""Options that several commands have, as they are given; `settings` has those of models alone."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from resample.command.settings import SIZE
+
+Flat = Parameter(name="*")  # a model's fields are flags of their own
+Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
+Switch = Parameter(negative="")  # there is no flag that says no
+
+Output = Annotated[Path, Parameter(alias="-o")]
+OptionalOutput = Annotated[Path | None, Parameter(alias="-o")]
+FrameOutput = Annotated[
+    Output, Parameter(help="Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.")
+]
+FilmOutput = Annotated[
+    Output,
+    Parameter(help="Written to: .mp4, .webp, .gif, .apng, or a folder for numbered .png files."),
+]
+DemoOutput = Annotated[Output, Parameter(help="Written to: folder; created if missing.")]
+Stats = Annotated[Path | None, Parameter(help="Also write sizes, counts and times (.json).")]
+Json = Annotated[
+    bool,
+    Parameter(
+        name="--json",
+        negative="",
+        help="Print JSON instead of a table; the PSNR of equal pictures is null.",
+    ),
+]
+
+Size = Annotated[str, Parameter(help=SIZE)]
+Bits = Annotated[Literal[8, 16], Parameter(help="Per channel: 8 or 16 of a PNG.")]
+FilmBackground = Annotated[str, Parameter(help="Behind the picture: black, white or #rrggbb.")]
+FramesPerSecond = Annotated[float, Parameter(help="Frames per second.")]
+Resume = Annotated[
+    bool, Switch, Parameter(help="Keep the frames that a run which ended early has made.")
+]
+
+Viewed = Annotated[
+    str,
+    Hyphen,
+    Parameter(help="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of cameras."),
+]
+FieldOfView = Annotated[
+    float, Parameter(help="Degrees along the shorter side; 0 is parallel projection.")
+]
+Up = Annotated[
+    Literal["x", "y", "z", "-x", "-y", "-z"], Hyphen, Parameter(help="Axis that points upwards.")
+]
