@@ -77,8 +77,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     place = lens_places(source, (height, width))
     prepared = prepare(DepthImage(as_light(color), nearness, place), noise=noise, step=step)
     shape = (height, width) if size is None else size
-    chosen = registry.build("warps", method) if isinstance(method, str) else method
-    warped = render(prepared, between(source, target), shape, chosen, threads, filter=filter)
+    warped = render(prepared, between(source, target), shape, method, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 
 
@@ -111,9 +110,8 @@ def warp_disparity(
     """
     nearness = two_dimensional(disparity, "disparity").astype(np.float32)
     prepared = prepare(DepthImage(as_light(color), nearness, np.empty((0, 0, 2))))
-    chosen = registry.build("warps", method) if isinstance(method, str) else method
     shape = nearness.shape[0], nearness.shape[1]
-    warped = render(prepared, of_rectified(fraction), shape, chosen, threads, filter=filter)
+    warped = render(prepared, of_rectified(fraction), shape, method, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 
 
@@ -163,7 +161,7 @@ def render(
     source: Source,
     equation: Equation,
     shape: tuple[int, int],
-    method: Method,
+    method: str | Method,
     threads: int | None = None,
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002
@@ -185,6 +183,8 @@ def render(
     ------
     ValueError
         The method takes no filter, or the shape or the equation cannot be worked with.
+    LookupError
+        The method or the filter is unknown.
     """
     from resample.engine import jit
 
@@ -197,14 +197,15 @@ def render(
     if not is_usable(equation):
         raise ValueError("the warping equation is singular or not finite; check both cameras")
     shape = height, width
-    if not callable(method):
+    chosen = registry.build("warps", method) if isinstance(method, str) else method
+    if not callable(chosen):
         raise ValueError(f"method {method!r}; give a name or an object that warps")
-    chosen = registry.build("filters", filter) if isinstance(filter, str) else filter
+    pixel = registry.build("filters", filter) if isinstance(filter, str) else filter
     with jit.threads(threads):
-        if chosen is None:
-            rendered = method(source, equation, shape)
+        if pixel is None:
+            rendered = chosen(source, equation, shape)
         else:
-            rendered = filtered(method, chosen, source, equation, shape)
+            rendered = filtered(chosen, pixel, source, equation, shape)
         holes = explained(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)

@@ -17,7 +17,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
-from resample.resampler import LARGEST_PICTURE
+from resample.resampler import check_size
 from resample.types import Floats, Frame, Screen, Statistics
 from resample_warp3d.clouds.files import Cloud
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
@@ -114,7 +114,7 @@ def render_cloud(
         though normals do not tell them.
     """
     chosen = CloudStyle() if style is None else style
-    _check_size(*size)
+    check_size(*size)
     _check_camera(camera)
     start = perf_counter()
     surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
@@ -241,12 +241,4 @@ def _check_camera(camera: AnyCamera) -> None:
         raise ValueError(
             "clouds are seen without distortion; give a camera that has none and bend the picture "
             "by resample-texture warp --lens"
-        )
-
-
-def _check_size(height: int, width: int) -> None:
-    if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
-        raise ValueError(
-            f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
-            f"be at most {LARGEST_PICTURE} pixels"
         )
