@@ -177,6 +177,12 @@ class _Layout(NamedTuple):
         return left, MARGIN + LINE + row * (self.cell_height + 2 * LINE + MARGIN)
 
 
+def enlarged(detail: Floats, side: int) -> Floats:
+    """Detail of a picture with every pixel as a square, as large as fits into a side."""
+    zoom = max(1, side // max(detail.shape[:2]))
+    return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
+
+
 def _layout(shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | None) -> _Layout:
     for name, number in (("columns", columns), ("zoom", zoom)):
         if number is not None and number < 1:

@@ -12,7 +12,7 @@ from resample import registry
 from resample.colors import from_srgb, to_srgb
 from resample.command.console import progress_bar
 from resample.engine.jit import threads
-from resample.measuring.compare import contact_sheet, shown
+from resample.measuring.compare import contact_sheet, enlarged, shown
 from resample.measuring.quality import flip, psnr, ssim
 from resample.types import Floats
 from resample_texture.showing import scenes
@@ -160,12 +160,6 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
             captions[title] = note(comparison, name, zone)
     light = {title: from_srgb(picture) for title, picture in pictures.items()}
     contact_sheet(light, path, columns=1 + len(details), captions=captions, zoom=zoom)
-
-
-def enlarged(detail: Screen, side: int) -> Screen:
-    """Detail with every pixel as a square, as large as fits into a side."""
-    zoom = max(1, side // max(detail.shape[:2]))
-    return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
 
 
 def note(comparison: Comparison, method: str, zone: str) -> str:

@@ -7,9 +7,9 @@ import numpy as np
 
 from resample.colors import from_srgb
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, plain
+from resample.measuring.compare import contact_sheet, enlarged, plain
 from resample.types import Floats
-from resample_texture.showing.compare import Comparison, Judge, Screen, enlarged, note
+from resample_texture.showing.compare import Comparison, Judge, Screen, note
 from resample_texture.showing.scenes import scene_of
 
 SCENE = "floor-close"

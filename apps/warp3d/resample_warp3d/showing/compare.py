@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from resample import registry
 from resample.colors import from_srgb
 from resample.command.console import progress_bar
-from resample.measuring.compare import check_sheet, contact_sheet, shown
+from resample.measuring.compare import check_sheet, contact_sheet, enlarged, shown
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
@@ -185,12 +185,6 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
     light = {title: from_srgb(np.asarray(cell, np.float32)) for title, cell in cells.items()}
     columns = max(len(pictures) for pictures in comparison.pictures.values())
     contact_sheet(light, path, columns=columns, captions=captions, zoom=zoom)
-
-
-def enlarged(detail: Screen, side: int) -> Screen:
-    """Detail with every pixel as a square, as large as fits into a side."""
-    zoom = max(1, side // max(detail.shape[:2]))
-    return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
 
 
 def note(comparison: Comparison, view: str, method: str) -> str:

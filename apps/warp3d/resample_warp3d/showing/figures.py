@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.colors import from_srgb
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, shown
+from resample.measuring.compare import contact_sheet, enlarged, shown
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing.compare import (
     TRUTH,
@@ -19,7 +19,6 @@ from resample_warp3d.showing.compare import (
     busiest,
     check_views,
     compare_cases,
-    enlarged,
     scene_case,
 )
 from resample_warp3d.showing.pairs import edges_in_view, seen_nearness
