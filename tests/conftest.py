@@ -13,6 +13,8 @@ if "PYTEST_XDIST_WORKER_COUNT" in os.environ:
 import numpy as np
 import pytest
 
+pytest.register_assert_rewrite("tests.bits", "tests.commands")  # they say what differs
+
 DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 with suppress(ImportError):  # tests of the wheel have pytest alone
@@ -24,6 +26,14 @@ with suppress(ImportError):  # tests of the wheel have pytest alone
     settings.load_profile("fixed")
 
 
+def real(name: str) -> Path:
+    """A folder or file of the real data; tests that want it are skipped where it is absent."""
+    path = (DATA / name).resolve()
+    if not path.exists():
+        pytest.skip(f"{name} is not on this machine (set RESAMPLE_TEST_DATA)")
+    return path
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
@@ -31,8 +41,5 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def volumes() -> Path:
-    """The folder of real volumes; tests that want it are skipped where it is absent."""
-    folder = (DATA / "volumes").resolve()
-    if not folder.is_dir():
-        pytest.skip("the real volumes are not on this machine (set RESAMPLE_TEST_DATA)")
-    return folder
+    """The folder of real volumes."""
+    return real("volumes")

@@ -2,27 +2,22 @@ import json
 import os
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.command.options import run
 from resample.files.images import read_image, write_png
+from tests import commands
 from tests.processes import python
 
-HEAVY = ["numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "pydantic"]
+ended = partial(commands.ended, app)
 
 # The package that reads command lines, and what it stands on.
 COMMAND_LINE = {"attr", "attrs", "cyclopts", "docstring_parser", "markdown_it", "mdurl"}
 COMMAND_LINE |= {"pygments", "rich", "rich_rst", "docutils", "typing_extensions"}
-
-
-def ended(*arguments: object) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(app, [str(argument) for argument in arguments])
-    return caught.value.code
 
 
 @pytest.fixture
@@ -140,14 +135,10 @@ def test_an_application_that_cannot_be_imported_is_one_line(monkeypatch, capsys)
     )
 
 
-@pytest.mark.parametrize("arguments", ["['--help']", "['plugins', 'filters']"])
-def test_heavy_libraries_are_not_imported_before_they_are_needed(arguments):
-    imported = python(
-        "import sys, resample.cli, resample.command.options\n"
-        f"try: resample.command.options.run(resample.cli.app, {arguments})\n"
-        "except SystemExit: print('imported', *sys.modules)"
-    )
-    assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
+@pytest.mark.parametrize("words", [["--help"], ["plugins", "filters"]])
+def test_heavy_libraries_are_not_imported_before_they_are_needed(words):
+    heavy = commands.HEAVY | {"pydantic"}
+    assert commands.imported("resample.cli", *words) & heavy == set()
 
 
 def test_help_imports_what_a_command_line_is_made_of_and_nothing_else():

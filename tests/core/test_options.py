@@ -7,6 +7,7 @@ from cyclopts import App
 from pydantic import BaseModel, Field
 
 from resample.command.options import run
+from tests.commands import ended
 
 
 class Camera(BaseModel):
@@ -43,23 +44,17 @@ def failing(error: BaseException) -> App:
     return app
 
 
-def ended(app: App, arguments: list[str]) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(app, arguments)
-    return caught.value.code
-
-
 def test_success_ends_with_status_zero(app, capsys):
-    assert ended(app, ["work", "--times", "2"]) == 0
+    assert ended(app, "work", "--times", "2") == 0
     assert capsys.readouterr() == ("worked 2\n", "")
 
 
 def test_a_command_may_set_the_status(app):
-    assert ended(app, ["status"]) == 3
+    assert ended(app, "status") == 3
 
 
 def test_help_is_a_success(app, capsys):
-    assert ended(app, ["--help"]) == 0
+    assert ended(app, "--help") == 0
     assert "Usage: resample COMMAND" in capsys.readouterr().out
 
 
@@ -77,7 +72,7 @@ def test_help_is_a_success(app, capsys):
     ids=repr,
 )
 def test_a_users_mistake_is_one_line_and_status_two(error, line, capsys):
-    assert ended(failing(error), []) == 2
+    assert ended(failing(error)) == 2
     assert capsys.readouterr() == ("", f"resample: error: {line}\n")
 
 
@@ -88,7 +83,7 @@ def test_all_fields_that_pydantic_refuses_stand_in_one_line(capsys):
     def load() -> None:
         Scene.model_validate({"camera": {"fov": -1}, "name": 3})
 
-    assert ended(app, []) == 2
+    assert ended(app) == 2
     assert capsys.readouterr().err == (
         "resample: error: camera.fov: Input should be greater than 0 (got -1); "
         "name: Input should be a valid string (got 3)\n"
@@ -104,7 +99,7 @@ def test_all_fields_that_pydantic_refuses_stand_in_one_line(capsys):
     ],
 )
 def test_words_that_the_command_line_does_not_know_are_one_line(app, capsys, arguments, hint):
-    assert ended(app, arguments) == 2
+    assert ended(app, *arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith("resample: error: ")
@@ -113,7 +108,7 @@ def test_words_that_the_command_line_does_not_know_are_one_line(app, capsys, arg
 
 
 def test_interruption_has_the_status_of_shells(capsys):
-    assert ended(failing(KeyboardInterrupt()), []) == 130
+    assert ended(failing(KeyboardInterrupt())) == 130
     assert capsys.readouterr().err == "resample: interrupted\n"
 
 

@@ -6,7 +6,7 @@ from collections import defaultdict
 import pytest
 
 from resample import registry
-from resample.command.options import run
+from tests.commands import refused
 
 REFERENCE = re.compile(r"As (in|of) \w+")  # to another command's text
 END = re.compile(r"[.:;](\s|$)")  # what follows is how it is given, or what it is if left out
@@ -48,10 +48,8 @@ def test_an_option_means_the_same_in_all_commands(name):
 
 
 @pytest.mark.parametrize("words", GONE, ids=" ".join)
-def test_an_old_spelling_is_an_unknown_option(words, capsys):
+def test_an_old_spelling_is_an_unknown_option(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     application, *others = words
-    with pytest.raises(SystemExit, match="2"):
-        run(registry.load("apps", application), others)
-    said = capsys.readouterr().err
+    said = refused(registry.load("apps", application), capsys, *others)
     assert f"Unknown option: {others[-2]}" in said
-    assert said.count("\n") == 1

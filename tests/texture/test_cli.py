@@ -1,9 +1,6 @@
 import json
-import os
-import signal
-import subprocess
-import sys
 import zlib
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -13,24 +10,15 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_texture.command import cli
-from tests.processes import PATIENCE, python
+from tests import commands
+from tests.commands import store
 
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
 SAME = ["--matrix", "1,0,0,0,1,0"]
-HEAVY = [
-    *("numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "jinja2"),
-    "PIL",
-]
 LENS = "20,20,12,8,0.1,0.01,0,0"
-
-
-def ended(*words: object) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(cli.app, [str(word) for word in words])
-    return caught.value.code
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 
 
 @pytest.fixture(autouse=True)
@@ -49,34 +37,10 @@ def photo() -> np.ndarray:
     return np.random.default_rng(11).integers(0, 256, (16, 24, 3), np.uint8)
 
 
-def refused(capsys, *words: object) -> str:
-    """The one line that a command says when it fails, having written nothing."""
-    before = sorted(Path().rglob("*"))
-    assert ended(*words) == 2
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.startswith("resample: error: ")
-    assert error.count("\n") == 1
-    assert sorted(Path().rglob("*")) == before
-    return error
-
-
 def warped(*words: object, image: str = "photo.png") -> np.ndarray:
     """What `warp` makes of a picture, in linear light, premultiplied."""
     assert ended("warp", image, "-o", "out.exr", *words) == 0
     return read_image("out.exr")
-
-
-def store(path: str, data: np.ndarray, names: tuple[str, ...] = ()) -> None:
-    """Write a float picture (H, W, C) with channels of these names."""
-    spec = OpenImageIO.ImageSpec(data.shape[1], data.shape[0], data.shape[2], OpenImageIO.FLOAT)
-    if names:
-        spec.channelnames = names
-        spec.alpha_channel = names.index("A") if "A" in names else -1
-    target = OpenImageIO.ImageOutput.create(path)
-    assert target.open(path, spec)
-    assert target.write_image(np.ascontiguousarray(data, np.float32))
-    assert target.close()
 
 
 # Pictures in and out
@@ -462,13 +426,6 @@ def test_channels_that_a_format_cannot_hold_are_one_line(rng, capsys):
     assert "6 channels do not fit into .png" in refused(capsys, *words, "out.png")
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
-def test_a_folder_that_must_not_be_written_to_is_one_line(folder, capsys):
-    (folder / "locked").mkdir(mode=0o555)
-    words = ["warp", "photo.png", "-o", "locked/out.png", *HALF]
-    assert "cannot be written" in refused(capsys, *words)
-
-
 # The other commands
 
 
@@ -586,17 +543,6 @@ def test_compare_gives_json_and_a_page_or_a_sheet(output, capsys):
     assert Path(output).stat().st_size > 1000
 
 
-def test_compare_of_a_picture_that_equals_the_truth_is_valid_json(capsys):
-    cv2.imwrite("white.png", np.full((32, 32), 255, np.uint8))
-    words = ["--scene", "1,0,0,0,1,0", "--methods", "bilinear", "--json"]
-    assert ended("compare", "white.png", *words) == 0
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    assert json.loads(capsys.readouterr().out, parse_constant=refuse)[0]["psnr"] is None
-
-
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -670,61 +616,3 @@ def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     assert ended("demo", "-o", "demo") == 0
     assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
     assert {"floors.png", "flight.gif"} <= {path.name for path in Path("demo").iterdir()}
-
-
-@pytest.mark.parametrize("command", ["demo", "figures"])
-def test_a_file_is_refused_as_a_folder(command, capsys):
-    Path("demo").write_text("a file")
-    assert "demo" in refused(capsys, command, "-o", "demo")
-
-
-# Words
-
-
-def test_a_mistyped_command_or_option_is_put_right(capsys):
-    assert 'Did you mean "warp"' in refused(capsys, "wrap", "photo.png")
-    assert "IMAGE requires an argument" in refused(capsys, "warp")
-
-
-@pytest.mark.parametrize("words", [["--help"], ["warp", "--help"], ["--version"]])
-def test_help_imports_nothing_heavy(words):
-    imported = python(
-        "import sys, resample_texture.command.cli, resample.command.options\n"
-        f"try: resample.command.options.run(resample_texture.command.cli.app, {words})\n"
-        "except SystemExit: print('imported', *sys.modules)"
-    )
-    assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
-
-
-INTERRUPTIBLE = """
-import contextlib, signal, time
-from resample.command import session
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
-
-@contextlib.contextmanager
-def watched(what):
-    print("warping", flush=True)
-    time.sleep(600)
-    yield None
-
-session.progress_bar = watched
-from resample_texture.command.cli import main
-main()
-"""
-
-
-@pytest.mark.slow
-def test_ctrl_c_in_mid_warp_leaves_one_line_and_no_file(folder):
-    command = [sys.executable, "-c", INTERRUPTIBLE, "warp", "photo.png", "-o", "out.png", *HALF]
-    with subprocess.Popen(
-        [*command, "--stats", "s.json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "warping\n"
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=PATIENCE)
-    lines = [line for line in error.splitlines() if "compiling kernels" not in line]
-    assert lines == ["resample: interrupted"]
-    assert process.returncode == 130
-    assert [path.name for path in folder.iterdir()] == ["photo.png"]

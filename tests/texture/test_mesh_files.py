@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_texture.mesh.files import load_mesh
-from tests.conftest import DATA
+from tests.conftest import real
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 PLACES = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -180,10 +180,7 @@ def test_vertex_colors_are_read_in_linear_light(tmp_path):
 
 @pytest.fixture
 def meshes():
-    folder = (DATA / "meshes").resolve()
-    if not folder.is_dir():
-        pytest.skip("the real meshes are not on this machine (set RESAMPLE_TEST_DATA)")
-    return folder
+    return real("meshes")
 
 
 def test_the_cow_comes_whole(meshes):

@@ -1,24 +1,20 @@
 import gzip
 import json
-import os
-import signal
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_volume.command import cli
 from resample_volume.files.source import open_volume
-from tests.processes import PATIENCE, python
+from tests import commands
 
 BOX = "checker-box:size=16,block=4"
 TREE = "vessel-tree:size=24"
 SMALL = ["--size", "32"]
-HEAVY = ["numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "vtkmodules"]
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 
 NRRD = """NRRD0004
 type: uint8
@@ -30,30 +26,12 @@ encoding: {encoding}
 """
 
 
-def ended(*words: object) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(cli.app, [str(word) for word in words])
-    return caught.value.code
-
-
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     """The working folder of every command; nothing is announced about compilation."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
-
-
-def refused(capsys, *words: object) -> str:
-    """The one line that a command says when it fails, having written nothing."""
-    before = sorted(Path().rglob("*"))
-    assert ended(*words) == 2
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.startswith("resample: error: ")
-    assert error.count("\n") == 1
-    assert sorted(Path().rglob("*")) == before
-    return error
 
 
 def rendered(*words: object, volume: str = BOX) -> np.ndarray:
@@ -516,12 +494,6 @@ def test_trying_an_output_does_not_touch_what_is_there(capsys):
     assert Path("out.png").read_text() == "keep me"
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
-def test_a_folder_that_must_not_be_written_to_is_one_line(folder, capsys):
-    (folder / "locked").mkdir(mode=0o555)
-    assert "cannot be written" in refused(capsys, "render", BOX, "-o", "locked/out.png")
-
-
 # The other commands
 
 
@@ -541,16 +513,6 @@ def test_compare_gives_json_and_a_sheet(capsys):
     assert [row["picture"] for row in rows] == ["splats exact", "splats affine"]
     assert {"psnr", "ssim", "ms", "splats"} <= set(rows[0])
     assert read_image("sheet.png").shape[1] > 3 * 192
-
-
-def test_compare_of_equal_pictures_is_valid_json(capsys):
-    words = ["--methods", "splats", "--rays", "1", "--size", "24", "--json"]
-    assert ended("compare", BOX, *words) == 0
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    assert json.loads(capsys.readouterr().out, parse_constant=refuse)[0]["psnr"] is None
 
 
 @pytest.mark.parametrize(
@@ -629,68 +591,3 @@ def test_the_demo_renders_all_primitives_and_says_where(folder, monkeypatch, cap
     assert out == f"The pictures are in {folder / 'deep/demo'}\n"
     assert error.count("\n") == 3
     assert len(list(Path("deep/demo").glob("*.png"))) == 4
-
-
-def test_the_demo_refuses_a_file_as_its_folder(capsys):
-    Path("demo").write_text("a file")
-    assert "demo" in refused(capsys, "demo")
-
-
-# Words
-
-
-def test_a_mistyped_command_or_option_is_put_right(capsys):
-    assert 'Did you mean "render"' in refused(capsys, "rendr", BOX)
-    assert "VOLUME requires an argument" in refused(capsys, "render")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--version"],
-        ["--help"],
-        *([name, "--help"] for name in ("render", "compare", "animate", "figures")),
-    ],
-)
-def test_help_imports_nothing_heavy(words):
-    imported = python(
-        "import sys, resample_volume.command.cli, resample.command.options\n"
-        f"try: resample.command.options.run(resample_volume.command.cli.app, {words})\n"
-        "except SystemExit: print('imported', *sys.modules)"
-    )
-    assert set(HEAVY) & set(imported.rpartition("imported")[2].split()) == set()
-
-
-INTERRUPTIBLE = """
-import contextlib, signal, sys, time
-from resample_volume.command import rendering
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
-
-@contextlib.contextmanager
-def watched(what):
-    def progress(share):
-        print("painting", flush=True)
-        time.sleep(600)
-    yield progress
-
-rendering.progress_bar = watched
-from resample_volume.command.cli import main
-main()
-"""
-
-
-@pytest.mark.slow
-def test_ctrl_c_in_mid_render_leaves_one_line_and_no_file(folder):
-    command = [sys.executable, "-c", INTERRUPTIBLE, "render", BOX, "-o", "out.png", *SMALL]
-    with subprocess.Popen(
-        [*command, "--stats", "s.json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "painting\n"
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=PATIENCE)
-    lines = [line for line in error.splitlines() if "compiling kernels" not in line]
-    assert lines == ["resample: interrupted"]
-    assert process.returncode == 130
-    assert list(folder.iterdir()) == []

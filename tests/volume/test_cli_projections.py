@@ -1,18 +1,19 @@
 """What `resample-volume` makes of projections, classification, cuts, labels and color bars."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from resample.command.options import run
 from resample.engine.jit import is_stored
 from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume.command import cli
 from resample_volume.showing.compare import thickest, variants
+from tests import commands
 
 BOX = "checker-box:size=16,block=4"  # values 64 and 192
 TREE = "vessel-tree:size=24"
@@ -20,12 +21,7 @@ SMALL = ["--size", "32"]
 POST = ["--classify", "post"]
 HIT = ["--projection", "first-hit", "--iso"]
 ALL = ["maximum", "average", "additive", "first-hit"]
-
-
-def ended(*words: object) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(cli.app, [str(word) for word in words])
-    return caught.value.code
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 
 
 @pytest.fixture(autouse=True)
@@ -34,18 +30,6 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
-
-
-def refused(capsys, *words: object) -> str:
-    """The one line that a command says when it fails, having written nothing."""
-    before = sorted(Path().rglob("*"))
-    assert ended(*words) == 2
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.startswith("resample: error: ")
-    assert error.count("\n") == 1
-    assert sorted(Path().rglob("*")) == before
-    return error
 
 
 def drawn(*words: object, volume: str = BOX) -> dict[str, np.ndarray]:

@@ -14,7 +14,7 @@ from resample_warp3d.depth.encodings import PlanarDepth
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
-from tests.conftest import DATA
+from tests.conftest import real
 
 SHAPE = (60, 80)
 
@@ -84,9 +84,7 @@ def test_a_missing_depth_speaks_against_nothing(cameras):
 
 
 def real_views(name, files, scale, intrinsics, poses):
-    folder = (DATA / "depth" / name).resolve()
-    if not folder.is_dir():
-        pytest.skip("the real depth images are not on this machine (set RESAMPLE_TEST_DATA)")
+    folder = real(f"depth/{name}")
     views = []
     for file, matrix in zip(files, read_poses(folder / poses), strict=True):
         nearness = PlanarDepth(scale=scale).nearness(read_depth(folder / "depth" / file))

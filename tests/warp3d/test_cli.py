@@ -2,32 +2,28 @@ import json
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
-import OpenImageIO
 import pytest
 import trimesh
 from PIL import Image
 
-from resample.command.options import run
 from resample.files.images import read_channels, read_image
 from resample_warp3d.command import cli
 from resample_warp3d.types import Hole
-from tests.conftest import DATA
+from tests import commands
+from tests.commands import store
+from tests.conftest import real
 from tests.processes import PATIENCE
 
 EYE = ["--intrinsics", "20,20,16,12"]
 FAST = ["--method", "mcmillan-zbuffer"]
 STAY = ["--size", "32x24"]
 RIGHT = ["--move", "0.2,0,0"]  # 2 px of the wall at 2, 8 px of nothing
-
-
-def ended(*words: object) -> object:
-    with pytest.raises(SystemExit) as caught:
-        run(cli.app, [str(word) for word in words])
-    return caught.value.code
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 
 
 @pytest.fixture(autouse=True)
@@ -46,18 +42,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def refused(capsys, *words: object) -> str:
-    """The one line that a command says when it fails, having written nothing."""
-    before = sorted(Path().rglob("*"))
-    assert ended(*words) == 2
-    out, error = capsys.readouterr()
-    assert out == ""
-    assert error.startswith("resample: error: ")
-    assert error.count("\n") == 1
-    assert sorted(Path().rglob("*")) == before
-    return error
-
-
 def render(*words: object, color: str = "color.png", depth: str = "depth.png") -> list[object]:
     """Words of a command that renders thousandths."""
     scale = ["--depth-scale", 1000] if depth.endswith(".png") else []
@@ -68,17 +52,6 @@ def moved(*words: object, **files: str) -> np.ndarray:
     """What `render` makes, in linear light, premultiplied."""
     assert ended(*render(*words, "-o", "out.exr", **files)) == 0
     return read_image("out.exr")
-
-
-def store(path: str, data: np.ndarray, names: tuple[str, ...]) -> None:
-    """Write a float picture (H, W, C) with channels of these names."""
-    spec = OpenImageIO.ImageSpec(data.shape[1], data.shape[0], data.shape[2], OpenImageIO.FLOAT)
-    spec.channelnames = names
-    spec.alpha_channel = names.index("A") if "A" in names else -1
-    target = OpenImageIO.ImageOutput.create(path)
-    assert target.open(path, spec)
-    assert target.write_image(np.ascontiguousarray(data, np.float32))
-    assert target.close()
 
 
 def pose(path: str, x: float = 0.0) -> str:
@@ -477,9 +450,7 @@ def test_stereo_refuses_in_one_line(capsys):
 
 @pytest.mark.slow
 def test_the_readmes_stereo_command_runs():
-    cones = DATA / "depth/middlebury2003_cones"
-    if not cones.is_dir():
-        pytest.skip("the Middlebury pairs are not on this machine (set RESAMPLE_TEST_DATA)")
+    cones = real("depth/middlebury2003_cones")
     words = [str(cones / "im2.png"), str(cones / "disp2.png"), "--disparity-scale", "4"]
     assert ended("stereo", *words, "-o", "right.png", "--fill") == 0
     made, truth = read_image("right.png"), read_image(cones / "im6.png")
@@ -709,19 +680,6 @@ def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     assert ended("demo", "-o", "demo") == 0
     assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
     assert {"figure-6.png", "sway.gif"} <= {path.name for path in Path("demo").iterdir()}
-
-
-@pytest.mark.parametrize("command", ["demo", "figures"])
-def test_a_file_is_refused_as_a_folder(command, capsys):
-    Path("demo").write_text("a file")
-    assert "demo" in refused(capsys, command, "-o", "demo")
-
-
-# Words
-
-
-def test_a_mistyped_command_is_put_right(capsys):
-    assert 'Did you mean "render"' in refused(capsys, "rendr", "color.png")
 
 
 # Pixel filters

@@ -8,7 +8,7 @@ import pytest
 
 from resample.colors import from_srgb
 from resample_warp3d.clouds.files import Cloud, read_cloud
-from tests.conftest import DATA
+from tests.conftest import real
 
 RNG = np.random.default_rng(7)
 POSITION = RNG.normal(size=(40, 3)).astype(np.float32)
@@ -230,8 +230,5 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_the_scan_has_normals_and_colors():
-    path = DATA / "meshes" / "pointclouds" / "frag_115.ply"
-    if not path.is_file():
-        pytest.skip("the scan frag_115.ply is not on this machine (set RESAMPLE_TEST_DATA)")
-    cloud = read_cloud(path)
+    cloud = read_cloud(real("meshes/pointclouds/frag_115.ply"))
     assert [part.shape for part in cloud] == [(64365, 3), (64365, 3), (64365, 3), (0,)]

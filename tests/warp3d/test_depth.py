@@ -15,7 +15,7 @@ from resample_warp3d.depth.encodings import (
 from resample_warp3d.depth.equation import of_rectified, places, warp_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
-from tests.conftest import DATA
+from tests.conftest import real
 
 SHAPE = (48, 64)
 CAMERA = Camera.from_fov(60, *SHAPE)
@@ -381,10 +381,7 @@ def test_pickled_objects_are_not_loaded(tmp_path):
 
 @pytest.fixture
 def middlebury():
-    folder = (DATA / "depth").resolve()
-    if not folder.is_dir():
-        pytest.skip("the real depth images are not on this machine (set RESAMPLE_TEST_DATA)")
-    return folder
+    return real("depth")
 
 
 def test_disparities_of_a_real_pair_meet_each_other(middlebury):

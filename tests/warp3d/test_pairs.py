@@ -6,7 +6,7 @@ import pytest
 from resample_warp3d.depth.equation import of_rectified, warp_places
 from resample_warp3d.showing.pairs import edges_in_view, load_pairs, seen_nearness
 from resample_warp3d.types import DepthImage, Equation
-from tests.conftest import DATA
+from tests.conftest import real
 
 SHAPE = (12, 20)
 NOWHERE = np.empty((0, 0, 2))
@@ -49,11 +49,8 @@ def stereo(tmp_path, rng):
 
 
 @pytest.fixture(scope="module")
-def real():
-    folder = (DATA / "depth").resolve()
-    if not folder.is_dir():
-        pytest.skip("the real depth images are not on this machine (set RESAMPLE_TEST_DATA)")
-    return load_pairs(folder)
+def pairs():
+    return load_pairs(real("depth"))
 
 
 def nearest_warped(pair):
@@ -154,14 +151,14 @@ def test_facts_of_another_kind_are_refused(tmp_path):
         load_pairs(tmp_path)
 
 
-def test_masks_of_real_pairs_hold_a_good_part_of_the_picture(real):
-    shares = {pair.name: float(pair.mask.mean()) for pair in real}
+def test_masks_of_real_pairs_hold_a_good_part_of_the_picture(pairs):
+    shares = {pair.name: float(pair.mask.mean()) for pair in pairs}
     assert min(shares.values()) > 0.2, shares
     assert max(shares.values()) < 0.95, shares
 
 
-def test_real_pictures_agree_in_their_masks(real):
-    for pair in real:
+def test_real_pictures_agree_in_their_masks(pairs):
+    for pair in pairs:
         warped = nearest_warped(pair)
         known = pair.mask & np.isfinite(warped).all(axis=2)
         error = np.abs(warped[known] - pair.truth[known])
