@@ -3,24 +3,19 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera, Orthographic
+from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
-from resample.types import Samples
 from tests import naive
+from tests.bits import assert_same
+from tests.samples import CAMERAS as SEEN
+from tests.samples import EYE, POSE, SIDE, block, cloud, shuffled
 
-SIDE = 16  # px
-EYE = (6.0, -5.0, 4.0)
-POSE = look_at(EYE, (0, 0, 0))
 CAMERAS = {
-    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Camera.from_fov(
-        90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
-    ),
+    **SEEN,
     "near plane": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.4),
-    "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
 }
 
 
@@ -42,25 +37,6 @@ PLANES = {
 }
 ORDERS = [EverySample(), AxisSheets(), ImageSheets(0.7)]
 MIRRORED = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.8, -1.2, 1.0])
-
-
-def cloud(rng, count=30, lattice=None):
-    """Samples anywhere in a cube, of any color."""
-    return Samples(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, count).astype(np.float32),
-        np.eye(3) if lattice is None else lattice,
-    )
-
-
-def block(side=21, extinction=0.05):
-    """A cube of samples on their lattice, all alike."""
-    axis = np.arange(side) - (side - 1) / 2
-    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3).astype(np.float32)
-    return Samples(
-        place, np.ones_like(place), np.full(len(place), extinction, np.float32), np.eye(3)
-    )
 
 
 def draw(samples, camera, clip=None, *, side=SIDE, **choices):
@@ -120,8 +96,7 @@ def test_planes_that_remove_nothing_change_no_bit(camera, primitive, order, rng)
     beyond = [(*axis, 12.0) for sign in (-1, 1) for axis in sign * np.eye(3)]
     chosen = {"primitive": primitive, "order": order, "side": 24}
     whole, clipped = draw(samples, camera, **chosen), draw(samples, camera, beyond, **chosen)
-    for name in ("rgba", "depth", "first_depth", "coverage"):
-        assert getattr(whole, name).tobytes() == getattr(clipped, name).tobytes(), name
+    assert_same(whole, clipped)
 
 
 @pytest.mark.parametrize("order", ORDERS, ids=str)
@@ -150,7 +125,7 @@ def test_every_footprint_is_cut_alike(model, rng):
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
 def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
-    samples = block()
+    samples = block(21, 0.05)
     camera = Camera.from_intrinsics(
         90 * scale, 90 * scale, 8.13, 8.21, look_at((70, -50, 30), (0, 0, 0))
     )
@@ -182,8 +157,7 @@ def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
 @pytest.mark.parametrize("primitive", list(Primitive))
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order, rng):
     samples, planes = cloud(rng, 300, 0.5 * np.eye(3)), np.array(PLANES["a corner"])
-    mixed = rng.permutation(300)
-    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    other = shuffled(samples, rng)
     resample = Resampler(primitive=primitive, order=order)
     for camera in (
         CAMERAS["narrow"],
@@ -193,8 +167,7 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order,
         size = {"height": 40, "width": 40}
         first = resample(samples, camera, **size, threads=1, clip=planes)
         second = resample(other, camera, **size, threads=2, clip=planes[::-1])
-        for name in ("rgba", "depth", "first_depth", "coverage"):
-            assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+        assert_same(first, second)
 
 
 # What is refused.

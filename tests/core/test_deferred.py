@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera, Orthographic
+from resample.cameras.models import Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import run_bounds
 from resample.engine.ellipsoids.pool import ask_for
@@ -13,41 +13,14 @@ from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
 from resample.resampler import Primitive, Resampler
 from resample.types import Samples
+from tests.bits import assert_same
 from tests.records import from_records
+from tests.samples import shuffled
+from tests.sheared import CAMERAS, CLOSE, PLANE, SIZE, box
 
-SIZE = {"height": 44, "width": 57}
-ARRAYS = ("rgba", "depth", "first_depth", "coverage")
-CLOSE = Camera.from_intrinsics(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
-CAMERAS = {
-    "close": CLOSE,
-    "far": Camera.from_intrinsics(90.0, 90.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
-    "inside": Camera.from_intrinsics(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
-    "near plane": Camera.from_intrinsics(
-        90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0
-    ),
-    "parallel": Orthographic(1.9, 1.7, 26.0, 21.0, look_at((30, 20, -30), (0, 0, 0)), -60.0),
-}
-PLANE = [[0.3, 1.0, 0.2, 2.0]]
 # Line integrals are within 3e-6 of the peak by either way; so a sub-pixel may count as opaque, at a
 # transmittance of 1e-4, one splat sooner.
 TOLERANCE = 1e-4
-
-
-def box(rng, extinction=0.4, side=11):
-    """Samples of a sheared lattice, z slowest."""
-    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
-    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
-    return Samples(
-        (index @ lattice.T).astype(np.float32),
-        rng.uniform(0, 1, index.shape).astype(np.float32),
-        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
-        lattice,
-    )
-
-
-def assert_same(first, second):
-    for name in ARRAYS:
-        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
@@ -114,8 +87,7 @@ def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
 @pytest.mark.parametrize("key", ["depth", "distance"])
 def test_the_order_of_samples_changes_no_bit(rng, key):
     samples, resample = box(rng), Resampler(order=EverySample(key=key))
-    mixed = rng.permutation(samples.extinction.size)
-    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    other = shuffled(samples, rng)
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
@@ -140,8 +112,7 @@ def test_any_number_of_samples_may_be_equally_near(rng, side):
         rng.uniform(0, 2, side**2).astype(np.float32),
         np.eye(3),
     )
-    mixed = rng.permutation(side**2)
-    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    other = shuffled(samples, rng)
     camera = Orthographic(0.3, 0.3, 26.0, 21.0, look_at((0, 0, -30), (0, 0, 0)), -60.0)
     choice = {"primitive": Primitive.SPLATS, "subpixels": 2}
     frame = Resampler(**choice)(samples, camera, **SIZE)

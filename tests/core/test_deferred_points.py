@@ -12,11 +12,11 @@ from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Opacity, Primitive, Resampler
-from resample.types import Samples
+from tests.bits import assert_same
 from tests.records import from_records
+from tests.samples import shuffled
+from tests.sheared import CLOSE, INSIDE, PLANE, SIZE, box
 
-SIZE = {"height": 44, "width": 57}
-ARRAYS = ("rgba", "depth", "first_depth", "coverage")
 PIXEL = (26.0, 21.0)
 FAR = Camera.from_intrinsics(90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)))
 CAMERAS = {
@@ -28,21 +28,8 @@ CAMERAS = {
     ),
     "parallel": Orthographic(0.5, 0.4, *PIXEL, look_at((30, 20, -30), (0, 0, 0)), -60.0),
 }
-PLANE = [[0.3, 1.0, 0.2, 2.0]]
 # Filters are within 1e-5 by either way, and weights have steps of 2**-17.
 TOLERANCE = 1e-4
-
-
-def box(rng, extinction=0.4, side=11):
-    """Samples of a sheared lattice, z slowest."""
-    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
-    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
-    return Samples(
-        (index @ lattice.T).astype(np.float32),
-        rng.uniform(0, 1, index.shape).astype(np.float32),
-        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
-        lattice,
-    )
 
 
 @pytest.fixture
@@ -72,11 +59,6 @@ def assert_alike(frame, other, *, are_counted=True):
     counts = ("points", "splats", "subpixels") if are_counted else ("subpixels",)
     for name in counts:
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
-
-
-def assert_same(first, second):
-    for name in ARRAYS:
-        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
 
 
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
@@ -133,8 +115,8 @@ UNFIT = {
     "near plane": Camera.from_intrinsics(
         90.0, 90.0, *PIXEL, look_at((20, -250, 60), (0, 0, 0)), 252.0
     ),
-    "inside": Camera.from_intrinsics(25.0, 25.0, *PIXEL, look_at((2, -1, 1), (0, 0, 0))),
-    "close": Camera.from_intrinsics(90.0, 80.0, *PIXEL, look_at((8, -30, 12), (0, 0, 0))),
+    "inside": INSIDE,
+    "close": CLOSE,
 }
 
 
@@ -194,8 +176,7 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
 def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
     resample = Resampler(primitive=Primitive.POINTS, order=EverySample(key=key))
     samples = box(rng, extinction)
-    mixed = rng.permutation(samples.extinction.size)
-    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    other = shuffled(samples, rng)
     assert_same(resample(samples, FAR, **SIZE), resample(other, FAR, **SIZE))
 
 

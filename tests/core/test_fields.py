@@ -10,30 +10,25 @@ from resample.cameras.poses import look_at
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Primitive, Projection, Resampler
-from resample.types import Classifier, Field, Lamp, Samples
+from resample.types import Classifier, Lamp, Samples
 from tests import naive
+from tests.bits import ARRAYS, assert_same
+from tests.samples import CAMERAS as SEEN
+from tests.samples import DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, shuffled
 
-SIDE = 16  # px
-POSE = look_at((6, -5, 4), (0, 0, 0))
 CAMERAS = {
-    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Camera.from_fov(
-        90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
-    ),
+    **SEEN,
     "near plane": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE, near=8.6),
-    "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
 }
 LATTICES = {
     "even": np.eye(3),
     "mirrored": look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([1, -1.2, 0.8]),
 }
-DARK = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)  # shows colors as they are
 LAMPS = {
     "none": DARK,
     "far away": Lamp(np.array([0.6, 0.0, 0.8]), np.array([6.0, -5, 4, 1]), 0.2, 0.7, 0.3, 8.0, 0.1),
     "at the viewer": Lamp(np.zeros(3), np.array([6.0, -5, 4, 1]), 0.2, 0.7, 0.3, 8.0, 0.1),
 }
-LOW, HIGH = -1.0, 3.0
 
 
 def classifier(rng, rows=1, columns=8, lamp=DARK, **depth_cue):
@@ -41,28 +36,6 @@ def classifier(rng, rows=1, columns=8, lamp=DARK, **depth_cue):
     table = rng.uniform(0, 1, (rows, columns, 4)).astype(np.float32)
     cue = {"near": 0.0, "far": 1.0, "dimmed": 0.0, **depth_cue}
     return Classifier(table, LOW, HIGH, 2.0, lamp, **cue)
-
-
-def cloud(rng, look, count=40, lattice=LATTICES["even"]):
-    """A field of samples anywhere in a cube."""
-    return Field(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(LOW, HIGH, count).astype(np.float32),
-        rng.normal(0, 1, (count, 3)).astype(np.float32),
-        lattice,
-        look,
-    )
-
-
-def block(value_of, look, side=9):
-    """A field on a lattice of step 1 around the origin, without gradients.
-
-    `value_of` gives the value at positions (N, 3).
-    """
-    axis = np.arange(side) - (side - 1) / 2
-    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-    value = np.full(len(place), value_of(place), np.float32)
-    return Field(place.astype(np.float32), value, np.zeros((0, 3), np.float32), np.eye(3), look)
 
 
 def draw(field, camera, thickness=1.0, *, side=SIDE, **choices):
@@ -124,7 +97,7 @@ def by_hand(field, camera, thickness=1.0):
 @pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_are_classified_by_their_mean_value(camera, lattice, rng):
-    field = cloud(rng, classifier(rng), lattice=lattice)
+    field = field_cloud(rng, classifier(rng), lattice=lattice)
     truth = by_hand(field, camera)
     assert truth[..., 3].max() > 0.4
     # Table of 256 × 256 steps of which means are quotients; float32.
@@ -133,13 +106,13 @@ def test_slabs_are_classified_by_their_mean_value(camera, lattice, rng):
 
 @pytest.mark.parametrize("thickness", [0.3, 2.0])
 def test_slabs_of_any_thickness_are_classified(thickness, rng):
-    field, camera = cloud(rng, classifier(rng)), CAMERAS["narrow"]
+    field, camera = field_cloud(rng, classifier(rng)), CAMERAS["narrow"]
     truth = by_hand(field, camera, thickness)
     np.testing.assert_allclose(draw(field, camera, thickness).rgba, truth, atol=5e-4)
 
 
 def test_a_second_dimension_of_the_table_is_the_gradient(rng):
-    field, camera = cloud(rng, classifier(rng, rows=5)), CAMERAS["narrow"]
+    field, camera = field_cloud(rng, classifier(rng, rows=5)), CAMERAS["narrow"]
     truth = by_hand(field, camera)
     flat = by_hand(field._replace(gradient=0 * field.gradient), camera)
     assert np.abs(truth - flat).max() > 0.05
@@ -149,13 +122,13 @@ def test_a_second_dimension_of_the_table_is_the_gradient(rng):
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=LAMPS)
 @pytest.mark.parametrize("camera", ["narrow", "parallel"])
 def test_slabs_are_lit_at_their_mean_gradient(camera, lamp, rng):
-    field, camera = cloud(rng, classifier(rng, lamp=lamp)), CAMERAS[camera]
+    field, camera = field_cloud(rng, classifier(rng, lamp=lamp)), CAMERAS[camera]
     truth = by_hand(field, camera)
     np.testing.assert_allclose(draw(field, camera).rgba, truth, atol=4e-4)
 
 
 def test_depth_cueing_dims_by_depth(rng):
-    field = cloud(rng, classifier(rng, near=7.5, far=9.5, dimmed=0.8))
+    field = field_cloud(rng, classifier(rng, near=7.5, far=9.5, dimmed=0.8))
     camera = CAMERAS["narrow"]
     truth = by_hand(field, camera)
     plain = by_hand(field._replace(classifier=field.classifier._replace(dimmed=0.0)), camera)
@@ -164,7 +137,7 @@ def test_depth_cueing_dims_by_depth(rng):
 
 
 def test_a_field_without_gradients_is_one_of_zero_gradients(rng):
-    field, camera = cloud(rng, classifier(rng, lamp=LAMPS["far away"])), CAMERAS["narrow"]
+    field, camera = field_cloud(rng, classifier(rng, lamp=LAMPS["far away"])), CAMERAS["narrow"]
     without = draw(field._replace(gradient=np.zeros((0, 3), np.float32)), camera)
     zero = draw(field._replace(gradient=np.zeros((40, 3), np.float32)), camera)
     assert without.rgba.tobytes() == zero.rgba.tobytes()
@@ -177,7 +150,7 @@ def test_a_constant_field_has_one_color_and_its_transmittance():
     table = np.zeros((1, 9, 4), np.float32)
     table[0, 4:] = (0.8, 0.3, 0.1, 0.2)  # black below, of which nothing is to be seen
     look = Classifier(table, 0.0, 1.0, 1.0, DARK, 0.0, 1.0, 0.0)
-    field = block(lambda _: 0.75, look)
+    field = field_block(lambda _: 0.75, look)
     camera = Orthographic(2.0, 2.0, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     rgba = draw(field, camera, 0.5).rgba[6:10, 6:10]
     np.testing.assert_allclose(rgba[..., :3], rgba[..., 3:] * [0.8, 0.3, 0.1], rtol=1e-4)
@@ -195,7 +168,7 @@ def test_two_materials_keep_their_colors_after_reconstruction_and_mix_before():
     table = np.zeros((1, 256, 4), np.float32)
     table[0, :128, 0], table[0, 128:, 2], table[0, :, 3] = 1.0, 1.0, 4.0
     look = Classifier(table, 0.0, 1.0, 1.0, DARK, 0.0, 1.0, 0.0)
-    field = block(lambda place: np.where(place[:, 0] < 0, 0.2, 0.8), look)
+    field = field_block(lambda place: np.where(place[:, 0] < 0, 0.2, 0.8), look)
     before = Samples(
         field.position,
         np.where(field.position[:, :1] < 0, (1, 0, 0), (0, 0, 1)).astype(np.float32),
@@ -214,16 +187,16 @@ def test_values_beyond_the_table_look_like_its_ends():
     table = np.float32([[[1, 0, 0, 1], [0, 0, 1, 1]]])
     look = Classifier(table, 0.0, 1.0, 1.0, DARK, 0.0, 1.0, 0.0)
     camera = CAMERAS["narrow"]
-    high = draw(block(lambda _: 50.0, look), camera).rgba[8, 8]
+    high = draw(field_block(lambda _: 50.0, look), camera).rgba[8, 8]
     np.testing.assert_allclose(high[:3], high[3] * np.array([0, 0, 1]), atol=0.02)
-    low = draw(block(lambda _: -50.0, look), camera).rgba[8, 8]
+    low = draw(field_block(lambda _: -50.0, look), camera).rgba[8, 8]
     np.testing.assert_allclose(low[:3], low[3] * np.array([1, 0, 0]), atol=1e-6)
 
 
 @pytest.mark.parametrize("scale", [0.4, 0.15, 0.035])
 def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     look = classifier(rng, columns=4)
-    field = block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
+    field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
     camera = Camera.from_intrinsics(
         60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0))
     )
@@ -239,13 +212,8 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
 @pytest.mark.parametrize("projection", list(Projection))
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS, Primitive.EWA])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):
-    field = cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 300, 0.5 * np.eye(3))
-    mixed_up = rng.permutation(300)
-    other = field._replace(
-        position=field.position[mixed_up],
-        value=field.value[mixed_up],
-        gradient=field.gradient[mixed_up],
-    )
+    field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 300, 0.5 * np.eye(3))
+    other = shuffled(field, rng)
     resample = Resampler(
         primitive=primitive,
         order=ImageSheets(0.7),
@@ -259,9 +227,7 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primi
     ):
         first = resample(field, camera, height=40, width=40, threads=1)
         second = resample(other, camera, height=40, width=40, threads=2)
-        for name in ("rgba", "depth", "first_depth", "coverage", "value"):
-            one, two = getattr(first, name), getattr(second, name)
-            assert np.asarray(one).tobytes() == np.asarray(two).tobytes(), name
+        assert_same(first, second, (*ARRAYS, "value"))
 
 
 # What is refused.
@@ -269,14 +235,14 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primi
 
 @pytest.mark.parametrize("order", [EverySample(), AxisSheets()])
 def test_an_order_that_composites_colors_refuses_a_field(order, rng):
-    field = cloud(rng, classifier(rng))
+    field = field_cloud(rng, classifier(rng))
     with pytest.raises(ValueError, match="image-sheets can"):
         draw(field, CAMERAS["narrow"], order=order)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
 def test_values_must_be_finite(wrong, rng):
-    field = cloud(rng, classifier(rng))
+    field = field_cloud(rng, classifier(rng))
     value = field.value.copy()
     value[3] = wrong
     with pytest.raises(ValueError, match="value is not finite; leave such samples out"):
@@ -284,7 +250,7 @@ def test_values_must_be_finite(wrong, rng):
 
 
 def test_gradients_must_be_finite(rng):
-    field = cloud(rng, classifier(rng))
+    field = field_cloud(rng, classifier(rng))
     gradient = field.gradient.copy()
     gradient[3, 1] = np.nan
     with pytest.raises(ValueError, match="gradient is not finite"):
@@ -303,7 +269,7 @@ def test_gradients_must_be_finite(rng):
 )
 def test_arrays_of_a_field_must_fit_together(wrong, rng):
     with pytest.raises(ValueError, match="do not fit"):
-        draw(cloud(rng, classifier(rng))._replace(**wrong), CAMERAS["narrow"])
+        draw(field_cloud(rng, classifier(rng))._replace(**wrong), CAMERAS["narrow"])
 
 
 @pytest.mark.parametrize(
@@ -329,4 +295,4 @@ def test_arrays_of_a_field_must_fit_together(wrong, rng):
 def test_a_classifier_that_is_none_is_refused(wrong, rng):
     look = classifier(rng)._replace(**wrong)
     with pytest.raises(ValueError, match="classifier"):
-        draw(cloud(rng, look), CAMERAS["narrow"])
+        draw(field_cloud(rng, look), CAMERAS["narrow"])

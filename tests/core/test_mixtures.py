@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from resample.cameras.models import Camera, Orthographic
+from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids.lanes import line_integral, t_of
 from resample.engine.ellipsoids.mixed import Bend
@@ -20,22 +20,16 @@ from resample.profiles.reconstruction import (
     footprint_table,
 )
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
-from resample.types import Layers, Samples, Tabulated
+from resample.types import Layers, Tabulated
+from tests.bits import assert_same
 from tests.records import from_records
+from tests.samples import shuffled
+from tests.sheared import CAMERAS as SEEN
+from tests.sheared import CLOSE, PLANE, SIZE, box
 
-SIZE = {"height": 44, "width": 57}
-ARRAYS = ("rgba", "depth", "first_depth", "coverage")
-CLOSE = Camera.from_intrinsics(90.0, 80.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)))
-CAMERAS = {
-    "close": CLOSE,
-    "far": Camera.from_intrinsics(60.0, 60.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0))),
-    "inside": Camera.from_intrinsics(25.0, 25.0, 26.0, 21.0, look_at((2, -1, 1), (0, 0, 0))),
-    "near plane": Camera.from_intrinsics(
-        90.0, 90.0, 26.0, 21.0, look_at((8, -30, 12), (0, 0, 0)), 28.0
-    ),
-    "parallel": Orthographic(1.9, 1.7, 26.0, 21.0, look_at((30, 20, -30), (0, 0, 0)), -60.0),
-}
-PLANE = [[0.3, 1.0, 0.2, 2.0]]
+FAR = Camera.from_intrinsics(60.0, 60.0, 26.0, 21.0, look_at((20, -150, 60), (0, 0, 0)))
+CAMERAS = {**SEEN, "far": FAR}
+SMALL = 8  # samples a side
 
 
 @dataclass(frozen=True)
@@ -93,18 +87,6 @@ DAILY = [
 UNLIKE = [CHOICES[name] for name in ("affine", "small angles", "along an axis", "by distance")]
 
 
-def box(rng, extinction=0.4, side=8):
-    """Samples of a sheared lattice, z slowest."""
-    lattice = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
-    index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
-    return Samples(
-        (index @ lattice.T).astype(np.float32),
-        rng.uniform(0, 1, index.shape).astype(np.float32),
-        (extinction * rng.uniform(0, 2, len(index))).astype(np.float32),
-        lattice,
-    )
-
-
 def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one splat sooner
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=atol)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=atol)
@@ -112,17 +94,12 @@ def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one s
     np.testing.assert_allclose(frame.depth[clear], other.depth[clear], rtol=1e-3)
 
 
-def assert_same(first, second):
-    for name in ARRAYS:
-        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
-
-
 @pytest.mark.parametrize("choice", DAILY)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
     if camera is CAMERAS["inside"] and choice in UNLIKE:
         camera = CLOSE
-    samples = box(rng)
+    samples = box(rng, side=SMALL)
     frame = Resampler(**choice)(samples, camera, **SIZE)
     other = from_records(samples, camera, **SIZE, **choice)
     assert_alike(frame, other)
@@ -133,16 +110,15 @@ def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
 
 @pytest.mark.parametrize("choice", DAILY)
 def test_a_plane_cuts_what_streams(rng, choice):
-    samples = box(rng)
+    samples = box(rng, side=SMALL)
     frame = Resampler(**choice)(samples, CLOSE, clip=PLANE, **SIZE)
     assert_alike(frame, from_records(samples, CLOSE, clip=PLANE, **SIZE, **choice))
 
 
 @pytest.mark.parametrize("choice", DAILY)
 def test_order_of_samples_and_threads_change_no_bit(rng, choice):
-    samples, resample = box(rng, 2.0), Resampler(**choice)
-    mixed = rng.permutation(samples.extinction.size)
-    other = Samples(*(array[mixed] for array in samples[:3]), samples.lattice)
+    samples, resample = box(rng, 2.0, SMALL), Resampler(**choice)
+    other = shuffled(samples, rng)
     frame = resample(samples, CLOSE, threads=1, **SIZE)
     assert_same(frame, resample(other, CLOSE, threads=2, **SIZE))
 
@@ -181,4 +157,4 @@ def test_kernels_with_edges_have_no_pieces():
 def test_filters_that_reach_too_far_for_so_many_sub_pixels_are_refused(rng):
     resample = Resampler(pixel_filter=Gaussian(4.0, 16.0), subpixels=32)
     with pytest.raises(ValueError, match="at most 6 are possible"):
-        resample(box(rng), CLOSE, **SIZE)
+        resample(box(rng, side=SMALL), CLOSE, **SIZE)

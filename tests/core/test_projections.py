@@ -13,18 +13,7 @@ from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import MEASURING, Footprint, Primitive, Projection, Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive
-
-SIDE = 16  # px
-POSE = look_at((6, -5, 4), (0, 0, 0))
-CAMERAS = {
-    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
-    "inside": Camera.from_fov(
-        90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
-    ),
-    "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
-}
-DARK = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)  # shows colors as they are
-LOW, HIGH = -1.0, 3.0
+from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud
 
 
 def gray(low=LOW, high=HIGH, lamp=DARK):
@@ -33,25 +22,9 @@ def gray(low=LOW, high=HIGH, lamp=DARK):
     return Classifier(table, low, high, 1.0, lamp, 0.0, 1.0, 0.0)
 
 
-def cloud(rng, count=40, lattice=None):
-    """A field of samples anywhere in a cube."""
-    return Field(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(LOW, HIGH, count).astype(np.float32),
-        rng.normal(0, 1, (count, 3)).astype(np.float32),
-        np.eye(3) if lattice is None else lattice,
-        gray(),
-    )
-
-
-def block(value_of, look, side=9, lattice=None):
-    """A field on its lattice around the origin; `value_of` gives the value at positions (N, 3)."""
-    axis = np.arange(side) - (side - 1) / 2
-    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-    lattice = np.eye(3) if lattice is None else lattice
-    place = place @ lattice.T
-    value = np.full(len(place), value_of(place), np.float32)
-    return Field(place.astype(np.float32), value, np.zeros((0, 3), np.float32), lattice, look)
+def cloud(rng):
+    """A field of samples anywhere in a cube, shown in gray."""
+    return field_cloud(rng, gray())
 
 
 def draw(field, camera, projection, thickness=1.0, *, side=SIDE, clip=None, **choices):
@@ -109,7 +82,7 @@ def test_the_sum_is_the_integral_of_the_values(camera, rng):
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS])
 def test_an_x_ray_conserves_mass(scale, primitive, rng):
     lattice = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.7, 1, -1.3])
-    field = block(lambda place: rng.uniform(LOW, HIGH, len(place)), gray(), 7, lattice)
+    field = field_block(lambda place: rng.uniform(LOW, HIGH, len(place)), gray(), 7, lattice)
     side = int(24 * scale) + 8
     camera = Orthographic(scale, 1.3 * scale, side / 2 + 0.2, side / 2 - 0.1, POSE)
     if primitive is Primitive.POINTS and scale > 1:
@@ -122,7 +95,7 @@ def test_an_x_ray_conserves_mass(scale, primitive, rng):
 @pytest.mark.parametrize("projection", MEASURING)
 @pytest.mark.parametrize("scale", [0.4, 0.15])
 def test_a_minified_projection_comes_near_its_supersampled_splats(projection, scale):
-    field = block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), gray(), 21)
+    field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), gray(), 21)
     camera = Camera.from_intrinsics(
         60 * scale, 60 * scale, 8.13, 8.21, look_at((45, -33, 20), (0, 0, 0))
     )
@@ -138,7 +111,7 @@ def test_a_minified_projection_comes_near_its_supersampled_splats(projection, sc
 @pytest.mark.parametrize("projection", [Projection.MAXIMUM, Projection.AVERAGE])
 @pytest.mark.parametrize("scale", [3.0, 0.3])
 def test_the_value_is_not_a_number_just_where_nothing_is(projection, scale):
-    field = block(lambda _: 1.0, gray(), 5)
+    field = field_block(lambda _: 1.0, gray(), 5)
     camera = Orthographic(scale, scale, 20.2, 19.9, POSE)
     frame = draw(field, camera, projection, side=40, primitive=Primitive.HYBRID)
     np.testing.assert_array_equal(np.isfinite(frame.value), frame.coverage > 0)
@@ -148,7 +121,7 @@ def test_the_value_is_not_a_number_just_where_nothing_is(projection, scale):
 
 @pytest.mark.parametrize("scale", [3.0, 0.3])
 def test_the_sum_is_0_where_nothing_is_and_its_picture_opaque(scale):
-    field = block(lambda _: 1.0, gray(), 5)
+    field = field_block(lambda _: 1.0, gray(), 5)
     camera = Orthographic(scale, scale, 20.2, 19.9, POSE)
     frame = draw(field, camera, Projection.ADDITIVE, side=40, primitive=Primitive.HYBRID)
     assert not frame.value[frame.coverage == 0].any()
@@ -175,7 +148,7 @@ def test_light_has_no_value(projection, rng):
 
 @pytest.mark.parametrize("projection", MEASURING)
 def test_a_constant_field_measures_that_constant(projection):
-    field = block(lambda _: 2.0, gray())
+    field = field_block(lambda _: 2.0, gray())
     camera = Orthographic(2.0, 2.0, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     frame = draw(field, camera, projection, 0.5)
     expected = 2.0 * (9 if projection is Projection.ADDITIVE else 1)
@@ -190,7 +163,7 @@ def test_a_constant_field_measures_that_constant(projection):
 @pytest.mark.parametrize("spacing", [0.5, 2.0])
 def test_what_is_measured_is_as_opaque_as_a_voxel_of_it(projection, spacing):
     look = gray()._replace(table=np.float32([[[0, 0, 0, 0.7], [1, 1, 1, 0.7]]]))
-    field = block(lambda _: 2.0, look, lattice=spacing * np.eye(3))
+    field = field_block(lambda _: 2.0, look, lattice=spacing * np.eye(3))
     pose = look_at((0, -40, 0), (0, 0, 0))
     camera = Orthographic(2.0 / spacing, 2.0 / spacing, 8.0, 8.0, pose)
     alpha = draw(field, camera, projection).rgba[6:10, 6:10, 3]
@@ -237,7 +210,7 @@ def hit(field, camera, iso, thickness=0.5, **choices):
 @pytest.mark.parametrize("iso", [-1.7, 0.0, 1.43])
 def test_a_ramp_is_hit_where_it_has_the_value(iso, thickness):
     """Linear fields stay linear under any kernel but for its ripple."""
-    field = block(lambda place: place[:, 1], gray(-20.0, 20.0), 11)
+    field = field_block(lambda place: place[:, 1], gray(-20.0, 20.0), 11)
     camera = Orthographic(2.0, 2.0, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     depth = hit(field, camera, iso, thickness).depth[6:10, 6:10]
     sys.stdout.write(f"\nramp, slabs of {thickness}: {np.abs(depth - 20 - iso).max():.4f} voxels\n")
@@ -248,7 +221,7 @@ def test_a_ramp_is_hit_where_it_has_the_value(iso, thickness):
 def test_a_sphere_is_hit_on_its_surface(camera):
     """Any kernel lowers a paraboloid by the same everywhere: three of its variances."""
     radius, side = 5.0, 24
-    field = block(lambda place: -(place**2).sum(axis=1), gray(-400.0, 0.0), 17)
+    field = field_block(lambda place: -(place**2).sum(axis=1), gray(-400.0, 0.0), 17)
     pose = look_at((11, -13, 9), (0, 0, 0))
     shot = Orthographic(1.6, 1.6, 12.0, 12.0, pose, near=-50)
     if camera == "perspective":
@@ -271,7 +244,7 @@ def test_a_sphere_is_hit_on_its_surface(camera):
 
 
 def test_a_clipping_plane_caps_what_lies_inside_at_the_plane():
-    field = block(lambda place: -(place**2).sum(axis=1), gray(-400.0, 0.0), 17)
+    field = field_block(lambda place: -(place**2).sum(axis=1), gray(-400.0, 0.0), 17)
     camera = Orthographic(1.6, 1.6, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     plane = (0.0, 1.0, 0.0, 1.3)  # y of at least -1.3, a depth of 18.7
     frame = hit(field, camera, -25.0, clip=[plane])
@@ -285,7 +258,7 @@ def test_a_hit_is_lit_at_its_gradient():
     """Facing the viewer it is bright, askew it is darker: the cosine, with a light at the eye."""
     lamp = Lamp(np.zeros(3), np.array([0.0, -1, 0, 0]), 0.0, 1.0, 0.0, 1.0, 0.01)
     look = Classifier(np.ones((1, 2, 4), np.float32), -400.0, 0.0, 1.0, lamp, 0.0, 1.0, 0.0)
-    field = block(lambda place: -(place**2).sum(axis=1), look, 17)
+    field = field_block(lambda place: -(place**2).sum(axis=1), look, 17)
     field = field._replace(gradient=-2 * field.position)
     camera = Orthographic(1.6, 1.6, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     frame = hit(field, camera, -36.0 - 3 * variance(GaussianKernel()))
@@ -302,7 +275,7 @@ def test_a_value_that_is_nowhere_is_not_hit(rng):
 
 def test_a_hollow_in_front_of_a_surface_is_looked_through():
     """Between two layers of samples there is nothing: the second is hit only beside the first."""
-    field = block(lambda _: 1.0, gray(0.0, 1.0), 11)
+    field = field_block(lambda _: 1.0, gray(0.0, 1.0), 11)
     kept = (abs(field.position[:, 1]) > 3) & (
         (field.position[:, 1] > 0) | (field.position[:, 0] > 0)
     )

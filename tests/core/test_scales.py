@@ -9,7 +9,9 @@ from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.resampler import Footprint, Primitive, Resampler
 from resample.types import Samples
-from tests import naive
+from tests import naive, sheared
+from tests.bits import assert_same
+from tests.samples import reordered, shuffled
 
 SIZE = {"height": 23, "width": 29}
 EYE = look_at((4, -14, 5), (0, 0, 0))
@@ -21,7 +23,7 @@ CAMERAS = {
     "parallel, near plane": Orthographic(1.9, 1.7, 14.0, 11.3, EYE, 15.0),
 }
 SPLATS = Resampler(primitive=Primitive.SPLATS)
-LATTICE = 0.4 * np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
+LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
 
@@ -38,12 +40,6 @@ def crowd(rng, count=80, low=-1.5, high=1.4):
     )
 
 
-def mixed(samples, order):
-    """Samples in another order."""
-    scale = None if samples.scale is None else samples.scale[order]
-    return Samples(*(array[order] for array in samples[:3]), samples.lattice, scale)
-
-
 def opacities(samples, camera, kernel=None, *, height, width, clip=None):
     """Opacity (N, height, width) of every sample by its own line integrals."""
     size = {"height": height, "width": width}
@@ -57,11 +53,6 @@ def opacities(samples, camera, kernel=None, *, height, width, clip=None):
         for center, scale in given
     ]  # fmt: skip
     return 1 - np.exp(-np.array(integral) * samples.extinction.astype(float)[:, None, None])
-
-
-def assert_same(first, second):
-    for name in ("rgba", "depth", "first_depth", "coverage"):
-        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
 
 
 def dust(rng, count=400):
@@ -169,7 +160,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     at = np.stack([x, y], axis=1) / (z[:, None] if view.perspective else 1)
     at = at * view.focal + view.principal
     inside = ((at > 1) & (at < (SIZE["width"] - 1, SIZE["height"] - 1))).all(axis=1)
-    frame = Resampler()(mixed(samples, np.flatnonzero(inside)), camera, **SIZE)
+    frame = Resampler()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
     assert frame.statistics.splats == 0 < frame.statistics.points
     expected = (area * scale.astype(float) ** 2 * view.focal.prod() / squared)[inside].sum()
     assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
@@ -178,7 +169,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS])
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
     samples, camera = dust(rng), CAMERAS["close"]
-    other = mixed(samples, rng.permutation(len(samples.extinction)))
+    other = shuffled(samples, rng)
     resampler = Resampler(primitive=primitive)
     for clip in (None, PLANES):
         one = resampler(samples, camera, threads=1, clip=clip, **SIZE)
@@ -196,7 +187,7 @@ def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     frame = resampler(samples, camera, **SIZE)
     assert (frame.statistics.points, frame.statistics.splats) == (1, 2)
     point, front, splats = (
-        resampler(mixed(samples, some), camera, **SIZE).rgba for some in ([1], [0], [0, 2])
+        resampler(reordered(samples, some), camera, **SIZE).rgba for some in ([1], [0], [0, 2])
     )
     at = np.unravel_index(point[..., 3].argmax(), point.shape[:2])
     left = 1 - front[at][3]
@@ -222,7 +213,7 @@ def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     ],
 )
 def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
-    samples = mixed(crowd(rng), [0, 1])._replace(scale=scale)
+    samples = reordered(crowd(rng), [0, 1])._replace(scale=scale)
     samples = samples._replace(extinction=np.array([10, 10], np.float32))
     with pytest.raises(ValueError, match=message) as refused:
         SPLATS(samples, CAMERAS["close"], **SIZE)

@@ -19,9 +19,10 @@ from resample.profiles.reconstruction import (
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
 from tests import naive
+from tests.bits import assert_same
+from tests.samples import POSE, block, cloud, shuffled
 
 SIDE = 18  # px
-POSE = look_at((6, -5, 4), (0, 0, 0))
 CAMERAS = {
     "narrow": Camera.from_fov(35.0, height=SIDE, width=SIDE, world_to_camera=POSE),
     "wide": Camera.from_fov(
@@ -43,25 +44,6 @@ LATTICES = {
     "sheared": np.array([[1, 0.4, 0.2], [0, 1.1, -0.3], [0, 0, 0.8]]),
     "mirrored": TURN @ np.diag([1, -1.2, 0.8]),
 }
-
-
-def cloud(rng, count=30, *, lattice=LATTICES["even"], extinction=1.0):
-    """Samples anywhere in a cube, of any color."""
-    return Samples(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, (count, 3)).astype(np.float32),
-        rng.uniform(0, extinction, count).astype(np.float32),
-        lattice,
-    )
-
-
-def block(side=9, extinction=1.0, lattice=LATTICES["even"]):
-    """A cube of samples on their lattice, all alike."""
-    axis = np.arange(side) - (side - 1) / 2
-    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3) @ lattice.T
-    white = np.ones((len(place), 3), np.float32)
-    extinction = np.full(len(place), extinction, np.float32)
-    return Samples(place.astype(np.float32), white, extinction, lattice)
 
 
 def draw(samples, camera, thickness=1.0, *, side=SIDE, **choices):
@@ -283,22 +265,15 @@ def test_dense_points_in_slabs_of_a_voxel_have_the_transmittance_of_the_block(az
 # Bits.
 
 
-ARRAYS = ("rgba", "depth", "first_depth", "coverage")
-
-
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(camera, primitive, rng):
     samples = cloud(rng, 300, lattice=0.5 * np.eye(3))
-    mixed = rng.permutation(300)
-    other = Samples(
-        samples.position[mixed], samples.color[mixed], samples.extinction[mixed], samples.lattice
-    )
+    other = shuffled(samples, rng)
     resample = Resampler(primitive=primitive, order=ImageSheets(0.7))
     first = resample(samples, CAMERAS[camera], height=40, width=40, threads=1)
     second = resample(other, CAMERAS[camera], height=40, width=40, threads=2)
-    for name in ARRAYS:
-        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+    assert_same(first, second)
 
 
 @pytest.mark.parametrize("thickness", [0.0, -1.0, math.nan, math.inf])

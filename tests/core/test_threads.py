@@ -12,8 +12,7 @@ from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
-
-ARRAYS = ("rgba", "depth", "first_depth", "coverage")
+from tests.bits import assert_same
 
 
 def scene(count=400):
@@ -43,8 +42,7 @@ def draw(**choices):
 def test_one_thread_and_two_give_the_same_bits(primitive, model):
     alone = draw(primitive=primitive, footprint=model, threads=1)
     together = draw(primitive=primitive, footprint=model, threads=2)
-    for name in ARRAYS:
-        assert getattr(alone, name).tobytes() == getattr(together, name).tobytes(), name
+    assert_same(alone, together)
 
 
 def test_the_scene_has_both_points_and_splats():

@@ -10,6 +10,9 @@ from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Footprint, Opacity, Primitive, Resampler
 from resample.types import Samples
 from tests import naive
+from tests.bits import assert_same
+from tests.samples import cloud as samples_in_a_cube
+from tests.samples import reordered, shuffled
 
 SIDE = 32  # px
 CAMERA = Camera.from_fov(
@@ -18,13 +21,8 @@ CAMERA = Camera.from_fov(
 SPACING = 0.5  # scene units
 
 
-def cloud(rng, count=200, *, extinction=0.5, spacing=SPACING):
-    return Samples(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, (count, 3)).astype(np.float32),
-        rng.uniform(0, extinction, count).astype(np.float32),
-        spacing * np.eye(3),
-    )
+def cloud(rng, count=200, *, extinction=0.5):
+    return samples_in_a_cube(rng, count, SPACING * np.eye(3), extinction=extinction)
 
 
 def block(spacing=SPACING):
@@ -39,19 +37,8 @@ def block(spacing=SPACING):
     )
 
 
-def permuted(samples, order):
-    position, color, extinction, lattice, _ = samples
-    return Samples(position[order], color[order], extinction[order], lattice)
-
-
 def draw(samples, camera=CAMERA, *, side=SIDE, **choices):
     return Resampler(**choices)(samples, camera, height=side, width=side)
-
-
-def assert_same_bits(first, second):
-    for name in ("rgba", "depth", "first_depth", "coverage"):
-        one, other = getattr(first, name), getattr(second, name)
-        assert one.tobytes() == other.tobytes(), f"{name} differs by {np.nanmax(abs(one - other))}"
 
 
 # Values.
@@ -101,7 +88,7 @@ def test_splats_are_composited_front_to_back(opacity, rng):
 
 def test_linear_opacity_stays_below_one_where_the_kernel_exceeds_one(rng):
     samples = few(rng, extinction=50.0)._replace(lattice=0.4 * np.eye(3))
-    crowded = permuted(samples, [0, 1, 2, 0, 1, 2])
+    crowded = reordered(samples, [0, 1, 2, 0, 1, 2])
     frame = draw(crowded, primitive=Primitive.SPLATS, opacity=Opacity.LINEAR)
     assert frame.rgba[..., 3].max() <= 1.0
     assert np.isfinite(frame.rgba).all()
@@ -221,7 +208,7 @@ def ties(rng):
         rng.choice([0.3, 0.7], len(place)).astype(np.float32),
         0.5 * np.eye(3),
     )
-    return permuted(once, rng.integers(0, len(place), 3 * len(place)))
+    return reordered(once, rng.integers(0, len(place), 3 * len(place)))
 
 
 FAR = Camera.from_intrinsics(30.0, 30.0, 16.2, 15.9, look_at((0, -40, 0), (0, 0, 0)))
@@ -238,16 +225,16 @@ def test_the_order_of_samples_does_not_change_a_bit(make, primitive, camera, rng
     first = draw(samples, camera, primitive=primitive)
     assert first.rgba[..., 3].max() > 0.05
     for _ in range(2):
-        again = permuted(samples, rng.permutation(samples.extinction.size))
-        assert_same_bits(first, draw(again, camera, primitive=primitive))
+        again = shuffled(samples, rng)
+        assert_same(first, draw(again, camera, primitive=primitive))
 
 
 @pytest.mark.parametrize("model", list(Footprint))
 def test_no_footprint_depends_on_the_order_of_samples(model, rng):
     samples = ties(rng)
     first = draw(samples, CLOSE, footprint=model)
-    again = permuted(samples, rng.permutation(samples.extinction.size))
-    assert_same_bits(first, draw(again, CLOSE, footprint=model))
+    again = shuffled(samples, rng)
+    assert_same(first, draw(again, CLOSE, footprint=model))
 
 
 def test_samples_that_look_alike_but_are_not_do_not_change_a_bit_when_swapped(rng):
@@ -264,8 +251,8 @@ def test_samples_that_look_alike_but_are_not_do_not_change_a_bit_when_swapped(rn
     camera = Camera.from_intrinsics(20.0, 20.0, 16.2, 15.9, look_at((0, 0, 0), (0, 5, 0)))
     first = draw(samples, camera, primitive=Primitive.SPLATS)
     for _ in range(5):
-        again = permuted(samples, rng.permutation(count))
-        assert_same_bits(first, draw(again, camera, primitive=Primitive.SPLATS))
+        again = shuffled(samples, rng)
+        assert_same(first, draw(again, camera, primitive=Primitive.SPLATS))
 
 
 def test_what_lies_behind_an_opaque_block_is_not_seen():

@@ -23,6 +23,7 @@ from resample.resampler import (
 from resample.types import Samples
 from tests import naive
 from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
+from tests.samples import cloud
 
 SIDE = 28  # px
 KERNEL = GaussianKernel()
@@ -172,15 +173,6 @@ def test_widened_splats_become_plain_ones_as_they_grow(primitive):
 
 
 # Together with other choices.
-
-
-def cloud(rng, count=30):
-    return Samples(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, (count, 3)).astype(np.float32),
-        rng.uniform(0, 1, count).astype(np.float32),
-        np.eye(3),
-    )
 
 
 @pytest.mark.parametrize("primitive", WIDENED)

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from resample import registry
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.jit import threads
 from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
     Bilinear,
@@ -19,6 +18,7 @@ from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homograp
 from resample_texture.texels.forward import Cells, blocks_of, project
 from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, START
 from resample_texture.types import Edge
+from tests.bits import assert_threads_change_nothing
 from tests.texture import naive_forward
 
 MAGNIFIED = Homography([[2.3, 0.4, -1.0], [-0.3, 1.9, 2.0], [0.002, 0.003, 1.0]])
@@ -216,12 +216,7 @@ def test_magnified_lines_are_those_of_opencv():
 @pytest.mark.parametrize("edge", [Edge.TRANSPARENT, Edge.WRAP])
 def test_threads_change_no_bit(pixel_filter, edge):
     source, cells = noise(200, 230, 3), Cells(pixel_filter)
-    with threads(1):
-        one = project(source, HORIZON, (90, 80), edge, cells)
-    with threads(2):
-        two = project(source, HORIZON, (90, 80), edge, cells)
-    assert (one.image == two.image).all()
-    assert (one.coverage == two.coverage).all()
+    assert_threads_change_nothing(lambda: project(source, HORIZON, (90, 80), edge, cells))
 
 
 number = st.floats(-3, 3, allow_subnormal=False)

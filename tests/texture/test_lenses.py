@@ -6,23 +6,15 @@ from resample.cameras.pixels import pixel_centers as centers
 from resample.cameras.pixels import undistorted_places
 from resample_texture.geometry.lenses import distorting, undistorting, undistorting_forward
 from resample_texture.geometry.mappings import pixel_centers
+from tests.lenses import COEFFICIENTS, FOLDING, SHAPE
 
 CAMERA = np.array([[90.0, 0.0, 49.0], [0.0, 85.0, 41.0], [0.0, 0.0, 1.0]])
-SHAPE = (80, 100)
-COEFFICIENTS = {
-    "none": [0.0, 0, 0, 0],
-    "barrel": [-0.3, 0.1, 1e-3, -2e-3],
-    "pincushion": [0.25, 0.05, 0, 0, 0.01],
-    "rational": [-0.28, 0.07, 2e-4, 1e-4, 0, 0.1, 0.02, 0.01],
-    "prism": [-0.28, 0.07, 2e-4, 1e-4, 0, 0.1, 0.02, 0.01, 1e-2, 2e-3, -1e-2, 1e-3],
-    "tilt": [-0.1, 0.01, 0, 0, 0, 0, 0, 0, 1e-3, 0, 1e-3, 0, 0.05, -0.03],
-}
-FOLDING = [-0.5, 0.0, 0.0, 0.0]  # r (1 − r² / 2) grows up to r² = 2 / 3 and then falls
+LENSES = {"none": [0.0, 0, 0, 0], **COEFFICIENTS}
 
 
-@pytest.fixture(params=COEFFICIENTS)
+@pytest.fixture(params=LENSES)
 def lens(request):
-    return Camera.from_opencv(CAMERA, np.array(COEFFICIENTS[request.param]))
+    return Camera.from_opencv(CAMERA, np.array(LENSES[request.param]))
 
 
 def through(lens, x, y):
@@ -123,7 +115,7 @@ def test_what_comes_through_is_on_the_near_side_of_the_fold():
 
 
 def test_a_strong_lens_is_undone_far_from_its_axis():
-    strong = Camera.from_opencv([90.0, 90, 96, 54], COEFFICIENTS["rational"])
+    strong = Camera.from_opencv([90.0, 90, 96, 54], LENSES["rational"])
     wide = Camera.from_opencv([25.0, 25, 96, 54])  # sees as far as 4 from the axis, at distance 1
     seen = undistorting(strong, (108, 192), ideal=wide)  # one turns back at 3.6
     place = np.stack([seen.x, seen.y], axis=2)
@@ -135,7 +127,7 @@ def test_a_strong_lens_is_undone_far_from_its_axis():
 
 
 def test_a_frame_s_blocks_do_not_show():
-    wide = Camera.from_opencv([900.0, 900.0, 199.5, 99.5], np.array(COEFFICIENTS["prism"]))
+    wide = Camera.from_opencv([900.0, 900.0, 199.5, 99.5], np.array(LENSES["prism"]))
     whole = distorting(wide, (200, 400))  # three blocks
     part = distorting(wide, (81, 400))  # its first 81 rows, in one
     np.testing.assert_array_equal(whole.x[:81], part.x)
@@ -174,8 +166,8 @@ def test_what_is_no_camera_matrix_is_refused(matrix):
 
 def test_skew_is_regarded_on_both_sides_of_the_lens():
     matrix = np.array([[90.0, 7.0, 49.0], [0.0, 85.0, 41.0], [0.0, 0.0, 1.0]])
-    skewed = Camera.from_opencv(matrix, COEFFICIENTS["barrel"])
-    straight = Camera.from_opencv(CAMERA, COEFFICIENTS["barrel"])
+    skewed = Camera.from_opencv(matrix, LENSES["barrel"])
+    straight = Camera.from_opencv(CAMERA, LENSES["barrel"])
     found, expected = (undistorting(c, SHAPE, ideal=straight) for c in (skewed, straight))
     np.testing.assert_allclose(found.y, expected.y, atol=1e-12)
     np.testing.assert_allclose(found.x, expected.x + 7.0 * (expected.y - 41.5) / 85.0, atol=1e-12)

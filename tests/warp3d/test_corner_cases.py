@@ -141,25 +141,24 @@ def test_silhouettes_are_not_biased():
     assert np.abs(given - expected)[5:-5].max() < 0.01
 
 
-@pytest.mark.parametrize("noise", [7e-4, 9e-4])
-def test_little_noise_does_not_tear_surfaces(noise):
+def noisy_plane(noise):
+    """A source whose plane has noise of that share of its nearness."""
     rng = np.random.default_rng(7)
     y, x = np.mgrid[:64, :64]
     nearness = (0.5 + 0.001 * x - 0.002 * y) * (1 + noise * rng.normal(size=SHAPE))
-    source = prepare(
-        DepthImage(np.zeros((*SHAPE, 1), np.float32), nearness.astype(np.float32), EMPTY)
-    )
+    black = np.zeros((*SHAPE, 1), np.float32)
+    return prepare(DepthImage(black, nearness.astype(np.float32), EMPTY))
+
+
+@pytest.mark.parametrize("noise", [7e-4, 9e-4])
+def test_little_noise_does_not_tear_surfaces(noise):
+    source = noisy_plane(noise)
     assert (source.links[1:-1, 1:-1] == 15).mean() > 0.999
 
 
 @pytest.mark.parametrize("noise", [0.002, 0.005])
 def test_strong_noise_is_measured(noise):
-    rng = np.random.default_rng(7)
-    y, x = np.mgrid[:64, :64]
-    nearness = (0.5 + 0.001 * x - 0.002 * y) * (1 + noise * rng.normal(size=SHAPE))
-    source = prepare(
-        DepthImage(np.zeros((*SHAPE, 1), np.float32), nearness.astype(np.float32), EMPTY)
-    )
+    source = noisy_plane(noise)
     assert source.noise == pytest.approx(noise, rel=0.2)
 
 

@@ -18,6 +18,7 @@ from resample_warp3d.showing.scenes import (
     pose_of,
 )
 from resample_warp3d.types import DepthImage
+from tests.bits import assert_threads_change_nothing
 
 PLAIN = Material("checker", 1.0, "#ffffff", "#ffffff")
 SHAPE = (12, 16)
@@ -160,13 +161,7 @@ def test_pictures_are_the_same_each_time(small):
 
 
 def test_a_picture_does_not_depend_on_the_count_of_threads(small):
-    from resample.engine.jit import threads
-
-    pictures = []
-    for count in (1, 2):
-        with threads(count):
-            pictures.append(small.render(small.source, small.shape, rays=2)[0])
-    assert np.array_equal(*pictures)
+    assert_threads_change_nothing(lambda: [small.render(small.source, small.shape, rays=2)[0]])
 
 
 def test_colors_are_light_between_none_and_white(small):

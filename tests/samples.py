@@ -1,0 +1,77 @@
+"""Samples and fields that several tests paint, and cameras that see them."""
+
+import numpy as np
+
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.poses import look_at
+from resample.types import Field, Lamp, Samples
+
+SIDE = 16  # px of what `CAMERAS` see of clouds
+EYE = (6.0, -5.0, 4.0)
+POSE = look_at(EYE, (0, 0, 0))
+CAMERAS = {
+    "narrow": Camera.from_fov(40.0, height=SIDE, width=SIDE, world_to_camera=POSE),
+    "inside": Camera.from_fov(
+        90.0, height=SIDE, width=SIDE, world_to_camera=look_at((0.3, -0.2, 0.1), (3, 2, 1))
+    ),
+    "parallel": Orthographic(2.7, 3.1, 8.2, 7.9, POSE, near=-50.0),
+}
+DARK = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)  # shows colors as they are
+LOW, HIGH = -1.0, 3.0  # values of a field's cloud
+
+
+def cube(side):
+    """Positions (N, 3) on a lattice of step 1 around the origin."""
+    axis = np.arange(side) - (side - 1) / 2
+    return np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+
+
+def cloud(rng, count=30, lattice=None, *, extinction=1.0):
+    """Samples anywhere in a cube, of any color."""
+    return Samples(
+        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
+        rng.uniform(0, 1, (count, 3)).astype(np.float32),
+        rng.uniform(0, extinction, count).astype(np.float32),
+        np.eye(3) if lattice is None else lattice,
+    )
+
+
+def block(side=9, extinction=1.0):
+    """A cube of samples on their lattice, all alike."""
+    place = cube(side).astype(np.float32)
+    extinction = np.full(len(place), extinction, np.float32)
+    return Samples(place, np.ones_like(place), extinction, np.eye(3))
+
+
+def field_cloud(rng, look, count=40, lattice=None):
+    """A field of samples anywhere in a cube."""
+    return Field(
+        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
+        rng.uniform(LOW, HIGH, count).astype(np.float32),
+        rng.normal(0, 1, (count, 3)).astype(np.float32),
+        np.eye(3) if lattice is None else lattice,
+        look,
+    )
+
+
+def field_block(value_of, look, side=9, lattice=None):
+    """A field on its lattice around the origin, without gradients.
+
+    `value_of` gives the value at positions (N, 3).
+    """
+    lattice = np.eye(3) if lattice is None else lattice
+    place = cube(side) @ lattice.T
+    value = np.full(len(place), value_of(place), np.float32)
+    return Field(place.astype(np.float32), value, np.zeros((0, 3), np.float32), lattice, look)
+
+
+def reordered(given, order):
+    """Those of the samples, or of a field's, that `order` says."""
+    arrays = {"position", "color", "extinction", "scale", "value", "gradient"}
+    found = {name: array for name, array in given._asdict().items() if name in arrays}
+    return given._replace(**{name: a[order] for name, a in found.items() if a is not None})
+
+
+def shuffled(given, rng):
+    """Samples or a field in another order."""
+    return reordered(given, rng.permutation(len(given.position)))
