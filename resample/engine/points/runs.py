@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
+from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of, seen_from
 from resample.engine.ellipsoids.outlines import BATCH, Bounds
 from resample.engine.ellipsoids.rows import (
     DEEPEST,
@@ -26,7 +26,7 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
-from resample.engine.grid import grid, point_width
+from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.layers import key_of, place_of
 from resample.engine.points.cells import (
@@ -43,9 +43,9 @@ from resample.engine.points.cells import (
     touch,
 )
 from resample.engine.points.eights import spread
-from resample.engine.points.outlines import is_clipped, spacing_on_grid
+from resample.engine.points.outlines import is_clipped, spacing_on_grid, squared_spacing
 from resample.engine.runs import home_of, in_order, is_run_open
-from resample.engine.vectors import combine, multiply
+from resample.engine.vectors import vector_at
 from resample.types import (
     Doubles,
     Film,
@@ -96,41 +96,26 @@ def place_points(
 ) -> None:
     """Where `count` samples from `begin` on fall on a canvas, and their amounts."""
     far, n_side, view_x, view_y = eye.perspective, float(place.subpixels), eye.fx, eye.fy
-    layer, half, one, two = (
-        np.float32(form.layer),
-        np.float32(0.5),
-        np.float32(1.0),
-        np.float32(2.0),
-    )
+    layer, one, two = np.float32(form.layer), np.float32(1.0), np.float32(2.0)
     extent, variance = np.float32(form.extent), np.float32(form.variance)
     wide, thinnest = np.float32(n_side), np.float32(1.0 / 12.0)
     scale = np.float32(shape.volume * view_x * view_y * n_side * n_side / (form.layer * form.area))
     per_opacity = np.float32(form.area / form.opacity)
-    squares, mixed = spacing_on_grid(eye, shape, n_side)
-    (x0, x1, x2), (y0, y1, y2) = squares
-    m0, m1, m2, m3 = mixed
+    on_grid = spacing_on_grid(eye, shape, n_side)
     first_x, last_x, first_y, last_y = bounds
     low, per_side = -view_area.margin, 1.0 / n_side
     high_x, high_y = view_area.width + view_area.margin, view_area.height + view_area.margin
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        world = vector_at(position, sample)
+        center = seen_from(eye, world)
         cx, cy, cz = center
-        key = key_of(layers, place_of(layers, (x, y, z), center))
+        key = key_of(layers, place_of(layers, world, center))
         per_z = 1.0 / cz if far else 1.0
         x, y = view_x * (cx * per_z) + eye.cx, view_y * (cy * per_z) + eye.cy
-        # From here on, what need not be told to the last bit.
+        squared, right, down = squared_spacing(center, per_z, eye, on_grid)
         near = np.float32(per_z)
-        right = np.float32(cx) * near if far else np.float32(0.0)
-        down = np.float32(cy) * near if far else np.float32(0.0)
-        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
-        xy = m0 - right * m1 - down * (m2 - right * m3)
-        mean, apart = half * (xx + yy), half * (xx - yy)
-        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
         reach = extent * (np.sqrt(variance * squared + thinnest) if variance > 0.0 else wide)
         oblique = np.sqrt(one + right * right + down * down)
         sheet = np.floor(key / layer)
@@ -342,11 +327,8 @@ def paint_point_runs(
     for k in tasks(counter, turn.size):
         tile = turn[k]
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        n = grid(tiles.spacing[tile], style)
-        tally[tile, 3] = n
-        home, place, height, width = laid_out(
-            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
-        )
+        home, place, height, width = laid_out(tile, tiles, stage)
+        tally[tile, 3] = n = place.subpixels
         bounds = home_of(home)
         rows, open_groups = new_rows(height, width), open_rows(height, width)
         taps = _taps(form, n)

@@ -60,10 +60,9 @@ from resample.engine.slabs.integrals import (
 )
 from resample.engine.slabs.shapes import (
     Shape,
-    below_center,
-    from_center,
     inverse_square_of,
     is_point,
+    middle_of,
     shape_of,
 )
 from resample.engine.slabs.sums import (
@@ -72,6 +71,7 @@ from resample.engine.slabs.sums import (
     Dirty,
     Matter,
     Ring,
+    add_matter,
     stride_of,
     sum_at,
     touch,
@@ -183,7 +183,7 @@ def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
 
 @kernel
 def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> Line:
-    two, down = np.float32(2.0), below_center(shape, dy)
+    two, down = np.float32(2.0), dy + middle_of(shape)[1]
     return Line(
         two * b * dy, c * dy * dy, lean.p + two * lean.xy * down, (lean.q + lean.yy * down) * down
     )
@@ -209,7 +209,7 @@ def _see(
         is_below = n & 1 != 0
         form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
         form += below.rest if is_below else line.rest
-        aside = from_center(shape, dx)
+        aside = dx + middle_of(shape)[0]
         lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
         ray, per_depth, amplitude = rows[k + RAY], along[k], chord_of(shape.bend, rows[k + CHORD])
@@ -235,8 +235,6 @@ def _add_part(
     matter: Matter,
 ) -> None:
     """Add what lies before a depth, from the splat's own on, and was not yet added."""
-    weight, one, two, three, four = matter
-    stride = stride_of(ring)
     for n in range(LANES):
         lane = np.uint64(n)
         k, half = first + lane, work[lane + HALF]
@@ -244,11 +242,7 @@ def _add_part(
         now = work[lane + AMPLITUDE] * up_to(integral, work, lane, x)
         part = now - work[lane + BEFORE]
         work[lane + BEFORE] = now
-        sums[k] += part * weight
-        sums[k + stride] += part * one
-        sums[k + np.uint64(2) * stride] += part * two
-        sums[k + np.uint64(3) * stride] += part * three
-        sums[k + np.uint64(4) * stride] += part * four
+        add_matter(sums, k, ring, part, matter)
 
 
 @lane_step
@@ -264,11 +258,10 @@ def _add_whole(
 ) -> None:
     """Add all of a splat."""
     (first, ring), (line, below) = place, spot.lines
-    weight, one, two, three, four = matter
-    zero, full, stride = np.float32(0.0), np.float32(1.0), stride_of(ring)
+    zero, full = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
-        k, s = spot.k + lane, first + lane
+        k = spot.k + lane
         dx = spot.dx + np.float32(n >> 1) * spot.step
         is_below = n & 1 != 0
         form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
@@ -277,11 +270,7 @@ def _add_whole(
         part = chord_of(shape.bend, rows[k + CHORD]) * whole(integral, t)
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
-        sums[s] += part * weight
-        sums[s + stride] += part * one
-        sums[s + np.uint64(2) * stride] += part * two
-        sums[s + np.uint64(3) * stride] += part * three
-        sums[s + np.uint64(4) * stride] += part * four
+        add_matter(sums, first + lane, ring, part, matter)
 
 
 @kernel
