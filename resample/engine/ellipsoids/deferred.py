@@ -76,6 +76,7 @@ from resample.types import (
     Formula,
     Indices,
     Layers,
+    Records,
     Runs,
     Stage,
     Tally,
@@ -130,7 +131,7 @@ def find_spacings(
 
 
 @kernel
-def _take_runs(
+def take_runs(
     pool: Pool,
     queue: Queue,
     members: Members,
@@ -176,32 +177,16 @@ def _take_runs(
 
 
 @kernel
-def take_ready(
-    pool: Pool,
-    queue: Queue,
-    members: Members,
-    runs: Runs,
-    sight: Sight,
-    shown: tuple[Window, Groups],
-    mixture: Mixture | None,
-    sheets: tuple[Layers, bool] | None,
-) -> tuple[Pool, Queue, int]:
-    """Take a tile's next runs, and put those samples in order that no later run comes before.
-
-    Gives the pool, which may have grown, what waits on, and how many samples are ready.
-    """
-    if 2 * queue[0] > pool.waiting.size:
-        pool = enlarged(pool)
-    waiting, next_run, farthest = _take_runs(
-        pool, queue, members, runs, sight, shown, mixture, sheets
-    )
+def make_ready(pool: Pool, queue: Queue, members: Members, known: Records) -> tuple[Queue, int]:
+    """Put those samples in order that no run to come is nearer than; gives how many they are."""
+    waiting, next_run, farthest = queue
     limit = np.float32(np.inf)
     if next_run < members.size:
-        limit = runs.known[members[next_run]]["key"]
+        limit = known[members[next_run]]["key"]
     stay = part(pool.waiting, waiting, limit, pool.ready)
     count = waiting - stay
     sort_pairs(pool.ready[:count], pool.other[:count])
-    return pool, (stay, next_run, farthest), count
+    return (stay, next_run, farthest), count
 
 
 @kernel
@@ -296,7 +281,9 @@ def _paint_tile(
     pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
-        pool, queue, count = take_ready(pool, queue, members, runs, sight, shown, mixture, None)
+        pool = enlarged(pool, queue[0])
+        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
+        queue, count = make_ready(pool, queue, members, runs.known)
         form(pool, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
             tint_splats(pool.room, count, stage.style)

@@ -94,7 +94,7 @@ class Area(NamedTuple):
     sides: tuple[Side, Side, Side, Side]
 
 
-class Linear(NamedTuple):
+class LinearPart(NamedTuple):
     """An ellipsoid under the projection's linear part at its center."""
 
     x: float  # of the center at depth 1; 0 where rays are parallel
@@ -345,7 +345,7 @@ def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
 
 
 @kernel
-def linear_part(center: Vector, eye: Eye, shape: Shape) -> Linear:
+def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
     """What the projection's linear part at a center makes of an ellipsoid."""
     v, far = shape.covariance, eye.perspective
     per_z = 1.0 / center[2] if far else 1.0
@@ -354,7 +354,7 @@ def linear_part(center: Vector, eye: Eye, shape: Shape) -> Linear:
     xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
     yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
     xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-    return Linear(x, y, fx, fy, xx, yy, xy)
+    return LinearPart(x, y, fx, fy, xx, yy, xy)
 
 
 @kernel

@@ -13,14 +13,10 @@ import numpy as np
 from resample.engine.ellipsoids.mixed import Bend, Mixture, bend_of
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
-    BOTTOM,
     CUT,
     DOWN,
     EXTINCTION,
     HOME,
-    LEFT,
-    RIGHT,
-    TOP,
     A,
     B,
     C,
@@ -51,6 +47,7 @@ from resample.engine.ellipsoids.rows import (
     Groups,
     Limits,
     Members,
+    bounds_at,
     groups_between,
     is_open,
     narrowed,
@@ -293,8 +290,7 @@ def paint_splats_on_rows(
         s = np.uint64(offset[n])
         if room[s + CUT] > zero:
             return n, at_home
-        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        top, bottom, left, right = bounds_at(room, s)
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])

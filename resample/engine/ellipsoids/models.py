@@ -68,22 +68,22 @@ from resample.types import (
 
 SPLAT, CUT_SPLAT, POINT = 0.0, 1.0, 2.0  # what stands in the column CUT
 
-Spot = tuple[float, float]  # px
-Rim = tuple[Spot, Spot, Spot]  # middle of an ellipse, and conjugate half diameters
+OnScreen = tuple[float, float]  # px
+Rim = tuple[OnScreen, OnScreen, OnScreen]  # middle of an ellipse, and conjugate half diameters
 
 
 class MidPoint(NamedTuple):
     """The paper's ellipse, around the middle of its axis; projected by this camera."""
 
-    focal: Spot
-    principal: Spot
+    focal: OnScreen
+    principal: OnScreen
 
 
 class SmallAngle(NamedTuple):
     """The paper's ellipse around the sample's center, as small angles have it."""
 
-    focal: Spot
-    principal: Spot
+    focal: OnScreen
+    principal: OnScreen
 
 
 @kernel
@@ -264,9 +264,9 @@ def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector
 def _write_rim(
     room: Floats,
     k: np.uint64,
-    middle: Spot,
-    first: Spot,
-    second: Spot,
+    middle: OnScreen,
+    first: OnScreen,
+    second: OnScreen,
     window: Window,
 ) -> None:
     """Write the ellipse around a middle, px, of these conjugate half diameters, px."""

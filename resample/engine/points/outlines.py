@@ -9,15 +9,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of, seen_from
+from resample.engine.ellipsoids.footprints import Eye, Shape, seen_from
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     KEY,
     LEFT,
+    NO_REACH,
     RIGHT,
     ROOM,
     SPACING,
     TOP,
+    Sight,
+    sight_of,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
 from resample.engine.grid import POINT_SPACING
@@ -72,6 +75,19 @@ def _three(first: float, second: float, third: float) -> tuple[Single, Single, S
 
 
 @kernel
+def projected(
+    position: Floats, sample: np.uint64, eye: Eye, layers: Layers
+) -> tuple[Vector, Single, float, tuple[float, float]]:
+    """Center of a sample in camera axes, its key, 1 / depth (1 if parallel), and its place, px."""
+    world = vector_at(position, sample)
+    center = seen_from(eye, world)
+    key = key_of(layers, place_of(layers, world, center))
+    per_z = 1.0 / center[2] if eye.perspective else 1.0
+    x, y = eye.fx * (center[0] * per_z) + eye.cx, eye.fy * (center[1] * per_z) + eye.cy
+    return center, key, per_z, (x, y)
+
+
+@kernel
 def squared_spacing(
     center: Vector, per_z: float, eye: Eye, on_grid: tuple[Squares, Mixed]
 ) -> tuple[Single, Single, Single]:
@@ -97,13 +113,11 @@ def outline_points(
     extinction: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
-    area: Area,
+    sight: Sight,
     style: Style,
-    layers: Layers,
 ) -> None:
     """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen."""
+    (eye, shape, area), layers, _, faintest = sight
     far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
     least = reach if far else -np.inf
     one, zero = np.float32(1.0), np.float32(0.0)
@@ -116,14 +130,10 @@ def outline_points(
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
-        world = vector_at(position, sample)
-        center = seen_from(eye, world)
-        cx, cy, cz = center
-        key = key_of(layers, place_of(layers, world, center))
-        per_z = 1.0 / cz if far else 1.0
-        x, y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        center, key, per_z, (x, y) = projected(position, sample, eye, layers)
+        cz = center[2]
         is_cut = (cz - reach <= eye.near) | (cz <= least)
-        is_seen = (cz + reach > eye.near) & (extinction[sample] > np.float32(style.faintest))
+        is_seen = (cz + reach > eye.near) & (extinction[sample] > faintest)
         squared, _, _ = squared_spacing(center, per_z, eye, on_grid)
         spacing = max(np.sqrt(squared), np.float32(1e-6))
         finest = min(for_points, np.floor(closest / spacing))
@@ -154,12 +164,12 @@ def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool
 @kernel
 def _outline_run(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
     """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
-    (eye, shape, area), layers, planes = optics_of(stage), stage.layers, stage.screen.planes
-    position, extinction, style = samples.position.reshape(-1), samples.extinction, stage.style
-    outline_points(room, position, extinction, begin, count, eye, shape, area, style, layers)
+    sight, planes = sight_of(stage, NO_REACH), stage.screen.planes
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    outline_points(room, position, extinction, begin, count, sight, stage.style)
     if planes.shape[0] > 0:
         for n in range(count):
-            if is_clipped(position, begin + n, eye, planes):
+            if is_clipped(position, begin + n, sight.optics.eye, planes):
                 room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
 
 

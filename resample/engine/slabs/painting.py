@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.canvas import Home, laid_out, pixel_weights
-from resample.engine.ellipsoids.deferred import TAKEN, beyond_of, form, take_ready
+from resample.engine.ellipsoids.deferred import TAKEN, beyond_of, form, make_ready, take_runs
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.models import POINT
@@ -25,7 +25,7 @@ from resample.engine.ellipsoids.outlines import (
     sides_of,
     sight_of,
 )
-from resample.engine.ellipsoids.pool import Pool, new_pool, put_in_order
+from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, put_in_order
 from resample.engine.ellipsoids.rows import (
     COLUMNS,
     PAIR,
@@ -357,7 +357,9 @@ def _paint_tile(
     begin = FAR_AHEAD if summed.what == PARTS else 0
     sweep = Sweep(begin, 0, FAR_AHEAD, True)
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
-        pool, queue, count = take_ready(pool, queue, members, runs, sight, shown, mixture, sheets)
+        pool = enlarged(pool, queue[0])
+        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
+        queue, count = make_ready(pool, queue, members, runs.known)
         sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, tally)
     if sweep.is_open:
         _closed(blend, canvas, ready, sweep, sweep.behind + 1)
@@ -378,14 +380,8 @@ def paint_summed_runs(
 
     Parameters
     ----------
-    turn
-        Numbers of tiles that have members.
-    tiles
-        Whose members are runs.
-    runs
-        At most BATCH samples in one.
-    stage
-        What all painters share.
+    turn, tiles, runs, stage
+        As of `resample.engine.ellipsoids.deferred.paint_runs`.
     ways
         How samples are summed and composited.
     mixture

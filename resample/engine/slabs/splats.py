@@ -15,14 +15,10 @@ from resample.engine.ellipsoids.lanes import chord_of, t_of
 from resample.engine.ellipsoids.mixed import Mixture
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
-    BOTTOM,
     CUT,
     DEPTH,
     DOWN,
     HOME,
-    LEFT,
-    RIGHT,
-    TOP,
     A,
     B,
     C,
@@ -38,6 +34,7 @@ from resample.engine.ellipsoids.rows import (
     RAY,
     Limits,
     Members,
+    bounds_at,
     groups_between,
     index_of,
     is_open,
@@ -190,6 +187,15 @@ def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> L
 
 
 @lane_step
+def _form_at(spot: Spot, shape: Shape, n: int) -> tuple[Single, Single]:
+    """Px from the form's middle to one of a spot's sub-pixels, and the form there."""
+    line, below = spot.lines
+    dx, is_below = spot.dx + np.float32(n >> 1) * spot.step, n & 1 != 0
+    form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
+    return dx, form + (below.rest if is_below else line.rest)
+
+
+@lane_step
 def _see(
     rows: Floats,
     along: Floats,
@@ -205,10 +211,8 @@ def _see(
     for n in range(LANES):
         lane = np.uint64(n)
         k = spot.k + lane
-        dx = spot.dx + np.float32(n >> 1) * spot.step
+        dx, form = _form_at(spot, shape, n)
         is_below = n & 1 != 0
-        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
-        form += below.rest if is_below else line.rest
         aside = dx + middle_of(shape)[0]
         lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
@@ -257,15 +261,12 @@ def _add_whole(
     limits: Limits,
 ) -> None:
     """Add all of a splat."""
-    (first, ring), (line, below) = place, spot.lines
+    first, ring = place
     zero, full = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
         k = spot.k + lane
-        dx = spot.dx + np.float32(n >> 1) * spot.step
-        is_below = n & 1 != 0
-        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
-        form += below.rest if is_below else line.rest
+        _, form = _form_at(spot, shape, n)
         t = t_of(shape.bend, form, rows[k + RAY])
         part = chord_of(shape.bend, rows[k + CHORD]) * whole(integral, t)
         is_seen = full - rows[k + ALPHA] > limits.opaque
@@ -305,9 +306,9 @@ def _add_cut(
     limits, rows, sums, n = tools.limits, canvas.rows, canvas.sums, place.subpixels
     stride, one = stride_of(span.ring), np.float32(1.0)
     center, depth = (room[s + A], room[s + B], room[s + C]), float(room[s + DEPTH])
-    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    top, bottom, left, right = bounds_at(room, s)
     first = math.floor((depth - span.reach) / span.thickness) if is_cutting else last
-    for row in range(int(room[s + TOP]), int(room[s + BOTTOM])):
+    for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - camera.principal[1]) / camera.focal[1]
         for column in range(left, right):
             k = index_of(row, column)
@@ -392,8 +393,7 @@ def add_splats(
         if first < span.front - 1:  # behind the eye: no key of a run knows of it
             continue
         first = max(first, span.front)  # depths may round otherwise than keys
-        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        top, bottom, left, right = bounds_at(room, s)
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])
