@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.grid import grid
 from resample.engine.jit import kernel
 from resample.engine.lookup import radial
-from resample.types import Floats, Place, Screen, Tables
+from resample.types import Floats, Place, Stage, Tables, Tiles
 
 
 class Home(NamedTuple):
@@ -34,11 +35,11 @@ def pixel_weights(tables: Tables, n: int) -> Floats:
 
 
 @kernel
-def laid_out(
-    tile: int, size: int, tiles_in_row: int, subpixels: int, margin: int, screen: Screen
-) -> tuple[Home, Place, int, int]:
-    """Where a tile of `size` px lies, its canvas, and that one's rows and columns of sub-pixels."""
-    left, top = tile % tiles_in_row * size, tile // tiles_in_row * size
+def laid_out(tile: int, tiles: Tiles, stage: Stage) -> tuple[Home, Place, int, int]:
+    """Where a tile lies, its canvas, and that one's rows and columns of sub-pixels."""
+    subpixels, size = grid(tiles.spacing[tile], stage.style), tiles.size
+    screen, margin = stage.screen, stage.tables.pixel_margin
+    left, top = tile % tiles.columns * size, tile // tiles.columns * size
     home = Home(left, top, size, screen.width, screen.height)
     place = Place(float(left - margin), float(top - margin), subpixels)
     # What lies beyond the frame's edge is left out: nothing might ever cover it.

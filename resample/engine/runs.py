@@ -1,5 +1,7 @@
 """Runs of neighbouring samples: which tiles may show them, in what order, and which are open."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,17 +19,23 @@ Indices = NDArray[np.int64]
 
 
 @kernel
+def _tiles_of(run: Record, margin: float, size: int, rows: int, columns: int) -> Iterator[int]:
+    """Numbers of the tiles of `size` px that may show a run."""
+    if run["seen"] > 0:
+        left, right = tiles_met(run["left"], run["right"], margin, size, columns)
+        top, bottom = tiles_met(run["top"], run["bottom"], margin, size, rows)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                yield row * columns + column
+
+
+@kernel
 def count_runs(runs: Records, screen: Screen, size: int, columns: int, count: Indices) -> None:
     """Add to `count` (T,) how many runs each tile of `size` px may show."""
     rows = count.size // columns
     for n in range(runs.size):
-        run = runs[n]
-        if run["seen"] > 0:
-            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
-            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
-            for row in range(top, bottom + 1):
-                for column in range(left, right + 1):
-                    count[row * columns + column] += 1
+        for tile in _tiles_of(runs[n], screen.margin, size, rows, columns):
+            count[tile] += 1
 
 
 @kernel
@@ -36,16 +44,10 @@ def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> Non
     size, columns, member = tiles.size, tiles.columns, tiles.member
     rows, position = load.size // columns, tiles.start[:-1].copy()
     for n in range(runs.size):
-        run = runs[n]
-        if run["seen"] > 0:
-            left, right = tiles_met(run["left"], run["right"], screen.margin, size, columns)
-            top, bottom = tiles_met(run["top"], run["bottom"], screen.margin, size, rows)
-            for row in range(top, bottom + 1):
-                for column in range(left, right + 1):
-                    tile = row * columns + column
-                    member[position[tile]] = n
-                    position[tile] += 1
-                    load[tile] += run["seen"]
+        for tile in _tiles_of(runs[n], screen.margin, size, rows, columns):
+            member[position[tile]] = n
+            position[tile] += 1
+            load[tile] += runs[n]["seen"]
 
 
 @kernel

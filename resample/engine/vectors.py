@@ -3,8 +3,10 @@
 They live in registers, allocate nothing and have no reference counts to be touched at every call.
 """
 
-from resample.engine.jit import kernel
-from resample.types import Doubles
+import numpy as np
+
+from resample.engine.jit import inner_kernel, kernel
+from resample.types import Doubles, Floats
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]  # rows
@@ -48,6 +50,13 @@ def multiply(matrix: Matrix, v: Vector) -> Vector:
 def column(matrix: Matrix, c: int) -> Vector:
     """Column of a matrix."""
     return (matrix[0][c], matrix[1][c], matrix[2][c])
+
+
+@inner_kernel
+def vector_at(flat: Floats, n: np.uint64) -> Vector:
+    """One of many vectors, whose numbers lie in a row."""
+    k = np.uint64(3) * n
+    return float(flat[k]), float(flat[k + np.uint64(1)]), float(flat[k + np.uint64(2)])
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Passes over the cells that meet a band, batch by batch, in the order of the source.
 
 What is seen of a pixel is found in several passes: which cells are nearest, which come next, what
-they leave. The application plays `placed` for the source that it projects again in every pass, and
-`skips` and `take` for every kind of pass.
+they leave. The application plays `placed` for the source that it projects again in every pass,
+`take` for every kind of pass, and `skips` for those that need not see all.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import inner_kernel
-from resample.engine.roles import role
+from resample.engine.roles import plays, role
 
 Source = Any  # bundles of the application's, whose classes settle what the roles do
 Pass = Any
@@ -28,6 +28,11 @@ def placed(source: Source, member: int, batch: Batch) -> int:
 def skips(look: Pass, source: Source, member: int, nth: int) -> bool:
     """Whether a pass has nothing to do with a member, the `nth` that meets the band."""
     raise NotImplementedError
+
+
+@plays(skips, object)
+def _skips_none(look: Pass, source: Source, member: int, nth: int) -> bool:  # noqa: ARG001
+    return False
 
 
 @role

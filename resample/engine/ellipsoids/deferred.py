@@ -15,7 +15,7 @@ import numpy as np
 from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.lanes import paint_splats_on_rows
-from resample.engine.ellipsoids.mixed import Mixture, flatten_rays
+from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.models import POINT, choose_points, form_models, tint_splats
 from resample.engine.ellipsoids.outlines import (
     BATCH,
@@ -26,6 +26,7 @@ from resample.engine.ellipsoids.outlines import (
     RIGHT,
     ROOM,
     SPACING,
+    Reach,
     Sight,
     Window,
     X,
@@ -70,13 +71,12 @@ from resample.engine.runs import finest_of, home_of, in_order, is_run_open, may_
 from resample.engine.slabs.keys import key_by_sheets
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
 from resample.types import (
-    DISC,
-    EXACT,
     Film,
     Floats,
     Formula,
     Indices,
     Layers,
+    Records,
     Runs,
     Stage,
     Tally,
@@ -100,13 +100,21 @@ class Ground(NamedTuple):
     limits: Limits
 
 
+@kernel
+def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
+    """How far beyond their outlines samples are painted."""
+    if mixture is None:
+        return NO_REACH
+    return reach_of(stage.style, stage.ellipsoid.radius)
+
+
 @parallel_kernel
 def find_spacings(
     counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, mixture: Mixture | None
 ) -> None:
     """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
-    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
-    sight, planes, style = sight_of(stage, beyond), stage.screen.planes, stage.style
+    sight = sight_of(stage, beyond_of(mixture, stage))
+    planes, style = stage.screen.planes, stage.style
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     start, scale = runs.start, runs.samples.scale
     room = np.empty(ROOM, np.float32)
@@ -166,6 +174,19 @@ def take_runs(
                 key_by_sheets(found, position, begin, count, sheets[0], sight.optics.eye)
             waiting, farthest = take(line, waiting, found, count, farthest)
     return waiting, next_run, farthest
+
+
+@kernel
+def make_ready(pool: Pool, queue: Queue, members: Members, known: Records) -> tuple[Queue, int]:
+    """Put those samples in order that no run to come is nearer than; gives how many they are."""
+    waiting, next_run, farthest = queue
+    limit = np.float32(np.inf)
+    if next_run < members.size:
+        limit = known[members[next_run]]["key"]
+    stay = part(pool.waiting, waiting, limit, pool.ready)
+    count = waiting - stay
+    sort_pairs(pool.ready[:count], pool.other[:count])
+    return (stay, next_run, farthest), count
 
 
 @kernel
@@ -254,29 +275,20 @@ def _paint_tile(
     tally: Tally,
 ) -> None:
     """Paint what a tile's runs show of their samples, nearest first, until all is opaque."""
-    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
-    sight, known = sight_of(stage, beyond), runs.known
+    sight = sight_of(stage, beyond_of(mixture, stage))
     rows, open_groups, sheet, limits = ground
-    in_order(known, members)
+    in_order(runs.known, members)
     pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
-        if 2 * queue[0] > pool.waiting.size:
-            pool = enlarged(pool)
+        pool = enlarged(pool, queue[0])
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
-        waiting, next_run, farthest = queue
-        limit = np.float32(np.inf)
-        if next_run < members.size:
-            limit = known[members[next_run]]["key"]
-        stay = part(pool.waiting, waiting, limit, pool.ready)
-        count = waiting - stay
-        sort_pairs(pool.ready[:count], pool.other[:count])
+        queue, count = make_ready(pool, queue, members, runs.known)
         form(pool, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
             tint_splats(pool.room, count, stage.style)
         put_in_order(pool.ready[:count], pool.room, pool.offset)
         _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
-        queue = (stay, next_run, farthest)
         is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
     if mixture is not None:
         put_behind(sheet, rows, limits.opaque)
@@ -314,16 +326,12 @@ def paint_runs(
         tiles that hold their centers, 0, and grids.
     """
     eye, shape, _ = optics_of(stage)
-    beyond = NO_REACH if mixture is None else reach_of(stage.style, stage.ellipsoid.radius)
-    film, tally = output
+    beyond, (film, tally) = beyond_of(mixture, stage), output
     style, tables = stage.style, stage.tables
     for number in tasks(counter, turn.size):
         tile = turn[number]
-        n = grid(tiles.spacing[tile], style)
-        tally[tile, 3] = n
-        home, place, height, width = laid_out(
-            tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
-        )
+        home, place, height, width = laid_out(tile, tiles, stage)
+        tally[tile, 3] = n = place.subpixels
         pad = 0.0
         if mixture is not None:
             is_any_point = mixture.least * n <= style.threshold
@@ -332,13 +340,9 @@ def paint_runs(
         window = Window(place, height, width, home_of(home), sides)
         rows = new_rows(height, width)
         least_ray = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
-        linear, size = np.float32(style.layer if style.linear_opacity else 0.0), (0, 0)
-        if mixture is not None:
-            flatten_rays(rows, height, width, style.model)
-            least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
-            size = (height, width)
-        widest = np.float32(1.0) / least_ray
-        limits = Limits(np.float32(style.opaque), np.float32(1.0 / style.layer), widest, linear)
+        linear, size = style.layer if style.linear_opacity else 0.0, (height, width)
+        limits = limits_of(mixture, rows, size, style, least_ray, linear)
+        size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
         ground = Ground(rows, open_rows(height, width), sheet, limits)
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]

@@ -94,6 +94,18 @@ class Area(NamedTuple):
     sides: tuple[Side, Side, Side, Side]
 
 
+class LinearPart(NamedTuple):
+    """An ellipsoid under the projection's linear part at its center."""
+
+    x: float  # of the center at depth 1; 0 where rays are parallel
+    y: float
+    fx: float  # px per length at the center's depth
+    fy: float
+    xx: float  # px², covariance
+    yy: float
+    xy: float
+
+
 class Optics(NamedTuple):
     """What samples are projected by, as numbers."""
 
@@ -116,6 +128,12 @@ def eye_of(view: View) -> Eye:
         view.near,
         view.perspective,
     )
+
+
+@kernel
+def seen_from(eye: Eye, world: Vector) -> Vector:
+    """A place in the scene, in camera axes."""
+    return combine(eye.shift, 1.0, multiply(eye.rotation, world))
 
 
 @kernel
@@ -327,23 +345,32 @@ def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
 
 
 @kernel
-def _linear_form(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
-    """Quadratic form of the projection's linear part at the center, and the spacing it gives."""
-    x, y, z = 0.0, 0.0, 1.0
-    if eye.perspective:
-        z = 1.0 / center[2]
-        x, y = center[0] * z, center[1] * z
-    v = shape.covariance
-    fx, fy = eye.fx * z, eye.fy * z
+def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
+    """What the projection's linear part at a center makes of an ellipsoid."""
+    v, far = shape.covariance, eye.perspective
+    per_z = 1.0 / center[2] if far else 1.0
+    x, y = (center[0] * per_z, center[1] * per_z) if far else (0.0, 0.0)
+    fx, fy = eye.fx * per_z, eye.fy * per_z
     xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
     yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
     xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-    determinant = xx * yy - xy * xy
-    scale = 1.0 / determinant
+    return LinearPart(x, y, fx, fy, xx, yy, xy)
+
+
+@kernel
+def major_of(xx: float, yy: float, xy: float) -> float:
+    """Half the longest diameter of an ellipse of this covariance."""
+    mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
+    return math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
+
+
+@kernel
+def _linear_form(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
+    """Quadratic form of the projection's linear part at the center, and the spacing it gives."""
+    _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
+    scale = 1.0 / (xx * yy - xy * xy)
     record["a"], record["b"], record["c"] = yy * scale, -xy * scale, xx * scale
-    mean = 0.5 * (xx + yy)
-    major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
-    record["spacing"] = major / shape.radius
+    record["spacing"] = major_of(xx, yy, xy) / shape.radius
 
 
 @kernel
@@ -476,7 +503,7 @@ def _project_chunk(
     planes = screen.planes
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, footprints.size)):
         world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        center = seen_from(eye, world)
         record = footprints[n]
         if extinction[n] > style.faintest:
             project_sample(record, center, eye, shape, area, style)

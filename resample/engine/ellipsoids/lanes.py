@@ -13,14 +13,10 @@ import numpy as np
 from resample.engine.ellipsoids.mixed import Bend, Mixture, bend_of
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
-    BOTTOM,
     CUT,
     DOWN,
     EXTINCTION,
     HOME,
-    LEFT,
-    RIGHT,
-    TOP,
     A,
     B,
     C,
@@ -51,6 +47,7 @@ from resample.engine.ellipsoids.rows import (
     Groups,
     Limits,
     Members,
+    bounds_at,
     groups_between,
     is_open,
     narrowed,
@@ -162,6 +159,24 @@ def _of_table(integral, t, chord):  # type: ignore[no-untyped-def]
     return chord * max(np.float32(0.0), unit_lookup(integral.values, squared))
 
 
+@lane_step
+def expm1_of(x: Single) -> Single:
+    """Give expm1 of a number between -1 and 0."""
+    one, x2 = np.float32(1.0), x * x
+    return x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
+
+
+@lane_step
+def of_16_times(fall: Single) -> Single:
+    """Give expm1 of 16 x from that of x: expm1(2x) = expm1(x) (expm1(x) + 2), four times."""
+    two = np.float32(2.0)
+    fall *= fall + two
+    fall *= fall + two
+    fall *= fall + two
+    fall *= fall + two
+    return fall
+
+
 @lane_role
 def per_integral_of(opacity: Opacity, extinction: Single) -> tuple[Single, bool]:
     """What `fall_of` takes per line integral, and whether the splat is thin."""
@@ -183,14 +198,9 @@ def _depth_per(opacity, extinction):  # type: ignore[no-untyped-def]
 @plays(fall_of, Absorbing)
 def _absorbed(opacity, x, is_thin):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """Give expm1 of x, or of 16 x if it is not thin."""
-    one, two = np.float32(1.0), np.float32(2.0)
-    x2 = x * x
-    fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
-    if not is_thin:  # expm1(2x) = expm1(x) (expm1(x) + 2)
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
+    fall = expm1_of(x)
+    if not is_thin:
+        fall = of_16_times(fall)
     return fall
 
 
@@ -280,8 +290,7 @@ def paint_splats_on_rows(
         s = np.uint64(offset[n])
         if room[s + CUT] > zero:
             return n, at_home
-        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        top, bottom, left, right = bounds_at(room, s)
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.ellipsoids.outlines import AMPLITUDE, BENT, FLAT
-from resample.engine.ellipsoids.rows import CHORD, RAY, index_of
+from resample.engine.ellipsoids.rows import CHORD, RAY, Limits, index_of
 from resample.engine.jit import kernel
 from resample.engine.roles import lane_role, plays
-from resample.types import DISC, EXACT, Floats, Single
+from resample.types import DISC, EXACT, Floats, Single, Style
 
 
 class Mixture(NamedTuple):
@@ -43,8 +43,31 @@ def _bent(mixture, room, s):  # type: ignore[no-untyped-def]  # noqa: ARG001
 
 
 @kernel
-def flatten_rays(rows: Floats, height: int, width: int, model: int) -> None:
-    """Let rays have no part in what footprints do not take from them."""
+def limits_of(
+    mixture: Mixture | None,
+    rows: Floats,
+    size: tuple[int, int],
+    style: Style,
+    least_ray: Single,
+    linear: float,
+) -> Limits:
+    """What splats of a tile share, once rays have no part in what a mixture's do not take of them.
+
+    A size is so many rows and columns; for `linear` see `Limits`.
+    """
+    if mixture is not None:
+        _flatten_rays(rows, size[0], size[1], style.model)
+        least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
+    return Limits(
+        np.float32(style.opaque),
+        np.float32(1.0 / style.layer),
+        np.float32(1.0) / least_ray,
+        np.float32(linear),
+    )
+
+
+@kernel
+def _flatten_rays(rows: Floats, height: int, width: int, model: int) -> None:
     if model == EXACT:
         return
     for row in range(height):

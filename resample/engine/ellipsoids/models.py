@@ -8,10 +8,11 @@ sin(arctan(i tan α)) / sin α, hence d² = i² / (cos² α + i² sin² α): cos
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, Shape
+from resample.engine.ellipsoids.footprints import Eye, Shape, linear_part, major_of, seen_from
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
     AMPLITUDE,
@@ -44,7 +45,18 @@ from resample.engine.grid import point_width
 from resample.engine.jit import kernel, lane_step
 from resample.engine.lookup import absorbed
 from resample.engine.points.adding import MOST_TAPS
-from resample.engine.vectors import Matrix, Vector, column, combine, cross, dot, multiply, scaled
+from resample.engine.roles import making_role, plays
+from resample.engine.vectors import (
+    Matrix,
+    Vector,
+    column,
+    combine,
+    cross,
+    dot,
+    multiply,
+    scaled,
+    vector_at,
+)
 from resample.types import (
     CORRECTED,
     DISC,
@@ -55,6 +67,23 @@ from resample.types import (
 )
 
 SPLAT, CUT_SPLAT, POINT = 0.0, 1.0, 2.0  # what stands in the column CUT
+
+OnScreen = tuple[float, float]  # px
+Rim = tuple[OnScreen, OnScreen, OnScreen]  # middle of an ellipse, and conjugate half diameters
+
+
+class MidPoint(NamedTuple):
+    """The paper's ellipse, around the middle of its axis; projected by this camera."""
+
+    focal: OnScreen
+    principal: OnScreen
+
+
+class SmallAngle(NamedTuple):
+    """The paper's ellipse around the sample's center, as small angles have it."""
+
+    focal: OnScreen
+    principal: OnScreen
 
 
 @kernel
@@ -78,9 +107,11 @@ def form_models(
     elif style.model == DISC:
         form_discs(room, position, count, eye, shape)
     elif eye.perspective and style.model == CORRECTED:
-        form_rims(room, position, count, sight, window)
+        way = MidPoint((eye.fx, eye.fy), (eye.cx, eye.cy))
+        form_rims(room, position, count, sight, window, way)
     elif eye.perspective and style.model == SMALL_ANGLE:
-        form_rims_of_small_angles(room, position, count, sight, window)
+        small = SmallAngle((eye.fx, eye.fy), (eye.cx, eye.cy))
+        form_rims(room, position, count, sight, window, small)
     else:
         form_affine(room, position, count, sight, window, style)
         _straighten(room, count)
@@ -97,24 +128,14 @@ def _straighten(room: Floats, count: int) -> None:
 @kernel
 def measure_batch(room: Floats, position: Floats, count: int, eye: Eye, shape: Shape) -> None:
     """Spacing of samples; what points add, and how obliquely they are seen, as `OPACITY`."""
-    v, far, per_radius = shape.covariance, eye.perspective, 1.0 / shape.radius
+    per_radius = 1.0 / shape.radius
     for n in range(count):
         k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        per_z = 1.0 / center[2] if far else 1.0
-        x, y = (center[0] * per_z, center[1] * per_z) if far else (0.0, 0.0)
-        fx, fy = eye.fx * per_z, eye.fy * per_z
-        xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
-        yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
-        xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-        mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
-        major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
+        center = seen_from(eye, vector_at(position, k))
+        x, y, fx, fy, xx, yy, xy = linear_part(center, eye, shape)
         # A layer of thickness 1, seen at an angle, is as many times as thick along the ray.
         oblique = math.sqrt(1.0 + x * x + y * y)
-        room[k + SPACING] = np.float32(major * per_radius)
+        room[k + SPACING] = np.float32(major_of(xx, yy, xy) * per_radius)
         room[k + AREA] = np.float32(shape.volume * fx * fy)  # to be shared by a layer's thickness
         room[k + OPACITY] = np.float32(oblique)
 
@@ -126,10 +147,7 @@ def form_discs(room: Floats, position: Floats, count: int, eye: Eye, shape: Shap
     parallel = _squared_chord(t, (0.0, 0.0, 1.0))
     for n in range(count):
         k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = seen_from(eye, vector_at(position, k))
         unit = multiply(t, center)
         per_squared = 1.0 / dot(unit, unit)
         along = dot(center, center) * per_squared if far else parallel
@@ -201,23 +219,15 @@ def form_affine(
     2001 add the pixel filter's covariance to the footprint's own.
     """
     eye, shape, _ = sight.optics
-    t, v, far = shape.to_unit, shape.covariance, eye.perspective
+    t, far = shape.to_unit, eye.perspective
     is_inflated, blurred = style.inflated > 0.0, style.blurred
     per_inflated = 1.0 / style.inflated if is_inflated else 0.0
     parallel = _squared_chord(t, (0.0, 0.0, 1.0))
     for n in range(count):
         k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = seen_from(eye, vector_at(position, k))
         unit = multiply(t, center)
-        per_z = 1.0 / center[2] if far else 1.0
-        x, y = (center[0] * per_z, center[1] * per_z) if far else (0.0, 0.0)
-        fx, fy = eye.fx * per_z, eye.fy * per_z
-        xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
-        yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
-        xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
+        _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
         before = xx * yy - xy * xy
         grown = min(1.0, float(room[k + SPACING]) * per_inflated) if is_inflated else 1.0
         wider = 1.0 / (grown * grown)
@@ -254,9 +264,9 @@ def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector
 def _write_rim(
     room: Floats,
     k: np.uint64,
-    middle: tuple[float, float],
-    first: tuple[float, float],
-    second: tuple[float, float],
+    middle: OnScreen,
+    first: OnScreen,
+    second: OnScreen,
     window: Window,
 ) -> None:
     """Write the ellipse around a middle, px, of these conjugate half diameters, px."""
@@ -271,58 +281,61 @@ def _write_rim(
     _write_form(room, k, form, extent, window)
 
 
+@making_role
+def projected_rim(
+    way: MidPoint | SmallAngle, start: Vector, end: Vector, touched: Vector, chord: Vector
+) -> Rim:
+    """Ellipse on the screen of the circle with diameter AB, whose ends and middle these are."""
+    raise NotImplementedError
+
+
+@plays(projected_rim, MidPoint)
+def _by_mid_point(way, start, end, touched, chord):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Give the midpoint of A'B', and the chord parallel to EF whose projection goes through it.
+
+    That is as deep as √(1 - skew²) times the harmonic mean of the depths, their geometric mean.
+    """
+    (fx, fy), (cx, cy) = way.focal, way.principal
+    both = 1.0 / (start[2] * end[2])
+    ax, ay = start[0] * (both * end[2]), start[1] * (both * end[2])
+    bx, by = end[0] * (both * start[2]), end[1] * (both * start[2])
+    shrink = math.sqrt(max(0.0, both))
+    middle = (fx * (0.5 * (ax + bx)) + cx, fy * (0.5 * (ay + by)) + cy)
+    first = (fx * (0.5 * (bx - ax)), fy * (0.5 * (by - ay)))
+    return middle, first, (fx * shrink * chord[0], fy * shrink * chord[1])
+
+
+@plays(projected_rim, SmallAngle)
+def _by_small_angle(way, start, end, touched, chord):  # type: ignore[no-untyped-def]
+    """Give C', C'B' and C'F'."""
+    (fx, fy), (cx, cy) = way.focal, way.principal
+    ax, ay, bx, by = start[0] / start[2], start[1] / start[2], end[0] / end[2], end[1] / end[2]
+    is_farther, shrink = ax * ax + ay * ay > bx * bx + by * by, 1.0 / touched[2]
+    mid_x, mid_y = touched[0] * shrink, touched[1] * shrink
+    first = (fx * ((ax if is_farther else bx) - mid_x), fy * ((ay if is_farther else by) - mid_y))
+    second = (fx * shrink * chord[0], fy * shrink * chord[1])
+    return (fx * mid_x + cx, fy * mid_y + cy), first, second
+
+
 @kernel
-def form_rims(room: Floats, position: Floats, count: int, sight: Sight, window: Window) -> None:
+def form_rims(
+    room: Floats,
+    position: Floats,
+    count: int,
+    sight: Sight,
+    window: Window,
+    way: MidPoint | SmallAngle,
+) -> None:
     """Footprints by the paper's appendix A; see `resample.engine.ellipsoids.footprints`."""
     eye, shape, _ = sight.optics
-    t, back, fx, fy = shape.to_unit, shape.from_unit, eye.fx, eye.fy
+    t, back = shape.to_unit, shape.from_unit
     for n in range(count):
         k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
+        center = seen_from(eye, vector_at(position, k))
         axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
         start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
-        # The midpoint of A'B', and the chord parallel to EF whose projection goes through it; that
-        # is as deep as √(1 - skew²) times the harmonic mean of the depths, their geometric mean.
-        both = 1.0 / (start[2] * end[2])
-        ax, ay = start[0] * (both * end[2]), start[1] * (both * end[2])
-        bx, by = end[0] * (both * start[2]), end[1] * (both * start[2])
-        shrink = math.sqrt(max(0.0, both))
-        middle = (fx * (0.5 * (ax + bx)) + eye.cx, fy * (0.5 * (ay + by)) + eye.cy)
-        first = (fx * (0.5 * (bx - ax)), fy * (0.5 * (by - ay)))
-        _write_rim(room, k, middle, first, (fx * shrink * chord[0], fy * shrink * chord[1]), window)
-        amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
-        room[k + AMPLITUDE] = np.float32(amplitude)
-        room[k + BENT] = np.float32(min(1.0, sine))
-        room[k + FLAT] = np.float32(1.0) - room[k + BENT]
-
-
-@kernel
-def form_rims_of_small_angles(
-    room: Floats, position: Floats, count: int, sight: Sight, window: Window
-) -> None:
-    """Like `form_rims`, by C', C'B' and C'F' as small angles have them."""
-    eye, shape, _ = sight.optics
-    t, back, fx, fy = shape.to_unit, shape.from_unit, eye.fx, eye.fy
-    for n in range(count):
-        k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
-        start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
-        ax, ay, bx, by = start[0] / start[2], start[1] / start[2], end[0] / end[2], end[1] / end[2]
-        is_farther, shrink = ax * ax + ay * ay > bx * bx + by * by, 1.0 / touched[2]
-        mid_x, mid_y = touched[0] * shrink, touched[1] * shrink
-        first = (
-            fx * ((ax if is_farther else bx) - mid_x),
-            fy * ((ay if is_farther else by) - mid_y),
-        )
-        second = (fx * shrink * chord[0], fy * shrink * chord[1])
-        _write_rim(room, k, (fx * mid_x + eye.cx, fy * mid_y + eye.cy), first, second, window)
+        middle, first, second = projected_rim(way, start, end, touched, chord)
+        _write_rim(room, k, middle, first, second, window)
         amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
         room[k + AMPLITUDE] = np.float32(amplitude)
         room[k + BENT] = np.float32(min(1.0, sine))

@@ -10,12 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, Optics, Shape, Side, optics_of
+from resample.engine.ellipsoids.footprints import (
+    Eye,
+    Optics,
+    Shape,
+    Side,
+    linear_part,
+    major_of,
+    optics_of,
+    seen_from,
+)
 from resample.engine.grid import POINT_SPACING, point_width
 from resample.engine.jit import kernel
 from resample.engine.layers import key_of, place_of
 from resample.engine.sorting import Pairs, bits_of, paired
-from resample.engine.vectors import Vector, column, combine, cross, dot, multiply, scaled
+from resample.engine.vectors import Vector, column, cross, dot, multiply, scaled, vector_at
 from resample.types import (
     AFFINE,
     SMALL_ANGLE,
@@ -180,30 +189,21 @@ def outline_batch(
     Samples that the near plane cuts are marked, and have no spacing.
     """
     (camera, shape, area), layers, beyond, faintest = sight
-    v, far, are_resized = shape.covariance, camera.perspective, scale is not None
+    far, are_resized = camera.perspective, scale is not None
     low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
-    reach, per_radius = math.sqrt(v[2][2]), 1.0 / shape.radius
+    reach, per_radius = math.sqrt(shape.covariance[2][2]), 1.0 / shape.radius
     to_left, to_right, to_top, to_bottom = area.sides
     least = reach if far else -np.inf
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        center = combine(camera.shift, 1.0, multiply(camera.rotation, (x, y, z)))
-        key = key_of(layers, place_of(layers, (x, y, z), center))
+        world = vector_at(position, sample)
+        center = seen_from(camera, world)
+        key = key_of(layers, place_of(layers, world, center))
         center, eye = seen_alike(center, camera, size_of(scale, sample))
         cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
-        x = cx * per_z if far else 0.0
-        y = cy * per_z if far else 0.0
-        fx, fy = eye.fx * per_z, eye.fy * per_z
-        xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
-        yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
-        xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-        mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
-        major = math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
+        _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
         left, top, right, bottom = _bounds_of(center, eye, shape)
         beside = max(
             to_left[0] * cx + to_left[1] * cy + to_left[2] * cz + to_left[3],
@@ -213,7 +213,7 @@ def outline_batch(
         )
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_around = cz <= least  # the sphere reaches behind the eye
-        spacing = np.float32(np.inf) if is_cut else np.float32(major * per_radius)
+        spacing = np.float32(np.inf) if is_cut else np.float32(major_of(xx, yy, xy) * per_radius)
         on_x, on_y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
         wide, high = max(on_x - left, right - on_x), max(on_y - top, bottom - on_y)
         left, right = (on_x - wide, on_x + wide) if beyond.mirrored else (left, right)
@@ -294,17 +294,16 @@ def meet_batch(
     least = reach if eye.perspective else -np.inf
     for n in range(count):
         sample = np.uint64(begin) + np.uint64(n)
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
+        world = vector_at(position, sample)
+        x, y, z = world
         beside = max(
             to_left[0] * x + to_left[1] * y + to_left[2] * z + to_left[3],
             to_right[0] * x + to_right[1] * y + to_right[2] * z + to_right[3],
             to_top[0] * x + to_top[1] * y + to_top[2] * z + to_top[3],
             to_bottom[0] * x + to_bottom[1] * y + to_bottom[2] * z + to_bottom[3],
         )
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        key = key_of(layers, place_of(layers, (x, y, z), center))
+        center = seen_from(eye, world)
+        key = key_of(layers, place_of(layers, world, center))
         size = size_of(scale, sample)
         center, _ = seen_alike(center, eye, size)
         # What reaches as far on one side as an ellipsoid does on the other reaches farther than it
@@ -357,10 +356,7 @@ def form_batch(
     first_x, last_x, first_y, last_y = home
     for n in range(count):
         k = np.uint64(n)
-        x = float(position[np.uint64(3) * k])
-        y = float(position[np.uint64(3) * k + np.uint64(1)])
-        z = float(position[np.uint64(3) * k + np.uint64(2)])
-        center = combine(camera.shift, 1.0, multiply(camera.rotation, (x, y, z)))
+        center = seen_from(camera, vector_at(position, k))
         depth, size = center[2], size_of(scale, k)
         center, eye = seen_alike(center, camera, size)
         cx, cy, cz = center
@@ -416,13 +412,8 @@ def clip_batch(
     (eye, shape, _), beyond = sight.optics, sight.beyond
     finest = max(beyond.for_splats, beyond.for_points) if beyond.fixed == 0.0 else beyond.fixed
     for n in range(count):
-        k, first, size = np.uint64(n), 3 * (begin + n), size_of(scale, np.uint64(begin + n))
-        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-        center, nearest, is_point = (
-            combine(eye.shift, 1.0, multiply(eye.rotation, world)),
-            np.inf,
-            False,
-        )
+        k, sample, nearest, is_point = np.uint64(n), np.uint64(begin + n), np.inf, False
+        center, size = seen_from(eye, vector_at(position, sample)), size_of(scale, sample)
         if beyond.threshold > 0.0:
             is_point = room[k + SPACING] * finest <= beyond.threshold and room[k + CUT] == 0.0
         for m in range(planes.shape[0]):

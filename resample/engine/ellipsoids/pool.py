@@ -88,8 +88,10 @@ def new_pool(most: int) -> Pool:
 
 
 @kernel
-def enlarged(pool: Pool) -> Pool:
-    """Pool for twice as many samples."""
+def enlarged(pool: Pool, waiting: int) -> Pool:
+    """Pool for twice as many samples, if at least half of this one is taken by those that wait."""
+    if 2 * waiting <= pool.waiting.size:
+        return pool
     larger = new_pool(2 * pool.waiting.size)
     for n in range(pool.waiting.size):
         larger.waiting[n] = pool.waiting[n]

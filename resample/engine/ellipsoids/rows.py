@@ -79,6 +79,17 @@ def index_of(row: int, column: int) -> np.uint64:
 
 
 @kernel
+def bounds_at(room: Floats, s: np.uint64) -> tuple[int, int, int, int]:
+    """First and last + 1 row, first and last + 1 column of a sample of a batch."""
+    return (
+        int(room[s + TOP]),
+        int(room[s + BOTTOM]),
+        int(room[s + LEFT]),
+        int(room[s + RIGHT]),
+    )
+
+
+@kernel
 def new_rows(height: int, width: int) -> Floats:
     """Empty sub-pixels; those that are painted over the end are opaque."""
     zero, one, far = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
@@ -164,8 +175,7 @@ def paint_cut_splat_on_rows(
     n, one, s = place.subpixels, np.float32(1.0), np.uint64(offset)
     view, ellipsoid, planes = stage.camera, stage.ellipsoid, stage.screen.planes
     partial, thick = stage.tables.partial, limits.linear_layer
-    top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    top, bottom, left, right = bounds_at(room, s)
     if left >= right or not is_open(open_groups, top, bottom, left, right):
         return 0
     center, depth = (room[s + A], room[s + B], room[s + C]), room[s + FAR]

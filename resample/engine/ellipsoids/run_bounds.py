@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Eye, Shape, Side
+from resample.engine.ellipsoids.footprints import Eye, Shape, Side, seen_from
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     KEY,
@@ -24,7 +24,7 @@ from resample.engine.ellipsoids.outlines import (
     sight_of,
 )
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.vectors import Vector, combine, dot, multiply
+from resample.engine.vectors import Vector, dot
 from resample.types import Floats, Layers, Record, Records, Samples, Stage
 
 # What rounding may take away, at most; as `SLACK`
@@ -233,11 +233,7 @@ def _is_outlined_by_box(
     (eye, shape, area), layers, beyond, _ = sight
     middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     world = (high[0] - middle[0], high[1] - middle[1], high[2] - middle[2])
-    center, r, v = (
-        combine(eye.shift, 1.0, multiply(eye.rotation, middle)),
-        eye.rotation,
-        shape.covariance,
-    )
+    center, r, v = seen_from(eye, middle), eye.rotation, shape.covariance
     half = (_spread(r[0], world), _spread(r[1], world), _spread(r[2], world))
     unit = (1.0, 1.0, 1.0)
     slack = SLACK * (_spread(center, unit) + _spread(eye.shift, unit))

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from resample.engine.ellipsoids.footprints import seen_from
 from resample.engine.ellipsoids.models import POINT
 from resample.engine.ellipsoids.outlines import (
     AREA,
@@ -18,7 +19,7 @@ from resample.engine.ellipsoids.outlines import (
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed, unit_lookup
 from resample.engine.sorting import Pairs, member_of
-from resample.engine.vectors import combine, dot, multiply
+from resample.engine.vectors import dot, multiply, vector_at
 from resample.types import Floats
 
 # Squared distances from a center between which footprints are integrated, 0..1, and their weights
@@ -71,11 +72,10 @@ def stand_alone(
     for m in range(NODE.size):
         total += WEIGHT[m] * unit_lookup(table, np.float32(NODE[m]))
     for n in range(count):
-        k, first = np.uint64(n), 3 * n
+        k = np.uint64(n)
         if room[k + CUT] != POINT:
             continue
-        world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        center = seen_from(eye, vector_at(position, k))
         unit, squared = multiply(t, center), dot(center, center)
         along = shape.scale * (math.sqrt(squared / dot(unit, unit)) if far else parallel)
         lost, grown = 0.0, scale[k] * subpixels / (center[2] if far else 1.0)

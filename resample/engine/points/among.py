@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 
 from resample.engine.ellipsoids.outlines import (
     AREA,
-    BOTTOM,
     DEPTH,
     HOME,
     KEY,
-    LEFT,
     OPACITY,
-    RIGHT,
     SPACING,
-    TOP,
     X,
     Y,
 )
@@ -33,6 +29,7 @@ from resample.engine.ellipsoids.rows import (
     RED,
     WEIGHT,
     Groups,
+    bounds_at,
     index_of,
     is_open,
 )
@@ -89,8 +86,7 @@ def add_among(
     Gives 1 if the point is at home in the tile, and not hidden.
     """
     s = np.uint64(offset)
-    top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    top, bottom, left, right = bounds_at(room, s)
     if left >= right or top >= bottom or not is_open(open_groups, top, bottom, left, right):
         return 0
     cell, dirty, across, down, is_alone = sheet

@@ -9,22 +9,25 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
+from resample.engine.ellipsoids.footprints import Eye, Shape, seen_from
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     KEY,
     LEFT,
+    NO_REACH,
     RIGHT,
     ROOM,
     SPACING,
     TOP,
+    Sight,
+    sight_of,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
 from resample.engine.grid import POINT_SPACING
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.layers import key_of, place_of
 from resample.engine.runs import finest_of, may_be_finer
-from resample.engine.vectors import combine, dot, multiply
+from resample.engine.vectors import Vector, dot, vector_at
 from resample.types import (
     Doubles,
     Floats,
@@ -72,50 +75,66 @@ def _three(first: float, second: float, third: float) -> tuple[Single, Single, S
 
 
 @kernel
+def projected(
+    position: Floats, sample: np.uint64, eye: Eye, layers: Layers
+) -> tuple[Vector, Single, float, tuple[float, float]]:
+    """Center of a sample in camera axes, its key, 1 / depth (1 if parallel), and its place, px."""
+    world = vector_at(position, sample)
+    center = seen_from(eye, world)
+    key = key_of(layers, place_of(layers, world, center))
+    per_z = 1.0 / center[2] if eye.perspective else 1.0
+    x, y = eye.fx * (center[0] * per_z) + eye.cx, eye.fy * (center[1] * per_z) + eye.cy
+    return center, key, per_z, (x, y)
+
+
+@kernel
+def squared_spacing(
+    center: Vector, per_z: float, eye: Eye, on_grid: tuple[Squares, Mixed]
+) -> tuple[Single, Single, Single]:
+    """Squared spacing of a sample, and its place at depth 1: 0 where rays are parallel.
+
+    This need not be told to the last bit.
+    """
+    (x0, x1, x2), (y0, y1, y2) = on_grid[0]
+    m0, m1, m2, m3 = on_grid[1]
+    near, zero, half = np.float32(per_z), np.float32(0.0), np.float32(0.5)
+    right = np.float32(center[0]) * near if eye.perspective else zero
+    down = np.float32(center[1]) * near if eye.perspective else zero
+    xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
+    xy = m0 - right * m1 - down * (m2 - right * m3)
+    mean, apart = half * (xx + yy), half * (xx - yy)
+    return near * near * (mean + np.sqrt(apart * apart + xy * xy)), right, down
+
+
+@kernel
 def outline_points(
     room: Floats,
     position: Floats,
     extinction: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
-    area: Area,
+    sight: Sight,
     style: Style,
-    layers: Layers,
 ) -> None:
     """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen."""
+    (eye, shape, area), layers, _, faintest = sight
     far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
     least = reach if far else -np.inf
-    one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
+    one, zero = np.float32(1.0), np.float32(0.0)
     extent, variance = np.float32(style.point_extent), np.float32(style.variance)
     for_splats, for_points = np.float32(style.most_for_splats), np.float32(style.most_for_points)
     fixed, thinnest = np.float32(style.subpixels), np.float32(1.0 / 12.0)
     closest = np.float32(min(style.threshold, POINT_SPACING))
-    squares, (m0, m1, m2, m3) = spacing_on_grid(eye, shape, 1.0)
-    (x0, x1, x2), (y0, y1, y2) = squares
+    on_grid = spacing_on_grid(eye, shape, 1.0)
     low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        cx, cy, cz = center
-        key = key_of(layers, place_of(layers, (x, y, z), center))
-        per_z = 1.0 / cz if far else 1.0
-        x, y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        center, key, per_z, (x, y) = projected(position, sample, eye, layers)
+        cz = center[2]
         is_cut = (cz - reach <= eye.near) | (cz <= least)
-        is_seen = (cz + reach > eye.near) & (extinction[sample] > np.float32(style.faintest))
-        # From here on, what need not be told to the last bit.
-        near = np.float32(per_z)
-        right = np.float32(cx) * near if far else zero
-        down = np.float32(cy) * near if far else zero
-        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
-        xy = m0 - right * m1 - down * (m2 - right * m3)
-        mean, apart = half * (xx + yy), half * (xx - yy)
-        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
+        is_seen = (cz + reach > eye.near) & (extinction[sample] > faintest)
+        squared, _, _ = squared_spacing(center, per_z, eye, on_grid)
         spacing = max(np.sqrt(squared), np.float32(1e-6))
         finest = min(for_points, np.floor(closest / spacing))
         finest = max(one, min(for_splats, np.ceil(one / spacing)), finest)
@@ -135,9 +154,7 @@ def outline_points(
 @kernel
 def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool:
     """Whether a point's center lies beyond one of the clipping planes (M, 5)."""
-    first = 3 * sample
-    world = (float(position[first]), float(position[first + 1]), float(position[first + 2]))
-    center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+    center = seen_from(eye, vector_at(position, np.uint64(sample)))
     for m in range(planes.shape[0]):
         if dot((planes[m, 0], planes[m, 1], planes[m, 2]), center) + planes[m, 3] <= 0.0:
             return True
@@ -147,12 +164,12 @@ def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool
 @kernel
 def _outline_run(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
     """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
-    (eye, shape, area), layers, planes = optics_of(stage), stage.layers, stage.screen.planes
-    position, extinction, style = samples.position.reshape(-1), samples.extinction, stage.style
-    outline_points(room, position, extinction, begin, count, eye, shape, area, style, layers)
+    sight, planes = sight_of(stage, NO_REACH), stage.screen.planes
+    position, extinction = samples.position.reshape(-1), samples.extinction
+    outline_points(room, position, extinction, begin, count, sight, stage.style)
     if planes.shape[0] > 0:
         for n in range(count):
-            if is_clipped(position, begin + n, eye, planes):
+            if is_clipped(position, begin + n, sight.optics.eye, planes):
                 room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
 
 

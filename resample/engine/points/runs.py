@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
-from resample.engine.ellipsoids.footprints import Area, Eye, Shape, optics_of
-from resample.engine.ellipsoids.outlines import BATCH, Bounds
+from resample.engine.ellipsoids.footprints import Eye
+from resample.engine.ellipsoids.outlines import BATCH, NO_REACH, Bounds, Sight, sight_of
 from resample.engine.ellipsoids.rows import (
     DEEPEST,
     E1,
@@ -26,9 +26,8 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
-from resample.engine.grid import grid, point_width
+from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.layers import key_of, place_of
 from resample.engine.points.cells import (
     LINE,
     ROUND,
@@ -43,14 +42,12 @@ from resample.engine.points.cells import (
     touch,
 )
 from resample.engine.points.eights import spread
-from resample.engine.points.outlines import is_clipped, spacing_on_grid
+from resample.engine.points.outlines import is_clipped, projected, spacing_on_grid, squared_spacing
 from resample.engine.runs import home_of, in_order, is_run_open
-from resample.engine.vectors import combine, multiply
 from resample.types import (
     Doubles,
     Film,
     Floats,
-    Layers,
     Place,
     Profile,
     Record,
@@ -85,52 +82,32 @@ def place_points(
     extinction: Floats,
     begin: int,
     count: int,
-    eye: Eye,
-    shape: Shape,
-    place: Place,
+    sight: Sight,
+    own: tuple[Place, Bounds],
     form: Spread,
-    bounds: Bounds,
-    view_area: Area,
-    faintest: float,
-    layers: Layers,
 ) -> None:
-    """Where `count` samples from `begin` on fall on a canvas, and their amounts."""
-    far, n_side, view_x, view_y = eye.perspective, float(place.subpixels), eye.fx, eye.fy
-    layer, half, one, two = (
-        np.float32(form.layer),
-        np.float32(0.5),
-        np.float32(1.0),
-        np.float32(2.0),
-    )
+    """Where `count` samples from `begin` on fall on a canvas, and their amounts.
+
+    A tile's `own` are its canvas, and where the centers of its samples lie.
+    """
+    (eye, shape, view_area), layers, _, faintest = sight
+    place, bounds = own
+    n_side = float(place.subpixels)
+    layer, one, two = np.float32(form.layer), np.float32(1.0), np.float32(2.0)
     extent, variance = np.float32(form.extent), np.float32(form.variance)
     wide, thinnest = np.float32(n_side), np.float32(1.0 / 12.0)
-    scale = np.float32(shape.volume * view_x * view_y * n_side * n_side / (form.layer * form.area))
+    scale = np.float32(shape.volume * eye.fx * eye.fy * n_side * n_side / (form.layer * form.area))
     per_opacity = np.float32(form.area / form.opacity)
-    squares, mixed = spacing_on_grid(eye, shape, n_side)
-    (x0, x1, x2), (y0, y1, y2) = squares
-    m0, m1, m2, m3 = mixed
+    on_grid = spacing_on_grid(eye, shape, n_side)
     first_x, last_x, first_y, last_y = bounds
     low, per_side = -view_area.margin, 1.0 / n_side
     high_x, high_y = view_area.width + view_area.margin, view_area.height + view_area.margin
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
-        x = float(position[np.uint64(3) * sample])
-        y = float(position[np.uint64(3) * sample + np.uint64(1)])
-        z = float(position[np.uint64(3) * sample + np.uint64(2)])
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, (x, y, z)))
-        cx, cy, cz = center
-        key = key_of(layers, place_of(layers, (x, y, z), center))
-        per_z = 1.0 / cz if far else 1.0
-        x, y = view_x * (cx * per_z) + eye.cx, view_y * (cy * per_z) + eye.cy
-        # From here on, what need not be told to the last bit.
+        center, key, per_z, (x, y) = projected(position, sample, eye, layers)
+        squared, right, down = squared_spacing(center, per_z, eye, on_grid)
         near = np.float32(per_z)
-        right = np.float32(cx) * near if far else np.float32(0.0)
-        down = np.float32(cy) * near if far else np.float32(0.0)
-        xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
-        xy = m0 - right * m1 - down * (m2 - right * m3)
-        mean, apart = half * (xx + yy), half * (xx - yy)
-        squared = near * near * (mean + np.sqrt(apart * apart + xy * xy))
         reach = extent * (np.sqrt(variance * squared + thinnest) if variance > 0.0 else wide)
         oblique = np.sqrt(one + right * right + down * down)
         sheet = np.floor(key / layer)
@@ -144,7 +121,7 @@ def place_points(
         fall *= fall + two
         fall *= fall + two
         amount = -fall * area * per_opacity
-        is_painted = extinction[sample] > np.float32(faintest)
+        is_painted = extinction[sample] > faintest
         pad = reach * per_side
         is_home = (x >= first_x) & (x < last_x) & (y >= first_y) & (y < last_y) & is_painted
         is_home &= (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
@@ -158,7 +135,7 @@ def place_points(
         room[k + PER_REACH] = one / reach
         room[k + SHEET] = sheet
         room[k + AMOUNT] = amount
-        room[k + BEHIND] = amount * (np.float32(cz) / layer - sheet)
+        room[k + BEHIND] = amount * (np.float32(center[2]) / layer - sheet)
         room[k + COVER] = area
 
 
@@ -331,23 +308,19 @@ def paint_point_runs(
         Film (H, W) written to, and a tally (T, 4): numbers of points painted by the tiles that
         hold their centers, and grids.
     """
-    eye, shape, area = optics_of(stage)
+    sight, planes, size = sight_of(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known
-    style, screen, tables, size = stage.style, stage.screen, stage.tables, form.cells
     film, tally = output
     position, extinction = samples.position.reshape(-1), samples.extinction
-    layer, opaque = np.float32(form.layer), np.float32(style.opaque)
+    layer, opaque = np.float32(form.layer), np.float32(stage.style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
     room, amount = np.empty(ROOM, np.float64), np.zeros(LINE * BATCH, np.float64)
     for k in tasks(counter, turn.size):
         tile = turn[k]
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        n = grid(tiles.spacing[tile], style)
-        tally[tile, 3] = n
-        home, place, height, width = laid_out(
-            tile, tiles.size, tiles.columns, n, tables.pixel_margin, screen
-        )
-        bounds = home_of(home)
+        home, place, height, width = laid_out(tile, tiles, stage)
+        tally[tile, 3] = n = place.subpixels
+        own = (place, home_of(home))
         rows, open_groups = new_rows(height, width), open_rows(height, width)
         taps = _taps(form, n)
         ring = Ring(height + 2 * taps, width + 2 * taps, taps)
@@ -370,23 +343,9 @@ def paint_point_runs(
                     break
             if is_run_open(known[run], place, height, width, open_groups):
                 begin, count = start[run], start[run + 1] - start[run]
-                place_points(
-                    room,
-                    position,
-                    extinction,
-                    begin,
-                    count,
-                    eye,
-                    shape,
-                    place,
-                    form,
-                    bounds,
-                    area,
-                    style.faintest,
-                    stage.layers,
-                )
-                if screen.planes.shape[0] > 0:
-                    drop_clipped(room, position, begin, count, eye, screen.planes)
+                place_points(room, position, extinction, begin, count, sight, own, form)
+                if planes.shape[0] > 0:
+                    drop_clipped(room, position, begin, count, sight.optics.eye, planes)
                 _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
                 _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
                 _share_out(room, count)
@@ -402,4 +361,4 @@ def paint_point_runs(
             else:
                 empty_sheet(cells, dirty, slot, ring)
             slot, front = (slot + 1) % SLOTS, front + 1
-        resolve_rows(rows, n, pixel_weights(tables, n), home, film)
+        resolve_rows(rows, n, pixel_weights(stage.tables, n), home, film)

@@ -2,16 +2,12 @@
 
 import numpy as np
 
+from resample.engine.ellipsoids.lanes import expm1_of, of_16_times
 from resample.engine.ellipsoids.rows import (
     ALPHA,
     BLUE,
     COLUMNS,
     DEEPEST,
-    E1,
-    E2,
-    E3,
-    E4,
-    E5,
     GREEN,
     LANES,
     PAIR,
@@ -44,7 +40,7 @@ def _composite(
 
     Splats of a slab overlap, so their optical depths add up.
     """
-    zero, one, two, far = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(np.inf)
+    zero, one, far = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
     visible, stride = np.float32(VISIBLE), stride_of(ring)
     for n in range(LANES):
         k, s = first_k + np.uint64(n), first + np.uint64(n)
@@ -53,14 +49,7 @@ def _composite(
         depth, alpha = sums[s], rows[k + ALPHA]
         before = one - alpha
         is_open = (before > opaque) & (depth > zero)
-        # 1 - exp(-x) = -expm1(-x); expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
-        x = max(DEEPEST, -depth) * PER_DEEPEST
-        x2 = x * x
-        fall = x * ((one + x * E1) + x2 * ((E2 + x * E3) + x2 * (E4 + x * E5)))
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
-        fall *= fall + two
+        fall = of_16_times(expm1_of(max(DEEPEST, -depth) * PER_DEEPEST))
         part = min(depth, one) if linear else -fall
         share = before * part if is_open else zero
         per_depth = one / max(depth, LEAST)

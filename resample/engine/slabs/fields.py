@@ -64,6 +64,23 @@ def new_state(height: int, width: int, cutting: Cutting) -> Floats:
 
 
 @kernel
+def _between(
+    table: Floats,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    share: tuple[float, float, float, float],
+    channel: int,
+) -> float:
+    """Mean of four entries of a table: of the first row's two, then of the second's."""
+    return float(
+        share[0] * table[rows[0], columns[0], channel]
+        + share[1] * table[rows[0], columns[1], channel]
+        + share[2] * table[rows[1], columns[0], channel]
+        + share[3] * table[rows[1], columns[1], channel]
+    )
+
+
+@kernel
 def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, float, float, float]:
     """Color and extinction at a value's position 0..1 between low and high, and a gradient."""
     table = look.table
@@ -72,26 +89,19 @@ def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, f
     r = min(int(row), max(0, table.shape[0] - 2))
     c = min(int(column), max(0, table.shape[1] - 2))
     down, right = row - r, column - c
-    below, after = min(r + 1, table.shape[0] - 1), min(c + 1, table.shape[1] - 1)
-    first = (1.0 - down) * (1.0 - right)
-    second, third, fourth = (1.0 - down) * right, down * (1.0 - right), down * right
+    rows = (r, min(r + 1, table.shape[0] - 1))
+    columns = (c, min(c + 1, table.shape[1] - 1))
+    share = (
+        (1.0 - down) * (1.0 - right),
+        (1.0 - down) * right,
+        down * (1.0 - right),
+        down * right,
+    )
     return (
-        first * table[r, c, 0]
-        + second * table[r, after, 0]
-        + third * table[below, c, 0]
-        + fourth * table[below, after, 0],
-        first * table[r, c, 1]
-        + second * table[r, after, 1]
-        + third * table[below, c, 1]
-        + fourth * table[below, after, 1],
-        first * table[r, c, 2]
-        + second * table[r, after, 2]
-        + third * table[below, c, 2]
-        + fourth * table[below, after, 2],
-        first * table[r, c, 3]
-        + second * table[r, after, 3]
-        + third * table[below, c, 3]
-        + fourth * table[below, after, 3],
+        _between(table, rows, columns, share, 0),
+        _between(table, rows, columns, share, 1),
+        _between(table, rows, columns, share, 2),
+        _between(table, rows, columns, share, 3),
     )
 
 

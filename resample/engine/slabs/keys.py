@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, eye_of
+from resample.engine.ellipsoids.footprints import Eye, eye_of, seen_from
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.sorting import HALF, Pairs, bits_of, member_of, paired, sort_pairs
-from resample.engine.vectors import Vector, combine, dot, multiply
+from resample.engine.vectors import Vector, dot, vector_at
 from resample.types import LAST_SHEET, Floats, Layers, Runs, View
 
 NONE = np.uint32(0xFFFFFFFF)
@@ -15,22 +15,11 @@ _SIGN = np.uint32(0x80000000)
 
 
 @kernel
-def _world(position: Floats, sample: np.uint64) -> Vector:
-    """Position of a sample, from flat ones."""
-    k = np.uint64(3) * sample
-    return (
-        float(position[k]),
-        float(position[k + np.uint64(1)]),
-        float(position[k + np.uint64(2)]),
-    )
-
-
-@kernel
 def _key_bits(layers: Layers, world: Vector, eye: Eye) -> np.uint32:
     """Integer that sorts as `resample.engine.layers.key_of_sheet` does, of a position."""
     place = layers.offset + dot(layers.axis, world)
     if layers.is_around:
-        center = combine(eye.shift, 1.0, multiply(eye.rotation, world))
+        center = seen_from(eye, world)
         place = math.sqrt(dot(center, center))
     number = np.floor(np.float32(place) / np.float32(layers.thickness))
     number = max(np.float32(-LAST_SHEET), min(np.float32(LAST_SHEET), number))
@@ -48,7 +37,7 @@ def find_first_sheets(counter: Counter, runs: Runs, layers: Layers, camera: View
     for run in tasks(counter, known.size):
         least = NONE
         for n in range(start[run], start[run + 1]):
-            least = min(least, _key_bits(layers, _world(position, np.uint64(n)), eye))
+            least = min(least, _key_bits(layers, vector_at(position, np.uint64(n)), eye))
         bits = least ^ _SIGN if least >> np.uint32(31) else ~least
         known[run]["key"] = np.uint32(bits).view(np.float32)
 
@@ -60,7 +49,7 @@ def key_by_sheets(
     """Make the keys of their sheets the keys of samples; positions are flat."""
     for n in range(count):
         sample = np.uint64(begin) + np.uint64(n)
-        found = paired(_key_bits(layers, _world(position, sample), eye), int(sample))
+        found = paired(_key_bits(layers, vector_at(position, sample), eye), int(sample))
         pair[np.uint64(n)] = found if pair[np.uint64(n)] > np.uint64(0) else np.uint64(0)
 
 
@@ -70,7 +59,7 @@ def sort_by_depth(ready: Pairs, other: Pairs, position: Floats, eye: Eye) -> Non
     r, shift = eye.rotation[2], eye.shift[2]
     for n in range(ready.size):
         sample = int(member_of(ready[np.uint64(n)]))
-        depth = shift + dot(r, _world(position, np.uint64(sample)))
+        depth = shift + dot(r, vector_at(position, np.uint64(sample)))
         ready[np.uint64(n)] = paired(bits_of(np.float32(depth)), sample)
     sort_pairs(ready, other)
 

@@ -12,28 +12,24 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.canvas import Home, laid_out, pixel_weights
-from resample.engine.ellipsoids.deferred import TAKEN, form, take_runs
+from resample.engine.ellipsoids.deferred import TAKEN, beyond_of, form, make_ready, take_runs
 from resample.engine.ellipsoids.footprints import optics_of
-from resample.engine.ellipsoids.mixed import Mixture, flatten_rays
+from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.models import POINT
 from resample.engine.ellipsoids.outlines import (
     CUT,
     DEPTH,
-    NO_REACH,
-    Reach,
     Sight,
     Window,
     pad_of_tile,
-    reach_of,
     sides_of,
     sight_of,
 )
-from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, part, put_in_order
+from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, put_in_order
 from resample.engine.ellipsoids.rows import (
     COLUMNS,
     PAIR,
     RAY,
-    Limits,
     Members,
     cast_rays_of_rows,
     close_rows,
@@ -71,11 +67,8 @@ from resample.engine.slabs.sums import (
     new_sums,
     no_dirt,
 )
-from resample.engine.sorting import sort_pairs
 from resample.types import (
     ADDITIVE,
-    DISC,
-    EXACT,
     Film,
     Floats,
     Indices,
@@ -240,14 +233,6 @@ def _cast(
 
 
 @kernel
-def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
-    """How far beyond their outlines samples are painted."""
-    if mixture is None:
-        return NO_REACH
-    return reach_of(stage.style, stage.ellipsoid.radius)
-
-
-@kernel
 def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
     """Pairs of rows of the finest tile."""
     finest = 1
@@ -364,26 +349,18 @@ def _paint_tile(
     tally: Tally,
 ) -> None:
     """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
-    (runs, sight, window), known, summed = seen, seen.runs.known, ready.summed
+    (runs, sight, window), summed = seen, ready.summed
     sheets = (summed.layers, summed.what == WHOLES)
-    in_order(known, members)
+    in_order(runs.known, members)
     pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
     shown = (window, canvas.open_groups)
     begin = FAR_AHEAD if summed.what == PARTS else 0
     sweep = Sweep(begin, 0, FAR_AHEAD, True)
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
-        if 2 * queue[0] > pool.waiting.size:
-            pool = enlarged(pool)
+        pool = enlarged(pool, queue[0])
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
-        waiting, next_run, farthest = queue
-        limit = np.float32(np.inf)
-        if next_run < members.size:
-            limit = known[members[next_run]]["key"]
-        stay = part(pool.waiting, waiting, limit, pool.ready)
-        count = waiting - stay
-        sort_pairs(pool.ready[:count], pool.other[:count])
+        queue, count = make_ready(pool, queue, members, runs.known)
         sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, tally)
-        queue = (stay, next_run, farthest)
     if sweep.is_open:
         _closed(blend, canvas, ready, sweep, sweep.behind + 1)
 
@@ -403,14 +380,8 @@ def paint_summed_runs(
 
     Parameters
     ----------
-    turn
-        Numbers of tiles that have members.
-    tiles
-        Whose members are runs.
-    runs
-        At most BATCH samples in one.
-    stage
-        What all painters share.
+    turn, tiles, runs, stage
+        As of `resample.engine.ellipsoids.deferred.paint_runs`.
     ways
         How samples are summed and composited.
     mixture
@@ -435,24 +406,12 @@ def paint_summed_runs(
     )
     for number in tasks(counter, turn.size):
         tile = turn[number]
-        n = grid(tiles.spacing[tile], style)
-        tally[tile, 3] = n
-        home, place, height, width = laid_out(
-            tile, tiles.size, tiles.columns, n, tables.pixel_margin, stage.screen
-        )
+        home, place, height, width = laid_out(tile, tiles, stage)
+        tally[tile, 3] = n = place.subpixels
         rows, open_groups = new_rows(height, width), open_rows(height, width)
         least_ray = _cast(rows, own.along, height, width, place, stage)
-        pad = 0.0
-        if mixture is not None:
-            flatten_rays(rows, height, width, style.model)
-            least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
-            pad = pad_of_tile(style, sight.beyond.beyond, n)
-        limits = Limits(
-            np.float32(style.opaque),
-            np.float32(1.0 / style.layer),
-            np.float32(1.0) / least_ray,
-            np.float32(0.0),
-        )
+        limits = limits_of(mixture, rows, (height, width), style, least_ray, 0.0)
+        pad = 0.0 if mixture is None else pad_of_tile(style, sight.beyond.beyond, n)
         cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
         state, own_sums = state_of(blend, height, width, cutting), (own.sums, own.beside, own.dirty)
         canvas = Canvas(

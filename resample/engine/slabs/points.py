@@ -7,20 +7,16 @@ import numpy as np
 from resample.engine.ellipsoids.outlines import (
     AREA,
     BLUE,
-    BOTTOM,
     DEPTH,
     GREEN,
     HOME,
-    LEFT,
     OPACITY,
     RED,
-    RIGHT,
     SPACING,
-    TOP,
     X,
     Y,
 )
-from resample.engine.ellipsoids.rows import ALPHA, index_of, is_open
+from resample.engine.ellipsoids.rows import ALPHA, bounds_at, index_of, is_open
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.jit import kernel
 from resample.engine.points.adding import Box, box_around
@@ -146,12 +142,7 @@ def add_point(
     Under a filter as wide as the kernel's projection points add up as splats do, however thick a
     slab is.
     """
-    top, bottom, left, right = (
-        int(room[s + TOP]),
-        int(room[s + BOTTOM]),
-        int(room[s + LEFT]),
-        int(room[s + RIGHT]),
-    )
+    top, bottom, left, right = bounds_at(room, s)
     if left >= right or top >= bottom or not is_open(canvas.open_groups, top, bottom, left, right):
         return 0, span.front - 1
     place, number = tools.cutting.place, span.front

@@ -23,7 +23,7 @@ class Modelled(NamedTuple):
 
     a: Single
     bend: Bend | None
-    right: Single  # px from the form's middle to the sample's center, negated
+    right: Single  # px from the sample's center to the form's middle
     below: Single
 
 
@@ -66,35 +66,19 @@ def _inverse_square_by_model(shape, ray, along):  # type: ignore[no-untyped-def]
 
 
 @lane_role
-def from_center(shape: Shape, dx: Single) -> Single:
-    """Px to the right of the sample's center, from those to the right of the form's middle."""
+def middle_of(shape: Shape) -> tuple[Single, Single]:
+    """Px to the right of the sample's center and below it where the form's middle is."""
     raise NotImplementedError
 
 
-@plays(from_center, Exact)
-def _from_middle(shape, dx):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return dx
+@plays(middle_of, Exact)
+def _at_center(shape):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.float32(0.0), np.float32(0.0)
 
 
-@plays(from_center, Modelled)
-def _from_elsewhere(shape, dx):  # type: ignore[no-untyped-def]
-    return dx + shape.right
-
-
-@lane_role
-def below_center(shape: Shape, dy: Single) -> Single:
-    """Likewise downwards."""
-    raise NotImplementedError
-
-
-@plays(below_center, Exact)
-def _below_middle(shape, dy):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return dy
-
-
-@plays(below_center, Modelled)
-def _below_elsewhere(shape, dy):  # type: ignore[no-untyped-def]
-    return dy + shape.below
+@plays(middle_of, Modelled)
+def _elsewhere(shape):  # type: ignore[no-untyped-def]
+    return shape.right, shape.below
 
 
 @lane_role

@@ -15,14 +15,10 @@ from resample.engine.ellipsoids.lanes import chord_of, t_of
 from resample.engine.ellipsoids.mixed import Mixture
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
-    BOTTOM,
     CUT,
     DEPTH,
     DOWN,
     HOME,
-    LEFT,
-    RIGHT,
-    TOP,
     A,
     B,
     C,
@@ -38,6 +34,7 @@ from resample.engine.ellipsoids.rows import (
     RAY,
     Limits,
     Members,
+    bounds_at,
     groups_between,
     index_of,
     is_open,
@@ -60,10 +57,9 @@ from resample.engine.slabs.integrals import (
 )
 from resample.engine.slabs.shapes import (
     Shape,
-    below_center,
-    from_center,
     inverse_square_of,
     is_point,
+    middle_of,
     shape_of,
 )
 from resample.engine.slabs.sums import (
@@ -72,6 +68,7 @@ from resample.engine.slabs.sums import (
     Dirty,
     Matter,
     Ring,
+    add_matter,
     stride_of,
     sum_at,
     touch,
@@ -183,10 +180,19 @@ def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
 
 @kernel
 def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> Line:
-    two, down = np.float32(2.0), below_center(shape, dy)
+    two, down = np.float32(2.0), dy + middle_of(shape)[1]
     return Line(
         two * b * dy, c * dy * dy, lean.p + two * lean.xy * down, (lean.q + lean.yy * down) * down
     )
+
+
+@lane_step
+def _form_at(spot: Spot, shape: Shape, n: int) -> tuple[Single, Single]:
+    """Px from the form's middle to one of a spot's sub-pixels, and the form there."""
+    line, below = spot.lines
+    dx, is_below = spot.dx + np.float32(n >> 1) * spot.step, n & 1 != 0
+    form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
+    return dx, form + (below.rest if is_below else line.rest)
 
 
 @lane_step
@@ -205,11 +211,9 @@ def _see(
     for n in range(LANES):
         lane = np.uint64(n)
         k = spot.k + lane
-        dx = spot.dx + np.float32(n >> 1) * spot.step
+        dx, form = _form_at(spot, shape, n)
         is_below = n & 1 != 0
-        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
-        form += below.rest if is_below else line.rest
-        aside = from_center(shape, dx)
+        aside = dx + middle_of(shape)[0]
         lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
         ray, per_depth, amplitude = rows[k + RAY], along[k], chord_of(shape.bend, rows[k + CHORD])
@@ -235,8 +239,6 @@ def _add_part(
     matter: Matter,
 ) -> None:
     """Add what lies before a depth, from the splat's own on, and was not yet added."""
-    weight, one, two, three, four = matter
-    stride = stride_of(ring)
     for n in range(LANES):
         lane = np.uint64(n)
         k, half = first + lane, work[lane + HALF]
@@ -244,11 +246,7 @@ def _add_part(
         now = work[lane + AMPLITUDE] * up_to(integral, work, lane, x)
         part = now - work[lane + BEFORE]
         work[lane + BEFORE] = now
-        sums[k] += part * weight
-        sums[k + stride] += part * one
-        sums[k + np.uint64(2) * stride] += part * two
-        sums[k + np.uint64(3) * stride] += part * three
-        sums[k + np.uint64(4) * stride] += part * four
+        add_matter(sums, k, ring, part, matter)
 
 
 @lane_step
@@ -263,25 +261,17 @@ def _add_whole(
     limits: Limits,
 ) -> None:
     """Add all of a splat."""
-    (first, ring), (line, below) = place, spot.lines
-    weight, one, two, three, four = matter
-    zero, full, stride = np.float32(0.0), np.float32(1.0), stride_of(ring)
+    first, ring = place
+    zero, full = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
-        k, s = spot.k + lane, first + lane
-        dx = spot.dx + np.float32(n >> 1) * spot.step
-        is_below = n & 1 != 0
-        form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
-        form += below.rest if is_below else line.rest
+        k = spot.k + lane
+        _, form = _form_at(spot, shape, n)
         t = t_of(shape.bend, form, rows[k + RAY])
         part = chord_of(shape.bend, rows[k + CHORD]) * whole(integral, t)
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
-        sums[s] += part * weight
-        sums[s + stride] += part * one
-        sums[s + np.uint64(2) * stride] += part * two
-        sums[s + np.uint64(3) * stride] += part * three
-        sums[s + np.uint64(4) * stride] += part * four
+        add_matter(sums, first + lane, ring, part, matter)
 
 
 @kernel
@@ -316,9 +306,9 @@ def _add_cut(
     limits, rows, sums, n = tools.limits, canvas.rows, canvas.sums, place.subpixels
     stride, one = stride_of(span.ring), np.float32(1.0)
     center, depth = (room[s + A], room[s + B], room[s + C]), float(room[s + DEPTH])
-    left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+    top, bottom, left, right = bounds_at(room, s)
     first = math.floor((depth - span.reach) / span.thickness) if is_cutting else last
-    for row in range(int(room[s + TOP]), int(room[s + BOTTOM])):
+    for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - camera.principal[1]) / camera.focal[1]
         for column in range(left, right):
             k = index_of(row, column)
@@ -403,8 +393,7 @@ def add_splats(
         if first < span.front - 1:  # behind the eye: no key of a run knows of it
             continue
         first = max(first, span.front)  # depths may round otherwise than keys
-        top, bottom = int(room[s + TOP]), int(room[s + BOTTOM])
-        left, right = int(room[s + LEFT]), int(room[s + RIGHT])
+        top, bottom, left, right = bounds_at(room, s)
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.ellipsoids.rows import COLUMNS, Groups
-from resample.engine.jit import kernel
+from resample.engine.jit import kernel, lane_step
 from resample.engine.roles import lane_role, plays
 from resample.types import MOST_COLUMNS, Doubles, Ellipsoid, Floats, Place, Single, View
 
@@ -97,6 +97,17 @@ class Matter(NamedTuple):
     second: Single
     third: Single
     fourth: Single
+
+
+@lane_step
+def add_matter(sums: Floats, k: np.uint64, ring: Ring, part: Single, matter: Matter) -> None:
+    """Add what a line integral brings to the numbers of a sub-pixel, of which this is the first."""
+    stride = stride_of(ring)
+    sums[k] += part * matter.weight
+    sums[k + stride] += part * matter.first
+    sums[k + np.uint64(2) * stride] += part * matter.second
+    sums[k + np.uint64(3) * stride] += part * matter.third
+    sums[k + np.uint64(4) * stride] += part * matter.fourth
 
 
 @kernel

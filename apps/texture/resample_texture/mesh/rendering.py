@@ -20,7 +20,7 @@ from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpol
 from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import Mesh, load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
-from resample_texture.mesh.kernels.surfaces import BOUNDS, Lens, Triangles, see
+from resample_texture.mesh.kernels.surfaces import BOUNDS, Faces, Lens, Triangles, see
 from resample_texture.mesh.kernels.tiles import Grid
 from resample_texture.mesh.skin import skin
 
@@ -179,7 +179,7 @@ def render_mesh(
     screen = Screen(width, height, float(grid.margin), np.zeros((4, 4)))
     picture = _picture(height, width, profile)
     with threads(None):
-        see(point, depth, mesh.triangle, cover.uv, lens, triangles)
+        see(Faces(point, depth, mesh.triangle, cover.uv), lens, triangles)
         tiles = dealt_to_tiles(triangles.bounds, screen, max(1, TILE // look.samples))
         tally = np.zeros((len(tiles.spacing), 4), np.int64)
         paint(MeshScene(triangles, cover, lens, grid, tally), tiles, picture)

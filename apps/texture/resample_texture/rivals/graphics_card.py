@@ -48,15 +48,21 @@ def _through_pyramid(
     source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, taps: int
 ) -> Warped:
     """Read box means with up to `taps` taps per pixel."""
-    from resample_texture.rivals.kernels.anisotropic import Reading, read_homography, read_map
+    from resample_texture.rivals.kernels.anisotropic import (
+        ByMap,
+        ByMatrix,
+        Means,
+        Picture,
+        Reading,
+        read,
+    )
 
-    image = np.zeros((*shape, source.shape[2]), np.float32)
-    coverage = np.zeros(shape, np.float32)
+    means = Means(*pyramid(source))
+    picture = Picture(np.zeros((*shape, source.shape[2]), np.float32), np.zeros(shape, np.float32))
     reading = Reading(taps, list(Edge).index(edge))
     if isinstance(geometry, Homography):
         inverse = np.linalg.inv(geometry.oriented(source.shape[:2])).astype(np.float64)
-        read_homography(*pyramid(source), inverse, reading, image, coverage)
+        read(means, ByMatrix(inverse), reading, picture)
     elif isinstance(geometry, BackwardMap):
-        places = places_of(geometry, shape)
-        read_map(*pyramid(source), places, reading, image, coverage)
-    return Warped(image, coverage)
+        read(means, ByMap(places_of(geometry, shape)), reading, picture)
+    return Warped(picture.image, picture.coverage)

@@ -166,14 +166,14 @@ def _cast(
     matter: _Matter, view: View, look: Casting, picture: Doubles, progress: Progress | None
 ) -> None:
     """Fill a picture (H, W, 7), some rows at a time."""
-    from resample_volume.rivals.kernels.raycasting import cast_rows
+    from resample_volume.rivals.kernels.raycasting import Content, cast_rows
 
     grid, plan = _grid(matter, view, look.reconstruction), _plan(matter, view, look)
-    seen, lamp = _look(matter.classifier), _lamp(matter.classifier.lamp)
+    content = Content(grid, _look(matter.classifier), _lamp(matter.classifier.lamp))
     height = len(picture)
     for first in range(0, height, ROWS_PER_LOOK):
         count = min(ROWS_PER_LOOK, height - first)
-        cast_rows(first, count, view, grid, seen, lamp, plan, picture)
+        cast_rows(first, count, view, content, plan, picture)
         if progress is not None:
             progress((first + count) / height)
 

@@ -22,6 +22,15 @@ BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bott
 CHUNK = 1024  # triangles that a thread takes at a time
 
 
+class Faces(NamedTuple):
+    """T triangles of V vertices, projected."""
+
+    point: Doubles  # (V, 3) vertices as (x w, y w, w), w the depth or, where parallel, 1
+    depth: Doubles  # (V,) of the vertices
+    corner: Ints  # (T, 3) vertices of the triangles
+    uv: Doubles  # (T, 3, 2) u and t there
+
+
 class Triangles(NamedTuple):
     """T triangles as a camera sees them, without what lies before its near plane."""
 
@@ -57,14 +66,13 @@ def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) ->
 
 
 @kernel
-def _cut_near(
-    triangles: Triangles, n: int, point: Doubles, depth: Doubles, corner: Ints, lens: Lens
-) -> None:
+def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
     """The triangle's part beyond the near plane, as a polygon on screen.
 
     The cut is reckoned from the inner end of an edge to the outer one, hence the same for both
     triangles that share it.
     """
+    point, depth, corner, _ = faces
     triangles.limit[n, 0], triangles.limit[n, 1] = np.inf, -np.inf
     for k in range(3):
         a, b = corner[n, k], corner[n, (k + 1) % 3]
@@ -82,8 +90,9 @@ def _cut_near(
 
 
 @kernel
-def _set_forward(triangles: Triangles, n: int, point: Doubles, corner: Ints, uv: Doubles) -> None:
+def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
     """Homography from the texture to the screen; left 0 if the texture has no area here."""
+    point, _, corner, uv = faces
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     u1, t1 = uv[n, 1, 0] - uv[n, 0, 0], uv[n, 1, 1] - uv[n, 0, 1]
     u2, t2 = uv[n, 2, 0] - uv[n, 0, 0], uv[n, 2, 1] - uv[n, 0, 1]
@@ -102,15 +111,8 @@ def _set_forward(triangles: Triangles, n: int, point: Doubles, corner: Ints, uv:
 
 
 @kernel
-def _see_triangle(
-    n: int,
-    point: Doubles,
-    depth: Doubles,
-    corner: Ints,
-    uv: Doubles,
-    lens: Lens,
-    triangles: Triangles,
-) -> None:
+def _see_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+    point, depth, corner, _ = faces
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     p = (point[a, 0], point[a, 1], point[a, 2])
     q = (point[b, 0], point[b, 1], point[b, 2])
@@ -128,8 +130,8 @@ def _see_triangle(
         for m in range(3):
             triangles.weight[n, m, k] = across[m] / volume
         triangles.nearness[n, k] = dot(across, weight) / volume
-    _cut_near(triangles, n, point, depth, corner, lens)
-    _set_forward(triangles, n, point, corner, uv)
+    _cut_near(triangles, n, faces, lens)
+    _set_forward(triangles, n, faces)
 
 
 @kernel
@@ -145,47 +147,17 @@ def _bound(triangles: Triangles, n: int) -> None:
 
 
 @kernel
-def _see_chunk(
-    chunk: int,
-    point: Doubles,
-    depth: Doubles,
-    corner: Ints,
-    uv: Doubles,
-    lens: Lens,
-    triangles: Triangles,
-) -> None:
-    for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(corner))):
-        _see_triangle(n, point, depth, corner, uv, lens, triangles)
+def _see_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+    for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(faces.corner))):
+        _see_triangle(n, faces, lens, triangles)
         _bound(triangles, n)
 
 
 @parallel_kernel
-def see(
-    counter: Counter,
-    point: Doubles,
-    depth: Doubles,
-    corner: Ints,
-    uv: Doubles,
-    lens: Lens,
-    triangles: Triangles,
-) -> None:
-    """Project triangles.
-
-    Parameters
-    ----------
-    point
-        (V, 3) vertices as (x w, y w, w), w the depth or, where parallel, 1.
-    depth
-        (V,) of the vertices.
-    corner
-        (T, 3) vertices of the triangles.
-    uv
-        (T, 3, 2) u and t there.
-    triangles
-        Filled; all 0 before.
-    """
-    for chunk in tasks(counter, (len(corner) + CHUNK - 1) // CHUNK):
-        _see_chunk(chunk, point, depth, corner, uv, lens, triangles)
+def see(counter: Counter, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+    """Project triangles: fill in what is seen of them, which is 0 before."""
+    for chunk in tasks(counter, (len(faces.corner) + CHUNK - 1) // CHUNK):
+        _see_chunk(chunk, faces, lens, triangles)
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.roles import making_role, plays
 from resample.types import Doubles, Floats, Single
 
 TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
@@ -24,6 +25,32 @@ class Reading(NamedTuple):
 
     most_taps: int
     edge: int  # TRANSPARENT, CLAMP, WRAP or MIRROR
+
+
+class Means(NamedTuple):
+    """Box means of a source, level by level."""
+
+    texel: Floats  # of all levels, flat
+    levels: NDArray[np.int64]  # (L, 3) where each begins, its height and its width
+
+
+class ByMatrix(NamedTuple):
+    """A homography."""
+
+    inverse: Doubles  # (3, 3) target to source, positive before the eye
+
+
+class ByMap(NamedTuple):
+    """What every pixel shows."""
+
+    places: Doubles  # (6, h, w) of what `_read_row` reads in (w, 6)
+
+
+class Picture(NamedTuple):
+    """What is read, empty before."""
+
+    image: Floats  # (h, w, c)
+    coverage: Floats  # (h, w)
 
 
 class Taps(NamedTuple):
@@ -120,20 +147,13 @@ def _is_somewhere(seen: Doubles, column: int) -> bool:
 
 
 @kernel
-def _read_row(
-    texel: Floats,
-    levels: NDArray[np.int64],
-    seen: Doubles,
-    reading: Reading,
-    image: Floats,
-    coverage: Floats,
-    row: int,
-) -> None:
+def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, row: int) -> None:
     """Fill a row of pixels, each from the two levels whose texels are nearest to a tap's width.
 
     `seen` (w, 6) is what the row shows, texels: a pixel's center (x, y), its side along the
     row and its side along the column; not finite where there is nothing.
     """
+    (texel, levels), (image, coverage) = means, picture
     channels = image.shape[2]
     last = levels.shape[0] - 1
     for column in range(coverage.shape[1]):
@@ -165,19 +185,16 @@ def _read_row(
         coverage[row, column] = np.float32(1.0) if is_full else filled
 
 
-@kernel
-def _homography_row(
-    texel: Floats,
-    levels: NDArray[np.int64],
-    inverse: Doubles,
-    reading: Reading,
-    image: Floats,
-    coverage: Floats,
-    row: int,
-) -> None:
-    seen = np.full((coverage.shape[1], 6), np.inf)
-    y = row + 0.5
-    for column in range(coverage.shape[1]):
+@making_role
+def see_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
+    """Fill in what a row shows, as `_read_row` reads it; there is nothing yet."""
+    raise NotImplementedError
+
+
+@plays(see_row, ByMatrix)
+def _see_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
+    inverse, y = geometry.inverse, row + 0.5
+    for column in range(seen.shape[0]):
         x = column + 0.5
         w = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
         if w > 0.0:
@@ -187,51 +204,32 @@ def _homography_row(
             for axis in range(2):
                 seen[column, 2 + 2 * axis] = (inverse[0, axis] - u * inverse[2, axis]) / w
                 seen[column, 3 + 2 * axis] = (inverse[1, axis] - v * inverse[2, axis]) / w
-    _read_row(texel, levels, seen, reading, image, coverage, row)
 
 
-@parallel_kernel
-def read_homography(
-    counter: Counter,
-    texel: Floats,
-    levels: NDArray[np.int64],
-    inverse: Doubles,
-    reading: Reading,
-    image: Floats,
-    coverage: Floats,
-) -> None:
-    """Fill an empty picture through a matrix from target to source, positive before the eye."""
-    for row in tasks(counter, coverage.shape[0]):
-        _homography_row(texel, levels, inverse, reading, image, coverage, row)
+@plays(see_row, ByMap)
+def _see_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
+    for column in range(seen.shape[0]):
+        for k in range(6):
+            seen[column, k] = geometry.places[k, row, column]
 
 
 @kernel
-def _map_row(
-    texel: Floats,
-    levels: NDArray[np.int64],
-    places: Doubles,
-    reading: Reading,
-    image: Floats,
-    coverage: Floats,
-    row: int,
+def _fill_row(
+    means: Means, geometry: ByMatrix | ByMap, reading: Reading, picture: Picture, row: int
 ) -> None:
-    seen = np.empty((coverage.shape[1], 6))
-    for column in range(coverage.shape[1]):
-        for k in range(6):
-            seen[column, k] = places[k, row, column]
-    _read_row(texel, levels, seen, reading, image, coverage, row)
+    seen = np.full((picture.coverage.shape[1], 6), np.inf)
+    see_row(geometry, row, seen)
+    _read_row(means, seen, reading, picture, row)
 
 
 @parallel_kernel
-def read_map(
+def read(
     counter: Counter,
-    texel: Floats,
-    levels: NDArray[np.int64],
-    places: Doubles,
+    means: Means,
+    geometry: ByMatrix | ByMap,
     reading: Reading,
-    image: Floats,
-    coverage: Floats,
+    picture: Picture,
 ) -> None:
-    """Fill an empty picture by a map (6, h, w) of what `_read_row` reads in (w, 6)."""
-    for row in tasks(counter, coverage.shape[0]):
-        _map_row(texel, levels, places, reading, image, coverage, row)
+    """Fill an empty picture with what its pixels show of a source."""
+    for row in tasks(counter, picture.coverage.shape[0]):
+        _fill_row(means, geometry, reading, picture, row)

@@ -118,16 +118,18 @@ def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
 
 
 @kernel
-def _outside(lines: Doubles, u: Doubles, v: Doubles) -> bool:
-    """Whether a rectangle lies beyond one of the lines that bound what can be seen."""
+def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
+    """Whether a rectangle lies beyond one of some lines, and whether the last one cuts it."""
+    is_cut = False
     for line in range(lines.shape[0]):
         beyond = 0
         for corner in range(4):
             value = lines[line, 0] * u[corner % 2] + lines[line, 1] * v[corner // 2]
             beyond += value + lines[line, 2] < 0.0
         if beyond == 4:
-            return True
-    return False
+            return True, False
+        is_cut = beyond > 0
+    return False, is_cut
 
 
 @kernel
@@ -210,7 +212,8 @@ def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
 
 
 @kernel
-def _grown(array: Integers) -> Integers:
+def grown(array: Integers) -> Integers:
+    """Twice as much room, with what there is at its beginning."""
     more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
     source, target = array.reshape(-1), more.reshape(-1)
     for n in range(source.size):
@@ -233,6 +236,24 @@ def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Intege
 
 
 @kernel
+def _noted(
+    found: tuple[Integers, Integers, int],
+    block: Integers,
+    box: Doubles,
+    reach: float,
+    frame: tuple[int, int],
+) -> tuple[Integers, Integers, int]:
+    """Blocks and their pixels, and how many there are, with one more if it meets the frame."""
+    blocks, bounds, count = found
+    if count == blocks.shape[0]:
+        blocks, bounds = grown(blocks), grown(bounds)
+    if _clipped(box, reach, frame[0], frame[1], bounds[count]):
+        _copy(block, blocks[count], block.shape[1])
+        count += 1
+    return blocks, bounds, count
+
+
+@kernel
 def _push(roots: Integers, root: int, stack: Integers) -> None:
     """Begin a stack with a root."""
     stack[0] = 0
@@ -251,7 +272,7 @@ def _divided(
     u, v, ranges, box, cells, block = seen
     u[0], u[1] = _span(stack[top], 0)
     v[0], v[1] = _span(stack[top], 1)
-    if _outside(lines, u, v):
+    if beside(lines, u, v)[0]:
         return 0
     if not _stretches(matrix, u, v, ranges, box):
         return 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
@@ -301,7 +322,7 @@ def split_plane(
     """
     height, width = frame
     lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
-    blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
+    found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)
     seen = Rectangle(np.empty(2), np.empty(2), np.empty((2, 2)), box, np.empty(2, np.int64), block)
@@ -311,16 +332,12 @@ def split_plane(
         while depth > 0:
             top = depth - 1
             if top + 2 > stack.shape[0]:
-                stack = _grown(stack)
+                stack = grown(stack)
             more = _divided(matrix, lines, stack, top, cut, seen)
             depth = top + max(more, 0)
-            if more >= 0:
-                continue
-            if count == blocks.shape[0]:
-                blocks, bounds = _grown(blocks), _grown(bounds)
-            if _clipped(box, reach, height, width, bounds[count]):
-                _copy(block, blocks[count], block.shape[1])
-                count += 1
+            if more < 0:
+                found = _noted(found, block, box, reach, frame)
+    blocks, bounds, count = found
     return blocks[:count], bounds[:count]
 
 
@@ -365,7 +382,7 @@ def split_map(
     """
     height, width = frame
     rows, columns = x.shape
-    blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
+    found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     ranges, box = np.empty((2, 2)), np.empty(4)
     block, cells = np.empty((2, 6), np.int64), np.empty(2, np.int64)
@@ -395,9 +412,6 @@ def split_map(
             if axis >= 0 and stack[top, axis, LENGTH] > 1:
                 depth += 2 * _split(stack, top, axis)
                 continue
-            if count == blocks.shape[0]:
-                blocks, bounds = _grown(blocks), _grown(bounds)
-            if _clipped(box, reach, height, width, bounds[count]):
-                _copy(block, blocks[count], block.shape[1])
-                count += 1
+            found = _noted(found, block, box, reach, frame)
+    blocks, bounds, count = found
     return blocks[:count], bounds[:count]

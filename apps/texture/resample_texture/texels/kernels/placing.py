@@ -43,6 +43,29 @@ class Walk(NamedTuple):
     width: int  # px, of the block's pixels
 
 
+class Raster(NamedTuple):
+    """Pixels of a block, and cells in texels."""
+
+    left: float  # px
+    top: float
+    width: int
+    right: int  # px from the left; first pixels of cells lie before
+    bottom: int
+    size_u: float  # texels
+    size_v: float
+
+
+@inner_kernel
+def _raster_of(block: Integers, box: Integers, taps: int) -> Raster:
+    """What cells of a block share, each of which meets at least 2 pixels along an axis."""
+    width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
+    size_u, _ = extents(block, 0)
+    size_v, _ = extents(block, 1)
+    beside = max(2, taps) - 1
+    left, top = float(box[LEFT]), float(box[TOP])
+    return Raster(left, top, width, width - beside, height - beside, size_u, size_v)
+
+
 @inner_kernel
 def place(
     geometry: Placement,
@@ -81,16 +104,12 @@ def place(
 @inner_kernel
 def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) -> Walk:
     """A row of a block's cells under a homography."""
-    left, top = float(box[LEFT]), float(box[TOP])
-    width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
+    left, top, width, right, bottom, size_u, size_v = _raster_of(block, box, taps)
     u = float(block[0, START])
-    size_u, _ = extents(block, 0)
-    size_v, _ = extents(block, 1)
     # Rows of the matrix with the block's corner as origin: float32 then tells small fractions.
     xu, xv = matrix[0, 0] - left * matrix[2, 0], matrix[0, 1] - left * matrix[2, 1]
     yu, yv = matrix[1, 0] - top * matrix[2, 0], matrix[1, 1] - top * matrix[2, 1]
     du, dv = matrix[2, 0], matrix[2, 1]
-    beside = max(2, taps) - 1
     return Walk(
         (
             np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2]),
@@ -101,7 +120,7 @@ def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) 
         (np.float32(xu * size_u), np.float32(yu * size_u), np.float32(du * size_u)),
         (np.float32(xv * size_v), np.float32(yv * size_v), np.float32(dv * size_v)),
         np.float32(abs(determinant(matrix)) * size_u * size_v),
-        (np.float32(width - beside), np.float32(height - beside)),
+        (np.float32(right), np.float32(bottom)),
         width,
     )
 
@@ -216,13 +235,9 @@ def _place_on_map(
 ) -> None:
     """Place a row of cells by a map, bilinear between the centers of texels."""
     pixel, along_x, along_y, mass, _ = batch
-    left, top = float(box[LEFT]), float(box[TOP])
-    width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
-    size_u, _ = extents(block, 0)
-    size_v, _ = extents(block, 1)
+    left, top, width, right, bottom, size_u, size_v = _raster_of(block, box, taps)
     r = math.floor(v)
     offset_v = v - r - 0.5
-    beside = max(2, taps) - 1
     for n in range(offset.size):
         u = block[0, START] + float(offset[n])
         c = math.floor(u)
@@ -242,7 +257,7 @@ def _place_on_map(
             py -= 0.5 * taps - 0.5
         mass[n], along_x[n], along_y[n] = np.float32(0), np.float32(0), np.float32(0)
         pixel[n] = 0
-        if 0.0 <= px < width - beside and 0.0 <= py < height - beside:
+        if 0.0 <= px < right and 0.0 <= py < bottom:
             column, row = int(px), int(py)
             px -= column
             py -= row

@@ -17,6 +17,8 @@ from resample_texture.texels.kernels.blocks import (
     START,
     TILE,
     Integers,
+    beside,
+    grown,
     projected,
 )
 from resample_texture.texels.kernels.splat_shapes import Shape, splat_on_map
@@ -62,28 +64,6 @@ def _box_on_plane(matrix: Doubles, u: Doubles, v: Doubles, shape: Shape, box: Do
 
 
 @kernel
-def _sides(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
-    """Whether a rectangle lies beyond one of some lines, and whether the last one cuts it."""
-    is_cut = False
-    for line in range(lines.shape[0]):
-        beyond = 0
-        for corner in range(4):
-            value = lines[line, 0] * u[corner % 2] + lines[line, 1] * v[corner // 2]
-            beyond += value + lines[line, 2] < 0.0
-        if beyond == 4:
-            return True, False
-        is_cut = beyond > 0
-    return False, is_cut
-
-
-@kernel
-def _grown(array: Integers) -> Integers:
-    more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
-    more[: array.shape[0]] = array
-    return more
-
-
-@kernel
 def _whole_block(rectangle: Integers, block: Integers) -> None:
     """Block of whole texels: first column and row, columns and rows."""
     for axis in range(2):
@@ -124,17 +104,17 @@ def blocks_on_plane(
         top = depth - 1
         depth -= 1
         if top + 2 > stack.shape[0]:
-            stack = _grown(stack)
+            stack = grown(stack)
         u[0], u[1] = stack[top, 0] + 0.5, stack[top, 0] + stack[top, 2] - 0.5
         v[0], v[1] = stack[top, 1] + 0.5, stack[top, 1] + stack[top, 3] - 0.5
-        is_unseen, is_cut = _sides(lines, u, v)
+        is_unseen, is_cut = beside(lines, u, v)
         if is_unseen:
             continue
         axis = 2 if stack[top, 2] >= stack[top, 3] else 3
         longest = stack[top, axis]
         is_split = longest > MOST or is_cut
         if count == blocks.shape[0]:
-            blocks, bounds = _grown(blocks), _grown(bounds)
+            blocks, bounds = grown(blocks), grown(bounds)
         if not is_split:
             _box_on_plane(matrix, u, v, shape, box)
             if not _clip(box, frame, shape.taps, bounds[count]):

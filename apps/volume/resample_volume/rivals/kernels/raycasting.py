@@ -54,6 +54,14 @@ class FieldLook(NamedTuple):
     dimmed: float
 
 
+class Content(NamedTuple):
+    """What rays go through."""
+
+    grid: Grid
+    look: FieldLook
+    lamp: Lamp
+
+
 class Plan(NamedTuple):
     """Choices as numbers."""
 
@@ -277,8 +285,9 @@ def _sample_light(sums: Sums) -> Light:
 
 
 @kernel
-def _composite(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
+def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
     """Front to back; a step has the opacity that the extinction at its middle gives."""
+    grid, look, lamp = content
     red = green = blue = deep = 0.0
     passed = 1.0
     step = _next_step(ray, 0, grid)
@@ -346,8 +355,9 @@ def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldLook, iso: float) 
 
 
 @kernel
-def _first_hit(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
+def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
     """The surface on which the field first rises to `iso`; opaque."""
+    grid, look, lamp = content
     step = _next_step(ray, 0, grid)
     while step < ray.steps:
         behind = ray.enter + (step + 0.5) * ray.thickness
@@ -367,24 +377,16 @@ def _first_hit(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) ->
 
 
 @kernel
-def _cast(ray: Ray, grid: Grid, look: FieldLook, lamp: Lamp, plan: Plan) -> Result:
+def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
     if plan.projection == COMPOSITE:
-        return _composite(ray, grid, look, lamp, plan)
+        return _composite(ray, content, plan)
     if plan.projection == FIRST_HIT:
-        return _first_hit(ray, grid, look, lamp, plan)
-    return _measure(ray, grid, look, plan)
+        return _first_hit(ray, content, plan)
+    return _measure(ray, content.grid, content.look, plan)
 
 
 @kernel
-def _cast_row(
-    row: int,
-    view: View,
-    grid: Grid,
-    look: FieldLook,
-    lamp: Lamp,
-    plan: Plan,
-    picture: Doubles,
-) -> None:
+def _cast_row(row: int, view: View, content: Content, plan: Plan, picture: Doubles) -> None:
     """Means over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
     for column in range(picture.shape[1]):
@@ -393,8 +395,8 @@ def _cast_row(
         for down in range(plan.rays):
             for right in range(plan.rays):
                 x, y = column + (right + 0.5) / plan.rays, row + (down + 0.5) / plan.rays
-                ray = _new_ray(x, y, grid, view, plan)
-                seen = _cast(ray, grid, look, lamp, plan)
+                ray = _new_ray(x, y, content.grid, view, plan)
+                seen = _cast(ray, content, plan)
                 for channel in range(7):
                     picture[row, column, channel] += share * seen[channel]
 
@@ -405,12 +407,10 @@ def cast_rows(
     first: int,
     count: int,
     view: View,
-    grid: Grid,
-    look: FieldLook,
-    lamp: Lamp,
+    content: Content,
     plan: Plan,
     picture: Doubles,
 ) -> None:
     """Fill `count` rows of a picture (H, W, 7) with what rays give."""
     for row in tasks(counter, count):
-        _cast_row(first + row, view, grid, look, lamp, plan, picture)
+        _cast_row(first + row, view, content, plan, picture)

@@ -136,6 +136,16 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
     )
 
 
+@kernel
+def _in_row(disc: Disc, block: Block, row: int) -> tuple[Single, tuple[Single, Single, Single]]:
+    """Px from a disc to the first sub-pixel of a row, and what u, v and d are below the disc."""
+    dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
+    start = np.float32(
+        block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
+    )
+    return start, (disc.uy * dy, disc.vy * dy, np.float32(1) + disc.slope_y * dy)
+
+
 @plays(claim, Discs)
 def _claim(discs: Discs, member: int, block: Block) -> None:
     """Raise the floor where a disc is in front."""
@@ -150,12 +160,7 @@ def _claim(discs: Discs, member: int, block: Block) -> None:
     first_row, last_row = _rows(disc, block)
     for row in range(first_row, last_row + 1):
         first, last = _columns(disc, block, row, core)
-        dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
-        start = np.float32(
-            block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
-        )
-        u0, v0 = disc.uy * dy, disc.vy * dy
-        d0 = one + disc.slope_y * dy
+        start, (u0, v0, d0) = _in_row(disc, block, row)
         for column in range(first, last + 1):
             dx = start + np.float32(column) * fine
             u, v, d = ux * dx + u0, vx * dx + v0, p * dx + d0
@@ -183,12 +188,7 @@ def _add(discs: Discs, member: int, _: int, block: Block) -> None:
     first_row, last_row = _rows(disc, block)
     for row in range(first_row, last_row + 1):
         first, last = _columns(disc, block, row, one)
-        dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
-        start = np.float32(
-            block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
-        )
-        u0, v0 = disc.uy * dy, disc.vy * dy
-        d0 = one + disc.slope_y * dy
+        start, (u0, v0, d0) = _in_row(disc, block, row)
         for column in range(first_used(block, row, first), last + 1, step):
             dx = start + np.float32(column) * fine
             u, v, d = ux * dx + u0, vx * dx + v0, p * dx + d0

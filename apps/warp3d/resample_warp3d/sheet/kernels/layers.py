@@ -270,11 +270,6 @@ def _add_parts(
                     _add(begin, end, frame.is_label, cells, layers)
 
 
-@plays(skips, Adding)
-def _adds_all(look: Adding, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
-    return False
-
-
 @plays(take, Adding)
 def _take_colors(
     look: Adding,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.passes import skips, take, walk
+from resample.engine.cells.passes import take, walk
 from resample.engine.cells.tiles import bands, met
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
@@ -104,11 +104,6 @@ def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
         if pixel >= 0 and numbers[DEPTH + m] > front[np.uint64(pixel)]:
             front[np.uint64(pixel)] = numbers[DEPTH + m]
             owner[np.uint64(pixel)] = first + n
-
-
-@plays(skips, Looks)
-def _skips_none(looks: Looks, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
-    return False
 
 
 @plays(take, Looks)
