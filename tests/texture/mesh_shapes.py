@@ -91,6 +91,13 @@ def naive_rays(texture, camera, size, rays, interpolation):
     return image.reshape(size * rays, size * rays, 4)
 
 
+def at_texel(interpolation, step):
+    """What a texel gets of the coefficient so many steps away: the value, or the mean over it."""
+    if not getattr(interpolation, "is_mean", False):
+        return weight(interpolation, np.array(step))
+    return weight(interpolation, step + (np.arange(1000) + 0.5) / 1000 - 0.5).mean()
+
+
 def interpolated(texture, u, t, interpolation):
     """Colors at places of a texture that repeats."""
     height, width, _ = texture.shape
@@ -99,7 +106,7 @@ def interpolated(texture, u, t, interpolation):
         at_texels = np.zeros(size)
         reach = range(-math.ceil(interpolation.radius), math.ceil(interpolation.radius) + 1)
         for step in reach:
-            at_texels[step % size] += weight(interpolation, np.array(float(step)))
+            at_texels[step % size] += at_texel(interpolation, float(step))
         response = np.fft.fft(at_texels / at_texels.sum())
         shape = [1, 1, 1]
         shape[axis] = size

@@ -253,9 +253,9 @@ def test_a_map_says_where_pixels_come_from():
 
 
 def test_a_flow_moves_pixels():
-    np.save("flow.npy", np.full((16, 24, 2), (3.25, 2.25)))
+    np.save("flow.npy", np.full((16, 24, 2), (10 / 3, 7 / 3)))
     moved = warped("--flow", "flow.npy")
-    shifted = warped("--matrix", "1,0,3.25,0,1,2.25")
+    shifted = warped("--matrix", "1,0,3.33333333333,0,1,2.33333333333")
     assert np.allclose(moved[4:, 5:], shifted[4:, 5:], atol=1e-4)
 
 
@@ -379,7 +379,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         ([*HALF, "--method", "opencv-supersample:n=0"], "opencv-supersample:n=0: "),
         ([*HALF, "--method", "mipmap", "--filter", "area"], "mipmap takes no filter; hybrid does"),
         ([*HALF, "--filter", "sinc"], "known filters: area, box,"),
-        ([*HALF, "--interpolation", "sinc"], "known interpolations: bilinear,"),
+        ([*HALF, "--interpolation", "sinc"], "known interpolations: area-spline, bilinear,"),
         ([*HALF, "--quality", "0.1"], "quality lies between 1 and 16"),
         ([*HALF, "--edge", "fade"], "'transparent', 'clamp', 'wrap' or 'mirror'"),
         ([*HALF, "--roi", "1,2,3"], "give left,top,width,height"),

@@ -148,7 +148,7 @@ def mesh(
     view: Annotated[MeshView, flags.Flat] = VIEW,
     size: flags.Size = "512",
     texture: Path | None = None,
-    interpolation: str = "catmull-rom",
+    interpolation: str = "area-spline",
     filter: str = "box",  # noqa: A002
     background: str | None = None,
     bits: flags.Bits = 8,
@@ -164,7 +164,7 @@ def mesh(
     texture
         Picture to use in place of the textures that the file names.
     interpolation
-        Between texels: nearest, bilinear, catmull-rom, spline, gaussian.
+        Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, nearest, gaussian.
     filter
         Pixel filter, such as gaussian:sigma=0.6.
     background
