@@ -2,7 +2,7 @@
 
 Every sub-pixel has one sample of visibility inside it (`visibility`). Triangles that are seen are
 diced into cells of their texture (`dicing`), which are projected and added to sub-pixels (`cells`);
-a sub-pixel that no cell reached is looked up in the texture (`color`). Filtering to pixels comes
+a sub-pixel that no cell reached is looked up in the texture (`looking`). Filtering to pixels comes
 last. The loop over tiles is the engine's.
 """
 
@@ -16,8 +16,9 @@ from resample.engine.surfaces.blocks import Surfaces
 from resample.engine.surfaces.painting import add, begun, claim, composed, paint_tile, write
 from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.color import Skin, evaluate, lit
+from resample_texture.mesh.kernels.color import Skin, lit
 from resample_texture.mesh.kernels.dicing import dice
+from resample_texture.mesh.kernels.looking import evaluate
 from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
 from resample_texture.mesh.kernels.tiles import Block, Grid, new_block, sample
 from resample_texture.mesh.kernels.visibility import may_show, show
@@ -94,7 +95,8 @@ def _shade(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> 
                     sums[row, column, 2] / weight,
                 )
             else:
-                color = evaluate(triangles, skin, n, place, fine)
+                corner = (block.left + column * fine, block.top + row * fine)
+                color = evaluate(triangles, skin, n, place, corner, fine)
             light = lit(triangles, skin, n, place)
             for c in range(3):
                 sums[row, column, c] = light * color[c]
