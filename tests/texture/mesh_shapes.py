@@ -151,3 +151,31 @@ def seen_by_rays(mesh, camera, size, rays):
         nearest[hit], shown[hit] = depth[hit], k
         uv[hit] = (share[:, hit] / share[:, hit].sum(axis=0)).T @ mesh.uv[triangle]
     return shown.reshape(n, n), uv.reshape(n, n, 2)
+
+
+def areas(polygon, size):
+    """Share of every pixel that a convex polygon (N, 2), px, covers; exact."""
+    area = np.zeros((size, size))
+    for row in range(size):
+        for column in range(size):
+            part = [tuple(corner) for corner in polygon]
+            for axis, bound, sign in (
+                (0, column, 1),
+                (0, column + 1, -1),
+                (1, row, 1),
+                (1, row + 1, -1),
+            ):
+                part = list(halved(part, axis, bound, sign))
+            x, y = np.array(part).T if part else np.zeros((2, 1))
+            area[row, column] = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    return area
+
+
+def halved(polygon, axis, bound, sign):
+    """Corners of what of a convex polygon is beyond a bound, times the sign."""
+    for here, there in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+        at, to = sign * (here[axis] - bound), sign * (there[axis] - bound)
+        if at >= 0:
+            yield here
+        if (at >= 0) != (to >= 0):
+            yield tuple(np.add(here, at / (at - to) * np.subtract(there, here)))
