@@ -56,36 +56,20 @@ def warp(
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
     from resample.command.session import Session
-    from resample.files.pictures import (
-        Look,
-        check_output,
-        coverage_picture,
-        look_of,
-        read_picture,
-        write_picture,
-    )
+    from resample.files.pictures import Look, check_output, look_of
     from resample.files.writing import check_targets, write_json
-    from resample_texture.command.inputs import target_of
-    from resample_texture.command.rendering import report, warped
+    from resample_texture.command.jobs import Job, warp_file
 
     place.check()
     warping.check()
-    part, look = region(roi), look_of(written)
-    check_output(output, look, transparent=warping.edge == "transparent" and not warping.total)
+    job = Job(place, warping, look_of(written), region(roi))
+    check_output(output, job.look, transparent=False)
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)
     check_targets(output, coverage, stats)
-    session = Session()
-    with session.stage("read"):
-        picture = read_picture(image)
-        target = target_of(place, (picture.data.shape[0], picture.data.shape[1]))
-    result, share = warped(session, picture, target, warping, part)
-    with session.stage("write"):
-        write_picture(output, result, look)
-        if coverage is not None:
-            write_picture(coverage, coverage_picture(share), Look(is_light=False))
+    told = warp_file(Session(), image, output, job, coverage)
     if stats is not None:
-        write_json(stats, report(session, picture, result, warping))
+        write_json(stats, told)
 
 
 @app.command
@@ -119,7 +103,7 @@ def rectify(
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import Target
-    from resample_texture.command.rendering import warped
+    from resample_texture.command.jobs import Job
     from resample_texture.geometry.corners import (
         from_corners,
         order_corners,
@@ -131,12 +115,12 @@ def rectify(
     warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    look = look_of(written)
-    check_output(output, look, transparent=warping.edge == "transparent")
+    job = Job(PLACE, warping, look_of(written))
+    check_output(output, job.look, transparent=False)
     check_targets(output)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    page, _ = warped(Session(), read_picture(photo), target, warping)
-    write_picture(output, page, look)
+    page, _ = job.warped(Session(), read_picture(photo), target, output)
+    write_picture(output, page, job.look)
 
 
 @app.command
