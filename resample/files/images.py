@@ -157,7 +157,8 @@ def read_image(path: str | Path, page: int = 0) -> Floats:
 
     Returns
     -------
-    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R.
+    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R, and if
+    there are bands without a name.
 
     Raises
     ------
@@ -240,8 +241,15 @@ def _linear(stored: "_ImageHeader") -> Floats:
         data[..., color] = from_srgb(data[..., color])
     if stored.is_straight and alpha is not None:
         data[..., color] *= data[..., alpha, None]
-    picture = [names.index(name) for name in CHANNELS[:4] if name in names]
-    return data[..., picture] if "R" in names else data
+    return data[..., [names.index(name) for name in shown(names)]]
+
+
+def shown(names: Sequence[str]) -> tuple[str, ...]:
+    """Channels of a file that are its picture: colors alone, unless there are bands beside them."""
+    has_bands = any(name.startswith("channel") for name in names)  # to which TIFF gives no name
+    if "R" not in names or has_bands:
+        return tuple(names)
+    return tuple(name for name in CHANNELS[:4] if name in names)
 
 
 def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:

@@ -15,7 +15,7 @@ from resample.colors import from_srgb, to_srgb
 from resample.command.console import say
 from resample.command.settings import Written, linear_color
 from resample.files.geotiff import moved
-from resample.files.images import read_channels, read_image, read_numbers
+from resample.files.images import read_channels, read_image, read_numbers, shown
 from resample.files.metadata import (
     AS_FLOATS,
     JPEG,
@@ -455,8 +455,7 @@ def _header(path: Path, page: int) -> tuple[tuple[int, int, int], Kind, About, i
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
-    shown = tuple(name for name in "RGBA" if name in names) if "R" in names else names
-    return shape, Kind(shown, bits, is_encoded), about, orientation
+    return shape, Kind(shown(names), bits, is_encoded), about, orientation
 
 
 def _orientation(spec: Any) -> int:
@@ -469,4 +468,6 @@ def _is_number(form: str, names: tuple[str, ...], about: About) -> bool:
         return False
     if about.geo is not None and form in ("uint8", "uint16"):
         return form == "uint16" or names != ("R", "G", "B")
+    if len(names) > 3 and form in ("uint8", "uint16"):
+        return shown(names) == names
     return form in ("int8", "int16", "int32", "uint32")

@@ -171,8 +171,9 @@ def test_numbers_of_other_integers_stay_what_they_are(kind):
     assert np.array_equal(read_picture("in.tif").data, values)
     assert ended("warp", "in.tif", "-o", "out.tif", *SAME) == 0
     source = OpenImageIO.ImageInput.open("out.tif")
-    assert source.spec().format == OpenImageIO.TypeDesc(kind)
-    assert np.array_equal(source.read_image(kind), values)
+    name = kind.removesuffix("32")  # as OpenImageIO calls it
+    assert str(source.spec().format) == name
+    assert np.array_equal(source.read_image(name), values)
 
 
 def test_numbers_that_a_format_has_no_room_for_are_refused(capsys):
