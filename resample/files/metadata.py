@@ -229,6 +229,13 @@ def _exif_block(path: Path) -> bytes:
     return block.removeprefix(b"Exif\0\0")
 
 
+def is_animated_png(path: Path) -> bool:
+    """Whether a file is a PNG that says it is animated."""
+    with path.open("rb") as file:
+        is_png = file.read(8) == b"\x89PNG\r\n\x1a\n"
+        return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
+
+
 def _segments(file: BinaryIO) -> Iterator[bytes]:
     """What the segments of a JPEG file hold, up to its pixels."""
     file.seek(2)

@@ -272,7 +272,7 @@ def _page(path: Path, picture: Picture, look: Look) -> _Page:
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_light = look.is_light and not about.number
     if form != "float32":
-        data = _levels(picture, form, is_light)
+        data = levels_of(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = _with_nodata(data, picture, about.geo.missing)
     return _Page(data, kind, about, is_light)
@@ -304,7 +304,8 @@ def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
     geo = picture.about.geo
     if path.suffix.lower() in TIFF and geo is not None and _fits(geo.missing, form):
         return True
-    return form == "float32" and bool(np.isnan(picture.data).any())
+    is_float = form == "float32" and path.suffix.lower() in (".exr", *TIFF)
+    return is_float and bool(np.isnan(picture.data).any())
 
 
 def _form(suffix: str, picture: Picture, look: Look) -> str:
@@ -356,7 +357,7 @@ def _bits(suffix: str, source: int) -> int:
     return min(depths) if suffix == ".png" else max(depths)
 
 
-def _levels(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
+def levels_of(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
     """Integers, straight alpha; light by the sRGB curve. What is missing is 0."""
     data = np.nan_to_num(picture.data, nan=0.0, posinf=np.inf, neginf=-np.inf)
     limits = np.iinfo(form)

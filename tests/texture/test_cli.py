@@ -443,7 +443,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
     words, complaint, monkeypatch, capsys
 ):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample.files.pictures.read_picture", None)
+    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
     assert complaint in refused(capsys, "warp", "photo.png", *HALF, *words)
 
 
@@ -584,7 +584,7 @@ def test_compare_gives_json_and_a_page_or_a_sheet(output, capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample.files.pictures.read_picture", None)
+    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 

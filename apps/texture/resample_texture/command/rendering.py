@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from resample.colors import from_srgb, to_srgb
-from resample.command.console import say
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture
@@ -28,6 +27,7 @@ def warped(
     roi: tuple[int, int, int, int] | None = None,
     *,
     keeps_gaps: bool = False,
+    bar: str | None = "warping",
 ) -> tuple[Picture, Floats]:
     """Picture at its target, and the coverage of its pixels.
 
@@ -41,7 +41,7 @@ def warped(
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = _curved(picture, to_srgb) if as_encoded else picture.data
     announce_compilation(paint_blocks)
-    with session.stage("warp", bar="warping"):
+    with session.stage("warp", bar=bar):
         image, coverage = warp(
             source,
             target.geometry,
@@ -81,7 +81,7 @@ def _finished(
 
 
 def _placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
-    """Where a warped picture lies on Earth; says so if that is not known any more."""
+    """Where a warped picture lies on Earth, if that is known."""
     if geo is None or not geo.has_place:
         return geo
     there = unplaced(geo)
@@ -89,8 +89,6 @@ def _placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | No
         left, top = (0, 0) if roi is None else roi[:2]
         part = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
         there = moved(geo, part @ target.geometry.matrix)
-    if not there.has_place:
-        say("the place on Earth is left out: the warp is not affine")
     return there
 
 
