@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import from_srgb, to_srgb
+from resample.colors import from_srgb
 from resample.command.console import say
 from resample.command.settings import Written, linear_color
 from resample.files.geotiff import moved
 from resample.files.images import read_channels, read_image, read_numbers, shown
+from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
 from resample.files.metadata import (
     AS_FLOATS,
     JPEG,
@@ -62,16 +63,18 @@ class Picture(NamedTuple):
     about: About = About()
 
 
-def read_picture(path: str | Path, page: int = 0) -> Picture:
+def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> Picture:
     """Read a picture in linear light, premultiplied, upright, and what its file says.
 
     Parameters
     ----------
     path
-        Any format that OpenImageIO reads. Integers that are neither shades nor colors (signed or
-        of 32 bits, or of a place on Earth and not colors of 8 bits) are numbers, as stored.
+        Any format that OpenImageIO reads.
     page
         Which picture of a file that holds several, as they are stored.
+    as_data
+        Integers that are neither shades nor colors (signed or of 32 bits, or of a place on Earth
+        and not colors of 8 bits) are numbers, as stored; what a GeoTIFF calls missing is no number.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def read_picture(path: str | Path, page: int = 0) -> Picture:
         It does not fit into this machine's memory.
     """
     path = Path(path)
-    (height, width, stored), kind, about, orientation = _header(path, page)
+    (height, width, stored), kind, about, orientation = _header(path, page, as_data)
     require_memory(
         BYTES_PER_VALUE * height * width * stored,
         f"{path} of {width} x {height} pixels",
@@ -95,26 +98,21 @@ def read_picture(path: str | Path, page: int = 0) -> Picture:
         kind = kind._replace(channels=tuple(kind.channels[c] for c in order))
     if about.geo is not None:
         about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
-        data = _with_gaps(data, kind, about)
+        data = _with_gaps(data, kind, about) if as_data else data
     return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
 
 
 def _with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
-    """Values that are not numbers where they are missing; transparent, if there is alpha.
-
-    A color is missing where all its channels say so, a number for itself.
-    """
+    """Values that are not numbers where they are missing; transparent, if there is alpha."""
     missing = None if about.geo is None else about.geo.missing
     if missing is None or np.isnan(missing):
         return data
-    if kind.bits < 32 and not about.number:
+    if kind.bits < 32:
         missing /= 255.0 if kind.bits == 8 else 65535.0
         missing = float(from_srgb(np.array(missing))) if kind.is_encoded else missing
     color = data[..., :-1] if kind.has_alpha else data
-    is_missing: NDArray[np.bool] = np.isclose(color, np.float32(missing), rtol=1e-6, atol=0.0)
-    if kind.bits < 32 or kind.has_alpha:
-        is_missing = np.asarray(is_missing.all(axis=2, keepdims=True))
-    return np.where(is_missing, np.float32(0.0 if kind.has_alpha else np.nan), data)
+    gaps = gaps_of(color, missing, as_whole=kind.bits < 32 or kind.has_alpha)
+    return np.where(gaps, np.float32(0.0 if kind.has_alpha else np.nan), data)
 
 
 class Look(NamedTuple):
@@ -268,14 +266,21 @@ def _page(path: Path, picture: Picture, look: Look) -> _Page:
     if about.geo is not None:
         if about.geo.has_place and suffix not in TIFF:
             say(f"{path.name} has no room for the picture's place on Earth; .tif has")
-        if not _fits(about.geo.missing, form):
+        if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_light = look.is_light and not about.number
     if form != "float32":
-        data = levels_of(picture, form, is_light)
+        data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
-        data = _with_nodata(data, picture, about.geo.missing)
+        data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
     return _Page(data, kind, about, is_light)
+
+
+def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
+    """Numbers, or levels of light or of shares, as integers of a type."""
+    if picture.about.number:
+        return whole_numbers(picture.data, form)
+    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
 def check_source(path: Path, picture: Picture, look: Look) -> None:
@@ -302,7 +307,7 @@ def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
         return False
     form = _form(path.suffix.lower(), picture, look)
     geo = picture.about.geo
-    if path.suffix.lower() in TIFF and geo is not None and _fits(geo.missing, form):
+    if path.suffix.lower() in TIFF and geo is not None and fits(geo.missing, form):
         return True
     is_float = form == "float32" and path.suffix.lower() in (".exr", *TIFF)
     return is_float and bool(np.isnan(picture.data).any())
@@ -317,34 +322,6 @@ def _form(suffix: str, picture: Picture, look: Look) -> str:
     return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
 
 
-def _fits(missing: float | None, form: str) -> bool:
-    """Whether a type of values has the one that means a missing one."""
-    if missing is None:
-        return False
-    if form == "float32":
-        return True
-    limits = np.iinfo(form)
-    return missing.is_integer() and limits.min <= missing <= limits.max
-
-
-def _with_nodata(data: NDArray[Any], picture: Picture, missing: float) -> NDArray[Any]:
-    """Levels or values with what stands for missing ones, which no other is."""
-    gap = np.isnan(picture.data)
-    word = data.dtype.type(missing)
-    taken = ~gap & (data == word)
-    if not gap.any() and not taken.any():
-        return data
-    beside = np.nextafter(word, np.float32(0)) if data.dtype.kind == "f" else _neighbour(word)
-    if picture.kind.bits < 32:  # a color is missing as a whole
-        taken &= taken.all(axis=2, keepdims=True)
-    return np.where(gap, word, np.where(taken, beside, data))
-
-
-def _neighbour(word: Any) -> Any:
-    """Whole number beside one."""
-    return word - 1 if word == np.iinfo(word.dtype).max else word + 1
-
-
 def _depths(suffix: str) -> tuple[int, ...]:
     return {".png": (8, 16), ".exr": (32,), ".jpg": (8,), ".jpeg": (8,)}.get(suffix, (8, 16, 32))
 
@@ -355,31 +332,6 @@ def _bits(suffix: str, source: int) -> int:
     if source in depths:
         return source
     return min(depths) if suffix == ".png" else max(depths)
-
-
-def levels_of(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
-    """Integers, straight alpha; light by the sRGB curve. What is missing is 0."""
-    data = np.nan_to_num(picture.data, nan=0.0, posinf=np.inf, neginf=-np.inf)
-    limits = np.iinfo(form)
-    if picture.about.number:
-        whole = np.clip(np.rint(data.astype(np.float64)), limits.min, limits.max)
-        return np.asarray(whole.astype(form))
-    if not is_light:
-        planes = np.clip(data, 0.0, 1.0)
-    elif picture.kind.has_alpha:
-        alpha = data[..., -1:]
-        color = np.divide(
-            data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0
-        )
-        planes = np.concatenate([_curve(color), np.clip(alpha, 0.0, 1.0)], axis=2)
-    else:
-        planes = _curve(data)
-    levels: NDArray[Any] = np.floor(planes * limits.max + 0.5).astype(form)
-    return levels
-
-
-def _curve(color: Floats) -> Floats:
-    return np.asarray(to_srgb(np.clip(color, 0.0, 1.0)), np.float32)
 
 
 def _put(path: Path, page: _Page, is_next: bool) -> str:
@@ -435,7 +387,7 @@ def coverage_picture(coverage: Floats) -> Picture:
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
 
 
-def _header(path: Path, page: int) -> tuple[tuple[int, int, int], Kind, About, int]:
+def _header(path: Path, page: int, as_data: bool) -> tuple[tuple[int, int, int], Kind, About, int]:
     """Height, width and number of stored channels, and what is said about them."""
     import OpenImageIO
 
@@ -451,7 +403,7 @@ def _header(path: Path, page: int) -> tuple[tuple[int, int, int], Kind, About, i
     pages = page_tags(path)
     about = about_file(path, spec, pages[page] if page < len(pages) else {})
     shape, orientation = (spec.height, spec.width, spec.nchannels), _orientation(spec)
-    if _is_number(form, names, about):
+    if as_data and _is_number(form, names, about):
         return shape, Kind(names, 32, is_encoded=False), about._replace(number=form), orientation
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()

@@ -17,6 +17,7 @@ from resample.colors import from_srgb
 from resample.command.console import say
 from resample.files.animations import Stored
 from resample.files.films import film_picture, new_film, new_stream
+from resample.files.levels import levels
 from resample.files.metadata import TIFF, is_animated_png, page_tags
 from resample.files.pictures import (
     Kind,
@@ -24,7 +25,6 @@ from resample.files.pictures import (
     Picture,
     check_output,
     flattened,
-    levels_of,
     read_picture,
     write_pages,
 )
@@ -56,7 +56,7 @@ class Frames(NamedTuple):
             The file is damaged.
         """
         if self.pages is not None:
-            return (read_picture(self.path, page) for page in self.pages)
+            return (read_picture(self.path, page, as_data=True) for page in self.pages)
         is_film = self.path.suffix.lower() in FILMS
         return _film_frames(self.path) if is_film else _animated_frames(self.path)
 
@@ -240,10 +240,10 @@ def _screen(path: Path, picture: Picture, look: Look) -> NDArray[np.uint8]:
     colors = len(picture.kind.channels) - picture.kind.has_alpha
     if colors not in (1, 3) or picture.about.number:
         raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
-    levels = levels_of(picture, "uint8", look.is_light)
+    shades = levels(picture.data, "uint8", has_alpha=picture.kind.has_alpha, is_light=look.is_light)
     if colors == 1:
-        levels = levels[..., [0, 0, 0, 1][: 3 + picture.kind.has_alpha]]
-    return np.ascontiguousarray(levels, np.uint8)
+        shades = shades[..., [0, 0, 0, 1][: 3 + picture.kind.has_alpha]]
+    return np.ascontiguousarray(shades, np.uint8)
 
 
 def _write_gif(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
@@ -261,9 +261,9 @@ def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
     clear = []
 
     def images() -> Iterator[Any]:
-        for levels in frames:
-            clear.append(levels.shape[2] == 4)
-            yield _image(levels)
+        for frame in frames:
+            clear.append(frame.shape[2] == 4)
+            yield _image(frame)
 
     times, all_images = [round(1000.0 * second) for second in seconds], images()
     choices = {"duration": times, "quality": 90}

@@ -152,7 +152,7 @@ def _warp_picture(
     check_output(output, job.look, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
-        picture = read_picture(source)
+        picture = read_picture(source, as_data=True)
         target = job.target(picture)
     job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
