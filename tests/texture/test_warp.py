@@ -58,16 +58,17 @@ def test_the_result_has_the_type_and_the_channels_of_the_picture(dtype, channels
     assert warped.coverage.shape == FRAME
 
 
-@pytest.mark.parametrize("dtype", [*DTYPES, ">f4", ">u2"])
+@pytest.mark.parametrize("dtype", [*sorted({*DTYPES} - {"bool"}), ">f4", ">u2"])
 def test_every_type_shows_the_same_picture(dtype):
     image = picture("uint8", channels=3)
-    largest = np.iinfo(dtype).max if np.dtype(dtype).kind == "u" else 1.0
-    given = (image / 255.0 * largest + (0.5 if largest > 1 else 0.0)).astype(dtype)
-    shown = warp(given, PERSPECTIVE, FRAME, linear_light=False).image / largest
+    kind = np.dtype(dtype).kind
+    largest = np.iinfo(dtype).max if kind in "iu" else 1.0
+    given = np.rint(image / 255.0 * largest) if largest > 1 else image / 255.0
+    shown = warp(given.astype(dtype), PERSPECTIVE, FRAME, linear_light=False).image / largest
     expected = warp(image / 255.0, PERSPECTIVE, FRAME).image
-    # Float16 has 11 bits, uint8 rounds once more; what rings beyond 0..1 is cut from integers.
-    expected = np.clip(expected, 0.0, 1.0) if largest > 1 else expected
-    np.testing.assert_allclose(shown, expected, atol=2.1e-3)
+    # Float16 has 11 bits, int8 7 and rounds twice; what rings beyond 0..1 is cut from integers.
+    expected = np.clip(expected, 0.0 if kind == "u" else -1.0, 1.0) if largest > 1 else expected
+    np.testing.assert_allclose(shown, expected, atol=9e-3 if dtype == "int8" else 2.1e-3)
 
 
 def test_each_channel_is_warped_like_a_picture_of_its_own():
@@ -197,7 +198,7 @@ def half_transparent(dtype):
     return image
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float16", "float32", "float64"])
 @pytest.mark.parametrize("scale", [0.37, 0.8, 2.3])
 def test_what_is_transparent_does_not_bleed_its_color(scale, dtype):
     size = int(12 * scale)
@@ -260,9 +261,14 @@ def test_a_hole_where_texels_grow_is_a_hole():
     image[2, 3, 1] = np.nan
     warped = warp(image, zoom(8), (48, 48), interpolation="nearest")
     expected = np.ones((48, 48))
-    expected[16:24, 24:32] = 0.0
     np.testing.assert_allclose(warped.coverage, expected, atol=WIDER)
-    np.testing.assert_allclose(warped.image, np.stack([expected] * 2, axis=2), atol=WIDER)
+    np.testing.assert_allclose(warped.image[..., 0], expected, atol=WIDER)
+    expected[16:24, 24:32] = np.nan  # of the channel that has the hole
+    np.testing.assert_allclose(warped.image[..., 1], expected, atol=WIDER)
+    image[2, 3] = np.nan
+    warped = warp(image, zoom(8), (48, 48), interpolation="nearest")
+    np.testing.assert_allclose(warped.coverage, np.isfinite(expected), atol=WIDER)
+    np.testing.assert_allclose(warped.image[..., 0], np.isfinite(expected), atol=WIDER)
     assert np.isnan(warped.mean[20, 28]).all()
 
 
@@ -287,10 +293,11 @@ def test_beyond_the_edges_gaps_go_on_like_values(edge):
 def test_a_shift_moves_gaps_and_leaves_every_bit_of_the_rest(dtype):
     image = picture(dtype, channels=2)
     image[4, 5, 1] = np.nan
+    image[7, 8] = np.nan
     warped = warp(image, shift(1, 2), FRAME)
     values, coverage = np.zeros((*FRAME, 2)), np.zeros(FRAME)
     values[2:17, 1:18], coverage[2:17, 1:18] = image, 1.0
-    values[6, 6], coverage[6, 6] = 0.0, 0.0
+    values[9, 9], coverage[9, 9] = 0.0, 0.0
     np.testing.assert_array_equal(warped.image, values)
     np.testing.assert_array_equal(warped.coverage, coverage)
 
@@ -546,21 +553,18 @@ def test_a_matrix_that_maps_nothing_is_refused(matrix, message):
         warp(picture(), matrix, FRAME)
 
 
-@pytest.mark.parametrize("dtype", ["int32", "bool", "complex64", "object"])
+@pytest.mark.parametrize("dtype", ["complex64", "object", "datetime64[s]", "S3"])
 def test_other_types_of_picture_are_refused(dtype):
-    with pytest.raises(ValueError, match="a picture's type is one of uint8, uint16, float16"):
+    with pytest.raises(ValueError, match="a picture's type is one of uint8, uint16, bool, int8"):
         warp(np.zeros((4, 4), dtype), PERSPECTIVE, FRAME)
 
 
-@pytest.mark.parametrize("shape", [(0, 4), (4, 0, 3), (4,), (2, 4, 4, 3)])
+@pytest.mark.parametrize(
+    "shape", [(0, 4), (4, 0, 3), (4,), (0, 4, 4, 3), (2, 4, 0, 3), (1, 2, 4, 4, 3)]
+)
 def test_other_shapes_of_picture_are_refused(shape):
-    with pytest.raises(ValueError, match="a picture is"):
+    with pytest.raises(ValueError, match=r"a picture is|a batch has one picture or more"):
         warp(np.zeros(shape), PERSPECTIVE, FRAME)
-
-
-def test_a_masked_picture_is_refused():
-    with pytest.raises(ValueError, match="a picture with a mask; give floats"):
-        warp(np.ma.masked_greater(picture(), 0.5), np.eye(3), FRAME)
 
 
 @pytest.mark.parametrize(

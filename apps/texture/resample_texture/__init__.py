@@ -9,8 +9,8 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+    from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
-    from resample_texture.opencv import warp_like_opencv
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
 
@@ -26,7 +26,7 @@ _HOMES = {
     "Supersample": "methods.forward",
     "Warped": "types",
     "warp": "warping",
-    "warp_like_opencv": "opencv",
+    "warp_like_opencv": "like.opencv",
 }
 
 __all__ = [

@@ -24,17 +24,24 @@ class Edge(StrEnum):
 
 
 class Warped(NamedTuple):
-    """A warped picture."""
+    """A warped picture, or a batch (N, ...) of them."""
 
     image: NDArray[Any]  # (H, W) or (H, W, C) as the source; multiplied by the coverage
     coverage: Floats  # (H, W) share of the pixel filter's mass that the source fills, 0..1
 
     @property
-    def mean(self) -> Floats:
-        """Mean of what covers each pixel, float32; not a number where nothing does."""
-        coverage = self.coverage.reshape(self.coverage.shape + (1,) * (self.image.ndim - 2))
-        empty = np.full(self.image.shape, np.nan, np.float32)
-        np.divide(self.image, coverage, out=empty, where=coverage > 0.0)
+    def mean(self) -> NDArray[Any]:
+        """Mean of what covers each pixel; not a number where nothing does.
+
+        Of float32, or of float64 if the picture's values do not fit into it.
+        """
+        image = np.ma.getdata(self.image)
+        coverage = self.coverage.reshape(
+            self.coverage.shape + (1,) * (image.ndim - self.coverage.ndim)
+        )
+        empty = np.full(image.shape, np.nan, np.result_type(image.dtype, np.float32))
+        np.divide(image, coverage, out=empty, where=coverage > 0.0)
+        empty[np.ma.getmaskarray(self.image)] = np.nan
         return empty
 
 

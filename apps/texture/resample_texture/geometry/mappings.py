@@ -5,6 +5,7 @@ source as in the target. OpenCV counts from pixel centers; its maps are converte
 in `matrices`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,6 +134,62 @@ class BackwardMap:
             return cls(both[..., 0] + 0.5, both[..., 1] + 0.5)
         _check_pictures(first, second, "OpenCV map")
         return cls(first + np.float64(0.5), second + np.float64(0.5))
+
+    @classmethod
+    def from_function(
+        cls, function: Callable[[Any, Any], Any], shape: tuple[int, int], *, first: float = 0.5
+    ) -> "BackwardMap":
+        """Map of a function that takes x and y of pixels and gives those of the source.
+
+        Parameters
+        ----------
+        function
+            Takes and gives two arrays of the target's shape.
+        shape
+            Height and width of the target, px.
+        first
+            Where the function takes the first pixel's center to be: at 0.5 (corner) or 0 (OpenCV).
+
+        Raises
+        ------
+        ValueError
+            The function gives anything else.
+        """
+        x, y = np.meshgrid(np.arange(shape[1]) + first, np.arange(shape[0]) + first)
+        given = function(x, y)
+        if len(given) != 2:
+            raise ValueError(f"the function gave {len(given)} arrays; it gives x and y")
+        u, v = (np.broadcast_to(np.asarray(a), x.shape) for a in given)
+        _check_pictures(u, v, "function")
+        return cls(u + (0.5 - first), v + (0.5 - first))
+
+    @classmethod
+    def from_grid_sample(
+        cls, grid: ArrayLike, source_shape: tuple[int, int], *, align_corners: bool = False
+    ) -> "BackwardMap":
+        """Map as `torch.nn.functional.grid_sample` takes it.
+
+        Parameters
+        ----------
+        grid
+            (h, w, 2) or (1, h, w, 2): x and y from −1 to 1 over the source.
+        source_shape
+            Height and width of the source, px.
+        align_corners
+            −1 and 1 are the centers of the outermost texels; otherwise their outer edges.
+
+        Raises
+        ------
+        ValueError
+            The grid has another shape.
+        """
+        given = np.asarray(grid)
+        if given.ndim == 4 and given.shape[0] == 1:
+            given = given[0]
+        share = (as_pairs(given, "a grid of one picture") + 1.0) / 2.0
+        size = np.array(source_shape[::-1], np.float64)
+        places = share * (size - 1.0) + 0.5 if align_corners else share * size
+        return cls(places[..., 0], places[..., 1])
 
 
 Geometry = Homography | ForwardMap | BackwardMap

@@ -24,11 +24,11 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
+from resample_texture.geometry.places import places_of
 from resample_texture.rivals.common import (
     check_count,
     check_name,
     finished,
-    places_of,
     refuse_forward_map,
 )
 from resample_texture.texels.pyramid import shrunk

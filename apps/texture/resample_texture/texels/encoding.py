@@ -1,7 +1,8 @@
 """Pictures as users have them, and texels as methods take them.
 
-Texels are float32, linear light, multiplied by alpha and by whether there is a value at all: so
-what is transparent or missing has no say in its neighbours' color.
+Texels are float32, linear light or plain values, multiplied by alpha and by whether there is a
+value at all: so what is transparent or missing has no say in its neighbours' color. Only 8 and 16
+bits without a sign are pictures that may be encoded; all other types are values.
 """
 
 from enum import StrEnum
@@ -13,9 +14,14 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.types import Floats
-from resample_texture.types import Warped
+from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
+from resample_texture.texels.spans import Span, rounded, span_of
 
-DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
+LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black and the largest is white
+VALUES = (
+    "bool", "int8", "int16", "int32", "int64", "uint32", "uint64", "float16", "float32", "float64",
+)  # fmt: skip
+DTYPES = (*LEVELS, *VALUES)
 STEPS = 65535  # of linear light, in the table that encodes 8 bits
 
 
@@ -34,111 +40,171 @@ class Encoding(NamedTuple):
     is_flat: bool  # (H, W)
     is_encoded: bool  # by the sRGB curve
     is_straight: bool  # the fourth channel is opacity that does not multiply the color
-    has_gaps: bool  # the last channel of texels tells whether there is a value
+    gaps: int = 0  # last channels of texels, which tell whether there is a value: none, one, or C
+    span: Span | None = None  # what texels count from, where float32 would not resolve the values
+    fill: Any = None  # what a masked array fills gaps with; None: it is none
 
 
 def decoded(
-    image: NDArray[Any], *, linear_light: bool = True, alpha: str | None = None
+    image: NDArray[Any],
+    *,
+    linear_light: bool = True,
+    alpha: str | None = None,
+    is_sum: bool = False,
 ) -> tuple[Floats, Encoding]:
     """Texels (H, W, C) of a picture (H, W) or (H, W, C).
 
     Parameters
     ----------
     image
-        Of a type in `DTYPES`. Values that are not finite in float32 are missing.
+        Of a type in `DTYPES`, in any layout. What is masked or not finite is missing.
     linear_light
-        Take the color of integer types for sRGB-encoded; False takes all values as they are.
+        Take the color of `LEVELS` for sRGB-encoded; False takes all values as they are.
     alpha
-        What a fourth channel is, an `Alpha`; straight for integer types, else premultiplied.
+        What a fourth channel is, an `Alpha`; straight for `LEVELS`, else premultiplied.
+    is_sum
+        Texels are to be added, so they count from 0.
 
     Raises
     ------
     ValueError
-        The picture has another shape or type, no pixel or a mask; or there is no such alpha.
+        The picture has another shape or type, or no pixel; or there is no such alpha.
     """
-    if isinstance(image, np.ma.MaskedArray):
-        raise ValueError("a picture with a mask; give floats that are not numbers where it is set")
-    image = np.asarray(image)
+    image, mask = unmasked(image)
+    check_picture(image)
+    planes = image.reshape(*image.shape[:2], -1)
+    is_straight = is_together(planes, alpha)
+    has_alpha = planes.shape[2] == 4 and alpha != Alpha.NONE
+    missing = missing_in(planes, mask, together=is_straight)
+    span = None if is_straight else span_of(planes, missing, from_zero=is_sum)
+    is_encoded = image.dtype.name in LEVELS and linear_light
+    given = planes if span is None else span.reduced(planes)
+    texels = light(given, is_encoded=is_encoded, has_alpha=has_alpha)
+    if is_straight:
+        with np.errstate(invalid="ignore"):
+            color = texels[..., :3] * texels[..., 3:]
+        texels = np.concatenate([color, texels[..., 3:]], axis=2)
+    texels, gaps = weighed(texels, missing)
+    fill = None if mask is None else mask.fill
+    encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
+    return np.require(texels, np.float32, ["C", "W"]), encoding
+
+
+def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
+    """Whether the fourth channel of planes (H, W, C) is an opacity that weighs the others.
+
+    Raises
+    ------
+    ValueError
+        There is no such alpha.
+    """
+    if alpha is None:
+        alpha = Alpha.STRAIGHT if planes.dtype.name in LEVELS else Alpha.PREMULTIPLIED
+    if alpha not in list(Alpha):
+        raise ValueError(f"alpha {alpha!r}; known: {', '.join(Alpha)}")
+    return planes.shape[2] == 4 and alpha == Alpha.STRAIGHT
+
+
+def check_picture(image: NDArray[Any]) -> None:
+    """Refuse what is no picture of a known type."""
     if image.dtype.name not in DTYPES:
         raise ValueError(f"a picture's type is one of {', '.join(DTYPES)}, not {image.dtype}")
     if image.ndim not in (2, 3) or 0 in image.shape:
         raise ValueError(
             f"a picture is (height, width) or (height, width, channels), not {image.shape}"
         )
-    is_integer = image.dtype.kind == "u"
-    kind = _alpha(alpha or (Alpha.STRAIGHT if is_integer else Alpha.PREMULTIPLIED))
-    planes = image.reshape(*image.shape[:2], -1)
-    is_straight = planes.shape[2] == 4 and kind is Alpha.STRAIGHT
-    is_encoded = is_integer and linear_light
-    has_alpha = planes.shape[2] == 4 and kind is not Alpha.NONE
-    texels = light(planes, is_encoded=is_encoded, has_alpha=has_alpha)
-    if is_straight:
-        with np.errstate(invalid="ignore"):
-            color = texels[..., :3] * texels[..., 3:]
-        texels = np.concatenate([color, texels[..., 3:]], axis=2)
-    gaps = not is_integer and _has_gaps(texels)
-    if gaps:
-        there = np.isfinite(texels).all(axis=2, keepdims=True)
-        texels = np.concatenate([np.where(there, texels, 0.0), there], axis=2, dtype=np.float32)
-    return texels, Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps)
 
 
-def encoded(warped: Warped, encoding: Encoding) -> Warped:
-    """Picture of the type and shape that `decoded` was given."""
-    image, coverage = without_gaps(warped, encoding)
+def encoded(
+    picture: Floats,
+    coverage: Floats,
+    encoding: Encoding,
+    *,
+    missing: Booleans | None = None,
+    behind: NDArray[Any] | None = None,
+) -> NDArray[Any]:
+    """Picture of the type and shape that `decoded` was given.
+
+    Parameters
+    ----------
+    picture
+        (H, W, C) without channels that tell of gaps, multiplied by the coverage.
+    coverage
+        (H, W) or (H, W, C) share of each pixel that `picture` fills.
+    missing
+        (H, W, C) where there is no value, though something covers the pixel.
+    behind
+        (H, W, C) what shows through where the coverage is not 1, of the picture's type; nothing by
+        default.
+    """
+    coverage = coverage.reshape(*coverage.shape[:2], -1)
+    if encoding.span is not None:
+        through = 0.0 if behind is None else behind
+        image = encoding.span.restored(picture, coverage, through, encoding.dtype)
+    else:
+        if behind is not None:
+            picture = _over(picture, coverage, light(behind, is_encoded=encoding.is_encoded))
+        image = _of_texels(picture, encoding)
+    if missing is not None:
+        image[missing] = np.nan if encoding.dtype.kind == "f" else 0
+    shaped = image[..., 0] if encoding.is_flat else image
+    if encoding.fill is None:
+        return shaped
+    none = np.zeros(image.shape, np.bool_) if missing is None else missing
+    none = none | (coverage == 0.0) if behind is None else none
+    mask = none[..., 0] if encoding.is_flat else none
+    return masked(shaped, np.broadcast_to(mask, shaped.shape), encoding.fill)
+
+
+def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
+    """Values (H, W, C) that texels stand for, in the picture's own type."""
     with np.errstate(over="ignore"):
         if encoding.is_straight:
-            image = image.copy()
-            alpha = image[..., 3:]
-            np.divide(image[..., :3], alpha, out=image[..., :3], where=alpha > 0.0)
-        if encoding.dtype.kind == "u":
-            image = _levels(image, encoding)
-        else:
-            image = image.astype(encoding.dtype, copy=False)
-    return Warped(image[..., 0] if encoding.is_flat else image, coverage)
+            picture = picture.copy()
+            alpha = picture[..., 3:]
+            np.divide(picture[..., :3], alpha, out=picture[..., :3], where=alpha > 0.0)
+        if encoding.dtype.name in LEVELS:
+            return _levels(picture, encoding)
+        if encoding.dtype.kind != "f":
+            return rounded(picture.astype(np.float64), encoding.dtype)
+        return picture.astype(encoding.dtype)
 
 
-def without_gaps(warped: Warped, encoding: Encoding) -> Warped:
-    """Picture whose coverage, and no longer a channel, tells where there are values."""
-    if not encoding.has_gaps:
-        return warped
-    coverage = np.clip(warped.image[..., -1], 0.0, warped.coverage)
-    return Warped(warped.image[..., :-1], coverage)
+def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
+    """Picture (H, W, C) and what shows through it; even what is not a number, but only there."""
+    missing = np.broadcast_to(1.0 - coverage, picture.shape)
+    through = np.zeros_like(picture)
+    np.multiply(missing, behind, out=through, where=missing > 0.0)
+    through += picture
+    return through
 
 
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
-    """Values of planes (H, W, C) as float32: floats as they are, integers 0..1.
+    """Values of planes (H, W, C) as float32: `LEVELS` as 0..1, all others as they are.
 
     Parameters
     ----------
     is_encoded
-        Integers follow the sRGB curve.
+        Levels follow the sRGB curve.
     has_alpha
         The fourth channel does not.
     """
-    if planes.dtype.kind == "f":
-        with np.errstate(over="ignore"):
+    if planes.dtype.name not in LEVELS:
+        with np.errstate(over="ignore", invalid="ignore"):
             return np.ascontiguousarray(planes, np.float32)
-    largest = np.iinfo(planes.dtype).max
-    plain = (np.arange(largest + 1) / largest).astype(np.float32)
-    if not is_encoded:
-        return np.asarray(plain[planes], np.float32)
-    values = from_srgb(plain)[planes]
-    if has_alpha:
-        values[..., 3] = plain[planes[..., 3]]
+    table = _lights(planes.dtype.name, is_encoded)
+    values = np.take(table, np.ascontiguousarray(planes))
+    if is_encoded and has_alpha:
+        values[..., 3] = _lights(planes.dtype.name, False)[planes[..., 3]]
     return np.asarray(values, np.float32)
 
 
-def _alpha(name: str) -> Alpha:
-    if name not in list(Alpha):
-        raise ValueError(f"alpha {name!r}; known: {', '.join(Alpha)}")
-    return Alpha(name)
-
-
-def _has_gaps(texels: Floats) -> bool:
-    """Whether a value is not finite; the sum tells at once, unless it overflows."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return not (np.isfinite(texels.sum()) or np.isfinite(texels).all())
+@cache
+def _lights(dtype: str, is_encoded: bool) -> Floats:
+    """What the levels of a type stand for, 0..1."""
+    largest = np.iinfo(dtype).max
+    plain = (np.arange(largest + 1) / largest).astype(np.float32)
+    return np.asarray(from_srgb(plain), np.float32) if is_encoded else plain
 
 
 def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:

@@ -1,0 +1,135 @@
+"""What users say about a warp, checked: sizes, edges, methods, and where texels go."""
+
+import dataclasses
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample import registry
+from resample.cameras.models import Convention
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.matrices import homography
+from resample_texture.types import Edge, Method
+
+LARGEST_PICTURE = 1 << 30  # pixels; more is a mistake in a size
+MARGIN = 3  # px of a map around a region, besides the filter: they tell how large its pixels are
+REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
+
+Places = Callable[[Any, Any], Any]  # x and y of pixels to those of texels
+
+
+def edge_named(name: str) -> str:
+    """What lies beyond the source, by name: an `Edge`, or `REFLECT_101`.
+
+    Raises
+    ------
+    ValueError
+        There is no such edge.
+    """
+    if name == REFLECT_101:
+        return name
+    if name not in list(Edge):
+        raise ValueError(f"edge {name!r}; known: {', '.join(Edge)}, {REFLECT_101}")
+    return Edge(name)
+
+
+def geometry_of(
+    given: ArrayLike | Geometry | Places, shape: tuple[int, int], convention: str, inverse: bool
+) -> Geometry:
+    """Where texels go, of a matrix, a function of places, or a geometry.
+
+    Raises
+    ------
+    ValueError
+        It is none of them, or more was said about it than there is to say.
+    """
+    if isinstance(given, Homography | ForwardMap | BackwardMap):
+        if inverse or convention != "corner":
+            raise ValueError("convention and inverse speak about a matrix, not about a geometry")
+        return given
+    if not callable(given):
+        return homography(given, convention=convention, inverse=inverse)
+    if inverse:
+        raise ValueError("a function leads from target to source anyway; leave inverse out")
+    if convention not in tuple(Convention):
+        raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
+    return BackwardMap.from_function(given, shape, first=0.5 if convention == "corner" else 0.0)
+
+
+def within(
+    geometry: Geometry, shape: tuple[int, int], roi: tuple[int, int, int, int], chosen: Method
+) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:
+    """Geometry and shape of what to draw of the target, and the part of it that is wanted."""
+    left, top = whole_pair(roi[:2], "left", "top")
+    width, height = whole_pair(roi[2:], "width", "height")
+    if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
+        raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
+    check_shape((height, width))
+    if isinstance(geometry, BackwardMap):
+        if geometry.x.shape != shape:
+            raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+        margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
+        x, y = max(left - margin, 0), max(top - margin, 0)
+        seen = np.s_[y : top + height + margin, x : left + width + margin]
+        part = np.s_[top - y : top - y + height, left - x : left - x + width]
+        around = BackwardMap(geometry.x[seen], geometry.y[seen])
+        return around, around.x.shape, part
+    everything = np.s_[:, :]
+    if isinstance(geometry, ForwardMap):
+        return ForwardMap(geometry.x - left, geometry.y - top), (height, width), everything
+    moved = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]]) @ geometry.matrix
+    return Homography(moved, geometry.is_signed), (height, width), everything
+
+
+def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
+    """Two numbers of pixels."""
+    try:
+        numbers = [operator.index(number) for number in given]
+    except TypeError:
+        numbers = []
+    if len(numbers) != 2:
+        raise ValueError(f"{given!r} is no {first} and {second}: give two whole numbers of px")
+    return numbers[0], numbers[1]
+
+
+def check_shape(shape: tuple[int, int]) -> None:
+    """Refuse a target's height and width that no picture can have."""
+    height, width = shape
+    if min(height, width) < 1 or height * width > LARGEST_PICTURE:
+        raise ValueError(
+            f"a target of {width} × {height} px; give a height and a width of 1 px or more, "
+            f"together at most {LARGEST_PICTURE} px"
+        )
+
+
+def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:
+    """Refuse an array that cannot take a result of a shape and of a picture's type and kind."""
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != image.dtype:
+        given = f"{out.dtype} of {out.shape}" if isinstance(out, np.ndarray) else repr(type(out))
+        raise ValueError(f"out is {given}; the result is {image.dtype} of {shape}")
+    if isinstance(image, np.ma.MaskedArray) and not isinstance(out, np.ma.MaskedArray):
+        raise ValueError("out has no mask; give a masked array for a masked picture")
+    if not out.flags.writeable:
+        raise ValueError("out is read-only; give an array that can be written")
+
+
+def method_named(method: str | Method, **choices: Any) -> Method:
+    """Method by name, with the choices that were made.
+
+    Raises
+    ------
+    ValueError
+        The method knows nothing of a choice.
+    """
+    chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
+    made = {name: value for name, value in choices.items() if value is not None}
+    known = {f.name for f in dataclasses.fields(chosen)} if dataclasses.is_dataclass(chosen) else ()
+    for name in made:
+        if name not in known:
+            raise ValueError(f"{method} takes no {name}; hybrid does")
+    result: Method = dataclasses.replace(chosen, **made) if made else chosen
+    return result

@@ -1,0 +1,261 @@
+"""`cv2.warpPerspective`, `warpAffine`, `remap` and `resize` without the aliasing.
+
+`from resample_texture.like import opencv as cv2` will do: names, order of parameters, flags,
+borders and pixel centers are OpenCV's; OpenCV need not be there. Arrays of all types and layouts
+are taken, masked ones too. What is not a number weighs nothing, and where less than half of a pixel
+has a value it is missing again: not a number, or masked.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample_texture.asking import REFLECT_101, check_shape, whole_pair
+from resample_texture.drawing import Drawing
+from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
+from resample_texture.geometry.matrices import homography
+from resample_texture.like.common import NEAREST, color_behind, draw, into, method_for
+from resample_texture.types import Edge, Method
+
+# Of cv2, which need not be imported for them.
+WARP_INVERSE_MAP, WARP_FILL_OUTLIERS, WARP_RELATIVE_MAP = 16, 8, 32
+INTER_NEAREST, INTER_LINEAR_EXACT, INTER_NEAREST_EXACT = 0, 5, 6
+INTERPOLATIONS = {
+    INTER_NEAREST: NEAREST,
+    1: "bilinear",
+    2: "catmull-rom",
+    3: "bilinear",
+    4: "spline",
+}
+BORDER_CONSTANT, BORDER_TRANSPARENT = 0, 5
+BORDERS = {
+    BORDER_CONSTANT: Edge.TRANSPARENT,
+    1: Edge.CLAMP,
+    2: Edge.MIRROR,
+    3: Edge.WRAP,
+    4: REFLECT_101,
+    BORDER_TRANSPARENT: Edge.TRANSPARENT,
+}
+Color = float | tuple[float, ...]
+
+
+def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
+    src: NDArray[Any],
+    M: ArrayLike,  # noqa: N803
+    dsize: tuple[int, int],
+    dst: NDArray[Any] | None = None,
+    flags: int = 1,
+    borderMode: int = BORDER_CONSTANT,  # noqa: N803
+    borderValue: Color = 0,  # noqa: N803
+    *,
+    linear_light: bool = False,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """`cv2.warpPerspective` without the aliasing: same parameters, same kind of result.
+
+    Parameters
+    ----------
+    src
+        (H, W) or (H, W, C), of any type that `warp` takes; a fourth channel is like the others.
+    M
+        (3, 3) or (2, 3) from source to target, pixel centers at integers; from target to source
+        with `cv2.WARP_INVERSE_MAP` in `flags`.
+    dsize
+        Width and height of the result.
+    dst
+        Shows through under `BORDER_TRANSPARENT`. If it has the result's shape and type, the result
+        is also put into it.
+    flags
+        `cv2.INTER_*`: how texels are interpolated where they grow (LANCZOS4: as a cubic spline).
+        NEAREST copies the texel at each pixel's center and mixes none.
+    borderMode, borderValue
+        `BORDER_CONSTANT`, `_REPLICATE`, `_REFLECT`, `_REFLECT_101`, `_WRAP` or `_TRANSPARENT`; one
+        value for all channels or one for each.
+    linear_light
+        Filter the light that uint8 and uint16 encode; OpenCV filters what it is given.
+    method
+        As `warp` takes it; by default `hybrid`, or `nearest` for that flag.
+
+    Raises
+    ------
+    ValueError
+        A flag is not one of these, `dst` or `borderValue` does not fit, or as `warp`.
+    """
+    kind = flags & ~WARP_INVERSE_MAP & ~WARP_FILL_OUTLIERS  # the latter is what we do
+    if kind not in INTERPOLATIONS:
+        raise ValueError(f"flags {flags}: interpolations are cv2.INTER_NEAREST to INTER_LANCZOS4")
+    shape = _shape(dsize)
+    geometry = homography(M, convention="opencv", inverse=bool(flags & WARP_INVERSE_MAP))
+    chosen = method_for(INTERPOLATIONS[kind], method)
+    drawing = Drawing(chosen, geometry, shape, _edge(borderMode))
+    return _shown(src, drawing, dst, borderMode, borderValue, linear_light=linear_light)
+
+
+warpPerspective = warp_like_opencv  # noqa: N816 - as cv2 has it
+
+
+def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
+    src: NDArray[Any],
+    M: ArrayLike,  # noqa: N803
+    dsize: tuple[int, int],
+    dst: NDArray[Any] | None = None,
+    flags: int = 1,
+    borderMode: int = BORDER_CONSTANT,  # noqa: N803
+    borderValue: Color = 0,  # noqa: N803
+    *,
+    linear_light: bool = False,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """`cv2.warpAffine` without the aliasing; parameters are those of `warpPerspective`.
+
+    Raises
+    ------
+    ValueError
+        `M` is not (2, 3), or as `warpPerspective`.
+    """
+    if np.shape(M) != (2, 3):
+        raise ValueError(f"an affine matrix is (2, 3), not {np.shape(M)}; see warpPerspective")
+    return warpPerspective(
+        src, M, dsize, dst, flags, borderMode, borderValue,
+        linear_light=linear_light, method=method,
+    )  # fmt: skip
+
+
+def remap(  # noqa: PLR0913 - as cv2 has it
+    src: NDArray[Any],
+    map1: ArrayLike,
+    map2: ArrayLike | None,
+    interpolation: int,
+    dst: NDArray[Any] | None = None,
+    borderMode: int = BORDER_CONSTANT,  # noqa: N803
+    borderValue: Color = 0,  # noqa: N803
+    *,
+    linear_light: bool = False,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """`cv2.remap` without the aliasing.
+
+    Parameters
+    ----------
+    src, dst, borderMode, borderValue, linear_light, method
+        As in `warpPerspective`.
+    map1, map2
+        In any of OpenCV's forms, pixel centers at integers; what is not a number sees nothing.
+    interpolation
+        `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are counted from each pixel.
+
+    Raises
+    ------
+    ValueError
+        As `warpPerspective`, or the maps do not fit each other.
+    """
+    kind = interpolation & ~WARP_RELATIVE_MAP
+    if kind not in INTERPOLATIONS:
+        raise ValueError(
+            f"interpolation {interpolation}: known are cv2.INTER_NEAREST to INTER_LANCZOS4"
+        )
+    places = BackwardMap.from_opencv(map1, map2)
+    height, width = places.x.shape
+    if interpolation & WARP_RELATIVE_MAP:
+        x, y = np.arange(width), np.arange(height)[:, None]
+        places = BackwardMap(places.x + x, places.y + y)
+    chosen = method_for(INTERPOLATIONS[kind], method)
+    drawing = Drawing(chosen, places, (height, width), _edge(borderMode))
+    return _shown(src, drawing, dst, borderMode, borderValue, linear_light=linear_light)
+
+
+def resize(  # noqa: PLR0913 - as cv2 has it
+    src: NDArray[Any],
+    dsize: tuple[int, int] | None,
+    dst: NDArray[Any] | None = None,
+    fx: float = 0,
+    fy: float = 0,
+    interpolation: int = 1,
+    *,
+    linear_light: bool = False,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """`cv2.resize`, antialiased whatever the interpolation; NEAREST picks OpenCV's texels.
+
+    Parameters
+    ----------
+    src, dst, linear_light, method
+        As in `warpPerspective`.
+    dsize
+        Width and height of the result; None or zeros: by `fx` and `fy`.
+    fx, fy
+        Scale along x and y, if there is no `dsize`.
+    interpolation
+        `cv2.INTER_*`.
+
+    Raises
+    ------
+    ValueError
+        There is neither a size nor a scale, or as `warpPerspective`.
+    """
+    known = {**INTERPOLATIONS, INTER_LINEAR_EXACT: "bilinear", INTER_NEAREST_EXACT: NEAREST}
+    if interpolation not in known:
+        raise ValueError(
+            f"interpolation {interpolation}: known are cv2.INTER_NEAREST to INTER_NEAREST_EXACT"
+        )
+    height, width = np.shape(src)[:2]
+    if dsize is None or tuple(dsize) == (0, 0):
+        if not (np.isfinite([fx, fy]).all() and min(fx, fy) > 0):
+            raise ValueError(f"neither dsize nor scales: {dsize}, fx {fx}, fy {fy}; give one")
+        shape = _shape((round(width * fx), round(height * fy)))
+    else:
+        shape = _shape(dsize)
+        fx, fy = shape[1] / width, shape[0] / height
+    geometry: Geometry = Homography(np.diag([fx, fy, 1.0]))
+    if interpolation == INTER_NEAREST:  # OpenCV looks at a pixel's corner, not at its center
+        x = np.floor(np.arange(shape[1]) * (1.0 / fx)) + 0.5
+        y = np.floor(np.arange(shape[0]) * (1.0 / fy)) + 0.5
+        geometry = BackwardMap(*np.meshgrid(x, y))
+    chosen = method_for(known[interpolation], method)
+    drawing = Drawing(chosen, geometry, shape, Edge.CLAMP)
+    return _shown(src, drawing, dst, BORDER_CONSTANT, 0, linear_light=linear_light)
+
+
+def _shown(
+    src: NDArray[Any],
+    drawing: Drawing,
+    dst: NDArray[Any] | None,
+    border: int,
+    value: Color,
+    *,
+    linear_light: bool,
+) -> NDArray[Any]:
+    """Picture over its border's color, or over `dst`; also put there."""
+    image = src if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
+    if border == BORDER_TRANSPARENT and dst is not None:
+        behind = _picture_behind(dst, (*drawing.shape, *image.shape[2:]), image.dtype)
+    else:
+        behind = color_behind(value if border == BORDER_CONSTANT else 0, image)
+    return into(dst, draw(image, drawing, behind, linear_light=linear_light))
+
+
+def _shape(size: tuple[int, int]) -> tuple[int, int]:
+    """Height and width of a width and height."""
+    width, height = whole_pair(size, "width", "height")
+    check_shape((height, width))
+    return height, width
+
+
+def _edge(border: int) -> str:
+    if border not in BORDERS:
+        raise ValueError(
+            f"borderMode {border}: CONSTANT, REPLICATE, REFLECT, WRAP, REFLECT_101 and TRANSPARENT"
+            " are known"
+        )
+    return BORDERS[border]
+
+
+def _picture_behind(dst: NDArray[Any], full: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Picture (h, w, C) to show where the source does not."""
+    behind = np.asarray(dst)
+    if behind.shape != full or behind.dtype != dtype:
+        raise ValueError(
+            f"dst is {behind.dtype} of {behind.shape}; the result is {dtype} of {full}"
+        )
+    return behind.reshape(*full[:2], -1)

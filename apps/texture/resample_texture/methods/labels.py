@@ -1,0 +1,132 @@
+"""Ways to warp labels, which must not be mixed: texels are copied (plugins: group `methods`)."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import (
+    ForwardMap,
+    Geometry,
+    Homography,
+    source_coordinates,
+)
+from resample_texture.geometry.places import places_of
+from resample_texture.geometry.shifts import Picks, nearest_texels
+from resample_texture.texels.gaps import missing_in, unmasked
+from resample_texture.types import Edge, Warped
+
+MOST_CODES = 1 << 16  # of labels that are counted from the smallest one without being sorted
+
+
+class Picking(Protocol):
+    """Role of a method that tells which texel each pixel shows, so that any type is copied."""
+
+    def picks(
+        self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Picks:
+        """Texels of an image (H, W) or (H, W, C) that the pixels of (height, width) show."""
+
+
+@dataclass(frozen=True)
+class NearestTexel:
+    """The texel at each pixel's center; aliases where texels shrink."""
+
+    def picks(
+        self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Picks:
+        if isinstance(geometry, ForwardMap):
+            raise ValueError(
+                "nearest takes a matrix or a backward map; for forward maps use hybrid"
+            )
+        source_shape = image.shape[0], image.shape[1]
+        x, y = source_coordinates(geometry, shape, source_shape)
+        return nearest_texels(x, y, source_shape, edge)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        return _shown(source, self.picks(source, geometry, shape, edge))
+
+
+@dataclass(frozen=True)
+class Majority:
+    """The label that covers the most of each pixel; the smallest of those that do.
+
+    A label is a texel's value, or all its channels together. Areas are exact, by polygons; a
+    backward map is taken to be linear within each pixel. Coverage is the share of a pixel that has
+    a label.
+    """
+
+    def picks(
+        self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Picks:
+        from resample_texture.texels.forward import EDGES
+        from resample_texture.texels.kernels.labels import Found, Labels, Lookup, find_labels
+
+        height, width = image.shape[:2]
+        code, count = codes_of(image)
+        look = Lookup(*_look_of(geometry, shape, (height, width)))
+        labels = Labels(code, count, _common(code, count), EDGES[edge])
+        found = Found(np.zeros(shape, np.int64), np.zeros(shape, np.float32))
+        find_labels(look, labels, found)
+        return Picks(found.texel // width, found.texel % width, found.coverage)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        return _shown(source, self.picks(source, geometry, shape, edge))
+
+
+def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
+    """Labels (H, W) counted from 0 in their order, −1 for what is missing; and how many there are.
+
+    Parameters
+    ----------
+    image
+        (H, W), or (H, W, C) with labels that are compared channel by channel; masked or not.
+    """
+    values, mask = unmasked(image)
+    planes = values.reshape(*values.shape[:2], -1)
+    missing = missing_in(planes, mask, together=True)
+    gap = np.zeros(planes.shape[:2], np.bool_) if missing is None else missing[..., 0]
+    known = planes[~gap]
+    code = np.full(planes.shape[:2], -1, np.int32)
+    if known.size == 0:
+        return code, 1
+    if planes.shape[2] == 1 and planes.dtype.kind in "bui":
+        low, high = int(known.min()), int(known.max())
+        if high - low < MOST_CODES:
+            steps = known[:, 0].astype(np.int64 if low < 0 else np.uint64)
+            code[~gap] = (steps - steps.dtype.type(low)).astype(np.int32)
+            return code, high - low + 1
+    axis = None if planes.shape[2] == 1 else 0
+    labels, inverse = np.unique(known, axis=axis, return_inverse=True)
+    code[~gap] = inverse.ravel()
+    return code, len(labels)
+
+
+def _common(code: NDArray[np.int32], count: int) -> int:
+    """Texel of the label that most texels have, counted row by row; −1 if none has one."""
+    numbers = np.bincount(code[code >= 0], minlength=count)
+    if not numbers.any():
+        return -1
+    return int(np.argmax(code.ravel() == numbers.argmax()))
+
+
+def _look_of(
+    geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int]
+) -> tuple[Doubles, Doubles]:
+    """Matrix from the target to the source, or places of a map; the other is empty."""
+    if isinstance(geometry, Homography):
+        inverse = np.linalg.inv(geometry.oriented(source_shape))
+        return np.asarray(inverse, np.float64), np.zeros((6, 0, 0))
+    if isinstance(geometry, ForwardMap):
+        raise ValueError("majority takes a matrix or a backward map; for forward maps use hybrid")
+    return np.eye(3), places_of(geometry, shape)
+
+
+def _shown(source: Floats, picks: Picks) -> Warped:
+    return Warped(picks.of(source) * picks.coverage[..., None], picks.coverage)

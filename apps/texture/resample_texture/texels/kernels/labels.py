@@ -1,0 +1,308 @@
+"""Which label covers the most of each pixel: exact areas of the parts that texels cut it into.
+
+A pixel is a square on the screen, and lines between texels are straight there, under a homography
+as under a map that is linear within each pixel. So the square is cut along columns of texels, and
+what lies in a column where the label changes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.cells.tiles import bands
+from resample.engine.jit import Counter, kernel, parallel_kernel
+from resample.types import Doubles, Floats, Indices
+from resample_texture.texels.kernels.texels import MIRROR, TRANSPARENT, WRAP
+
+BAND = 16  # rows that a thread takes at a time
+MOST_CORNERS = 24  # of a part: four, and at most two more for each line that cuts it
+NOTHING = 1e-9  # of a pixel; areas that differ by no more are equal, and parts so small are none
+MOST_CELLS = 1 << 22  # texels beyond the edges that a pixel's label is counted from
+FRONT = 1e-12  # of the largest third coordinate; what has less is at the horizon
+
+
+class Lookup(NamedTuple):
+    """Where pixels look."""
+
+    inverse: Doubles  # (3, 3) target to source, positive before the eye
+    places: Doubles  # (6, h, w) instead, as `places_of` gives it; (6, 0, 0) under a homography
+
+
+class Labels(NamedTuple):
+    """A source's labels."""
+
+    code: NDArray[np.int32]  # (H, W) from 0 in the order of labels; less than 0 for none
+    codes: int  # how many there are
+    common: int  # the texel, counted row by row, whose label most texels have; less than 0 for none
+    edge: int  # TRANSPARENT, CLAMP, WRAP or MIRROR
+
+
+class Found(NamedTuple):
+    """What pixels show, empty before."""
+
+    texel: Indices  # (h, w) a texel of the label, counted row by row
+    coverage: Floats  # (h, w) share of the pixel that has a label
+
+
+class Tally(NamedTuple):
+    """Areas of a pixel's labels, and room for its parts."""
+
+    area: Doubles  # (codes,) by code, 0 for all but the current pixel's
+    texel: Indices  # (codes,) where the code was met
+    met: Indices  # (codes,) codes that were met
+    rows: Doubles  # (3, 3) from places relative to a pixel's center to those of the source
+    parts: Doubles  # (5, MOST_CORNERS, 2) polygons: what is left of a square, of a column, a part
+
+
+@kernel
+def _look(look: Lookup, row: int, column: int, rows: Doubles) -> bool:
+    """Fill in the matrix of a pixel; false if it sees nothing."""
+    if look.places.shape[1] == 0:
+        rows[:] = look.inverse
+        for n in range(3):
+            rows[n, 2] += rows[n, 0] * (column + 0.5) + rows[n, 1] * (row + 0.5)
+        return True
+    place = look.places[:, row, column]
+    for n in range(2):
+        rows[n, 2], rows[n, 0], rows[n, 1] = place[n], place[2 + n], place[4 + n]
+    rows[2, 0], rows[2, 1], rows[2, 2] = 0.0, 0.0, 1.0
+    return bool(np.isfinite(rows).all())
+
+
+@kernel
+def _cut(
+    part: Doubles, count: int, line: tuple[float, float, float], below: Doubles, above: Doubles
+) -> tuple[int, int]:
+    """Cut a convex polygon where a line's values change sign; how many corners its parts have."""
+    low = high = 0
+    a, b, c = line
+    x, y = part[count - 1, 0], part[count - 1, 1]
+    before = a * x + b * y + c
+    for n in range(count):
+        next_x, next_y = part[n, 0], part[n, 1]
+        after = a * next_x + b * next_y + c
+        if (before < 0.0) != (after < 0.0):
+            share = before / (before - after)
+            cut_x, cut_y = x + share * (next_x - x), y + share * (next_y - y)
+            below[low, 0], below[low, 1] = cut_x, cut_y
+            above[high, 0], above[high, 1] = cut_x, cut_y
+            low, high = low + 1, high + 1
+        if after < 0.0:
+            below[low, 0], below[low, 1] = next_x, next_y
+            low += 1
+        else:
+            above[high, 0], above[high, 1] = next_x, next_y
+            high += 1
+        x, y, before = next_x, next_y, after
+    return low, high
+
+
+@kernel
+def _area(part: Doubles, count: int) -> float:
+    """Area of a convex polygon."""
+    twice = 0.0
+    for n in range(1, count - 1):
+        ax, ay = part[n, 0] - part[0, 0], part[n, 1] - part[0, 1]
+        bx, by = part[n + 1, 0] - part[0, 0], part[n + 1, 1] - part[0, 1]
+        twice += ax * by - ay * bx
+    return abs(twice) / 2.0
+
+
+@kernel
+def _line(rows: Doubles, axis: int, at: float) -> tuple[float, float, float]:
+    """Line where a coordinate of the source has a value; it is positive beyond."""
+    return (
+        rows[axis, 0] - at * rows[2, 0],
+        rows[axis, 1] - at * rows[2, 1],
+        rows[axis, 2] - at * rows[2, 2],
+    )
+
+
+@kernel
+def _range(part: Doubles, count: int, rows: Doubles, axis: int) -> tuple[float, float]:
+    """Smallest and largest coordinate of the source in a polygon."""
+    low, high = np.inf, -np.inf
+    for n in range(count):
+        x, y = part[n, 0], part[n, 1]
+        value = rows[axis, 0] * x + rows[axis, 1] * y + rows[axis, 2]
+        value /= rows[2, 0] * x + rows[2, 1] * y + rows[2, 2]
+        low, high = min(low, value), max(high, value)
+    return low, high
+
+
+@kernel
+def _texel(index: int, size: int, edge: int) -> int:
+    """Texel that stands at a place; a transparent source is asked within its edges only."""
+    if edge == WRAP:
+        return index % size
+    if edge == MIRROR:
+        folded = index % (2 * size)
+        return min(folded, 2 * size - 1 - folded)
+    return min(max(index, 0), size - 1)
+
+
+@kernel
+def _cells(low: float, high: float, size: int, edge: int) -> tuple[int, int]:
+    """First and last texel of a range."""
+    if edge in (WRAP, MIRROR):
+        return int(np.floor(low)), max(int(np.floor(low)), int(np.ceil(high)) - 1)
+    first = int(np.floor(min(max(low, 0.0), size - 1.0)))
+    return first, max(first, int(np.ceil(min(max(high, 0.0), float(size)))) - 1)
+
+
+@kernel
+def _square(tally: Tally, sizes: tuple[int, int], edge: int) -> tuple[int, int]:
+    """Part of a pixel that sees the source: its corners, and in which of `parts` it lies."""
+    parts, rows = tally.parts, tally.rows
+    for n in range(4):
+        parts[0, n, 0] = 0.5 if n in (1, 2) else -0.5
+        parts[0, n, 1] = 0.5 if n >= 2 else -0.5
+    count, now = 4, 0
+    least = FRONT * (abs(rows[2, 0]) + abs(rows[2, 1]) + abs(rows[2, 2]))
+    front = rows[2, 0], rows[2, 1], rows[2, 2] - least
+    _, count = _cut(parts[now], count, front, parts[4], parts[1 - now])
+    now = 1 - now
+    if edge == TRANSPARENT:
+        for axis in range(2):
+            for at in (0.0, float(sizes[axis])):
+                if count == 0:
+                    return 0, now
+                below, above = _cut(
+                    parts[now], count, _line(rows, axis, at), parts[4], parts[1 - now]
+                )
+                if at == 0.0:
+                    count, now = above, 1 - now
+                else:
+                    parts[now, :below] = parts[4, :below]
+                    count = below
+    return count, now
+
+
+@kernel
+def _add_column(
+    labels: Labels, tally: Tally, column: int, corners: tuple[int, int], met: int
+) -> int:
+    """Add the areas of labels in the part of a pixel that lies in a column; how many were met."""
+    count, now = corners
+    parts = tally.parts
+    height = labels.code.shape[0]
+    low, high = _range(parts[now], count, tally.rows, 1)
+    row, last = _cells(low, high, height, labels.edge)
+    at = _texel(row, height, labels.edge)
+    code = labels.code[at, column]
+    while row <= last:
+        start, current = at, code
+        row += 1
+        while row <= last:
+            at = _texel(row, height, labels.edge)
+            code = labels.code[at, column]
+            if code != current:
+                break
+            row += 1
+        if row <= last:
+            below, above = _cut(
+                parts[now], count, _line(tally.rows, 1, float(row)), parts[4], parts[5 - now]
+            )
+            area = _area(parts[4], below)
+            now, count = 5 - now, above
+        else:
+            area = _area(parts[now], count)
+        if current >= 0 and area > 0.0:
+            if tally.area[current] == 0.0:
+                tally.met[met] = current
+                tally.texel[current] = start * labels.code.shape[1] + column
+                met += 1
+            tally.area[current] += area
+        if count == 0:
+            break
+    return met
+
+
+@kernel
+def _add_pixel(labels: Labels, tally: Tally) -> int:
+    """Add the areas of labels in a pixel; how many were met, −1 if they are too many to count."""
+    height, width = labels.code.shape
+    count, now = _square(tally, (width, height), labels.edge)
+    if count < 3:
+        return 0
+    low, high = _range(tally.parts[now], count, tally.rows, 0)
+    top, bottom = _range(tally.parts[now], count, tally.rows, 1)
+    if labels.edge in (WRAP, MIRROR):
+        if not (high - low + 2.0) * (bottom - top + 2.0) < MOST_CELLS:
+            return -1
+        if max(abs(low), abs(high), abs(top), abs(bottom)) > 2.0**52:
+            return -1
+    first, last = _cells(low, high, width, labels.edge)
+    met = 0
+    for column in range(first, last + 1):
+        if column < last:
+            line = _line(tally.rows, 0, column + 1.0)
+            below, above = _cut(tally.parts[now], count, line, tally.parts[2], tally.parts[1 - now])
+            now = 1 - now
+        else:
+            below, above = count, 0
+            tally.parts[2, :count] = tally.parts[now, :count]
+        if below >= 3:
+            texel = _texel(column, width, labels.edge)
+            met = _add_column(labels, tally, texel, (below, 2), met)
+        count = above
+        if count < 3:
+            break
+    return met
+
+
+@kernel
+def _largest(tally: Tally, met: int) -> tuple[int, float]:
+    """Smallest label of the largest area, and the sum of all areas; they are 0 again after that."""
+    total = most = 0.0
+    for n in range(met):
+        area = tally.area[tally.met[n]]
+        total += area
+        most = max(most, area)
+    best = -1
+    for n in range(met):
+        code = tally.met[n]
+        if tally.area[code] >= most - NOTHING and (best < 0 or code < best):
+            best = code
+        tally.area[code] = 0.0
+    return best, total
+
+
+@kernel
+def _find_row(look: Lookup, labels: Labels, found: Found, tally: Tally, row: int) -> None:
+    """Find the labels of a row of pixels."""
+    for column in range(found.texel.shape[1]):
+        if not _look(look, row, column, tally.rows):
+            continue
+        met = _add_pixel(labels, tally)
+        if met < 0 and labels.common >= 0:
+            found.texel[row, column] = labels.common
+            found.coverage[row, column] = np.float32(1.0)
+        if met <= 0:
+            continue
+        best, total = _largest(tally, met)
+        if total >= NOTHING:
+            found.texel[row, column] = tally.texel[best]
+            found.coverage[row, column] = np.float32(1.0 if total > 1.0 - NOTHING else total)
+
+
+@kernel
+def _find_band(look: Lookup, labels: Labels, found: Found, rows: tuple[int, int]) -> None:
+    """Find the labels of some rows of pixels."""
+    tally = Tally(
+        np.zeros(labels.codes),
+        np.zeros(labels.codes, np.int64),
+        np.zeros(labels.codes, np.int64),
+        np.zeros((3, 3)),
+        np.zeros((5, MOST_CORNERS, 2)),
+    )
+    for row in range(rows[0], rows[1]):
+        _find_row(look, labels, found, tally, row)
+
+
+@parallel_kernel
+def find_labels(counter: Counter, look: Lookup, labels: Labels, found: Found) -> None:
+    """Find the label that covers the most of each pixel, the smallest of those that do."""
+    for rows in bands(counter, found.texel.shape[0], BAND):
+        _find_band(look, labels, found, rows)

@@ -1,0 +1,116 @@
+"""Values that float32 does not resolve, as distances from their smallest, and back.
+
+Texels are float32: of 10⁹ + 0.25 they keep nothing but 10⁹. So values of wide types are counted
+from each channel's smallest one if they lie far from 0, and in units of a power of two if they are
+huge or tiny: errors are then some 10⁻⁷ of the range of the values instead of their size.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.types import Doubles, Floats
+
+WIDE = ("int32", "int64", "uint32", "uint64", "float64")
+COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
+
+
+class Span(NamedTuple):
+    """What the values of each channel are counted from, and in which unit."""
+
+    start: NDArray[Any]  # (C,) of the values' type
+    unit: Doubles  # (C,) powers of two
+
+    def reduced(self, planes: NDArray[Any]) -> Doubles:
+        """Values (H, W, C) counted so; what is not finite may become anything."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray((planes - self.start) / self.unit, np.float64)
+
+    def restored(
+        self, image: Floats, coverage: Floats, behind: ArrayLike, dtype: np.dtype[Any]
+    ) -> NDArray[Any]:
+        """Values of a type, of an image (H, W, C) that is multiplied by the coverage.
+
+        Parameters
+        ----------
+        behind
+            What shows through where the coverage, (H, W, 1) or (H, W, C), is not 1.
+        """
+        missing = np.broadcast_to(1.0 - coverage.astype(np.float64), image.shape)
+        through = np.zeros(image.shape)
+        with np.errstate(over="ignore", invalid="ignore"):
+            beyond = np.asarray(behind, np.float64) - self.start.astype(np.float64)
+            np.multiply(missing, beyond, out=through, where=missing > 0.0)
+            distance = image * self.unit + through
+            if dtype.kind == "f":
+                return np.asarray(self.start + distance, dtype)
+        return rounded(distance, dtype, self.start)
+
+
+def span_of(
+    planes: NDArray[Any], missing: NDArray[np.bool_] | None, *, from_zero: bool = False
+) -> Span | None:
+    """How to count values (H, W, C); None if float32 takes them as they are.
+
+    Parameters
+    ----------
+    missing
+        Values that do not matter.
+    from_zero
+        They are to be added, so they cannot start elsewhere.
+    """
+    if planes.dtype.name not in WIDE:
+        return None
+    start = np.zeros(planes.shape[2], planes.dtype)
+    unit = np.ones(planes.shape[2])
+    for c in range(planes.shape[2]):
+        plane = planes[..., c]
+        known = plane if missing is None else plane[~missing[..., c]]
+        if known.size:
+            low, high = known.min().item(), known.max().item()
+            first = 0 if from_zero else _start(low, high)
+            start[c], unit[c] = first, _unit(max(high - first, first - low))
+    if not start.any() and (unit == 1.0).all():
+        return None
+    return Span(start, unit)
+
+
+def rounded(
+    distance: Doubles, dtype: np.dtype[Any], start: NDArray[Any] | None = None
+) -> NDArray[Any]:
+    """Integers or booleans nearest to `start` + `distance` (H, W, C), within their type's range."""
+    whole = np.rint(distance)
+    if dtype.kind == "b":
+        return np.asarray(whole > 0.0)
+    native = dtype.newbyteorder("=")
+    limits = np.iinfo(native)
+    if start is None or not start.any():
+        return _saturated(whole, limits.min, limits.max, native).astype(dtype, copy=False)
+    result = np.empty(whole.shape, native)
+    for c, first in enumerate(start.tolist()):
+        low, high = max(limits.min - first, -(2**63)), min(limits.max - first, 2**63 - 1)
+        steps = _saturated(whole[..., c], low, high, np.dtype(np.int64))
+        result[..., c] = steps.astype(native) + np.array(first, native)  # whatever wraps unwraps
+    return result.astype(dtype, copy=False)
+
+
+def _saturated(whole: Doubles, low: int, high: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Whole numbers as integers of a type, from `low` to `high`, which float64 may not hold."""
+    is_low, is_high = whole <= low, whole >= high
+    result = np.where(is_low | is_high, 0.0, whole).astype(dtype)
+    result[is_low], result[is_high] = low, high
+    return result
+
+
+def _start(low: float, high: float) -> float:
+    """Where to count from: the smallest value if 0 is far from the range."""
+    is_far = low > high / 2 if low > 0 else high < low / 2
+    return low if is_far else 0
+
+
+def _unit(largest: float) -> float:
+    """Power of two in which the largest distance is neither huge nor tiny."""
+    exponent = math.frexp(largest)[1] - 1 if largest else 0
+    return math.ldexp(1.0, exponent) if abs(exponent) > COMFORTABLE else 1.0
