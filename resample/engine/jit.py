@@ -18,6 +18,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache, wraps
 from pathlib import Path
+from threading import Lock
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numba
@@ -131,11 +132,31 @@ def _store(compiled: Any, function: Callable[..., Any]) -> None:
     compiled.compile = compile_in_turn
 
 
+_packs = Lock()  # numba has one setting for all threads
+
+
+def _pack(compiled: Any) -> None:
+    """Let the compiler make equal operations on neighbouring numbers one operation."""
+    compile_now = compiled.compile
+
+    def compile_packed(signature: Any) -> Any:
+        with _packs:
+            before, numba.config.SLP_VECTORIZE = numba.config.SLP_VECTORIZE, 1
+            try:
+                return compile_now(signature)
+            finally:
+                numba.config.SLP_VECTORIZE = before
+
+    compiled.compile = compile_packed
+
+
 # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+def _compile(
+    function: Callable[P, R], *, is_packed: bool = False, **options: Any
+) -> Callable[P, R]:
     """Make a function that Python calls by machine code, which is kept on disk, and kernels inline.
 
     What kernels call is compiled with them, without the code that unpacks Python's arguments: that
@@ -146,6 +167,8 @@ def _compile(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     compiled = numba.njit(function, **OPTIONS, **options)
     with suppress(RuntimeError):  # no folder can be written to: compile in every process
         _store(compiled, function)
+    if is_packed:
+        _pack(compiled)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -191,12 +214,36 @@ def lane_step(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, fastmath={"contract", "nsz"}, forceinline=True)
 
 
+def inner_step(function: Callable[P, R]) -> Callable[P, R]:
+    """An inner kernel that becomes a part of what calls it: no bundles are handed over.
+
+    For what packed kernels do time and again.
+    """
+    return _compile(function, fastmath={"contract", "nsz"}, forceinline=True, _nrt=False)
+
+
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
     """Compile a function that all threads run at once, each with other `tasks`.
 
     Its first argument counts the tasks that are taken; callers leave it out.
     """
-    compiled = _compile(function)
+    return _on_all_threads(function, _compile(function))
+
+
+def packed_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
+    """A parallel kernel in which equal operations on neighbouring numbers become one.
+
+    For code that does the same to a few numbers that lie side by side, too few for loops of lanes.
+    """
+    compiled = _compile(function, is_packed=True, fastmath={"contract", "nsz"})
+    return _on_all_threads(function, compiled)
+
+
+def _on_all_threads(
+    function: Callable[Concatenate[Counter, P], None],
+    compiled: Callable[Concatenate[Counter, P], None],
+) -> Callable[P, None]:
+    """Call of a kernel on as many threads as `workers` allows."""
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> None:

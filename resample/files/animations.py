@@ -20,18 +20,15 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.command.console import Progress, say
+from resample.files.films import film_picture, new_film, new_stream
 from resample.files.writing import check_targets, replacing, write_json
-
-if TYPE_CHECKING:
-    from av.container import OutputContainer
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
@@ -39,7 +36,6 @@ FRAMES = "frame-[0-9]*.png"
 TEMPORARY = ".tmp" + 8 * "[0-9a-f]"  # see `resample.files.writing.replacing`
 FACTS = "animation.json"  # in the folder of the frames: what they belong to
 MOST_FRAMES = 10_000
-QUALITY = {"libx264": {"crf": "18", "preset": "medium"}, "libwebp_anim": {"quality": "90"}}
 
 Levels = NDArray[np.uint8]
 
@@ -214,18 +210,18 @@ def _is_whole(path: Path) -> bool:
     return True
 
 
-class _Stored:
+class Stored:
     """Frames of files, opened one after the other, as often as wanted."""
 
-    def __init__(self, paths: list[Path]) -> None:
-        self.paths = paths
+    def __init__(self, paths: list[Path], mode: str | None = None) -> None:
+        self.paths, self.mode = paths, mode
 
     def __iter__(self) -> Iterator[Any]:
         from PIL import Image
 
         for path in self.paths:
             with Image.open(path) as image:
-                yield image.convert("RGB")
+                yield image.convert(self.mode)
 
 
 def _write_gif(path: Path, frames: list[Path], fps: float) -> None:
@@ -238,63 +234,16 @@ def _write_apng(path: Path, frames: list[Path], fps: float) -> None:
 
 
 def _write_animated(path: Path, frames: list[Path], choices: dict[str, Any]) -> None:
-    first = next(iter(_Stored(frames[:1])))
-    first.save(path, save_all=True, loop=0, append_images=_Stored(frames[1:]), **choices)
+    first = next(iter(Stored(frames[:1], "RGB")))
+    first.save(path, save_all=True, loop=0, append_images=Stored(frames[1:], "RGB"), **choices)
 
 
-def _write_webp(path: Path, frames: list[Path], fps: float) -> None:
-    with _film(path, "webp", {"loop": "0"}) as film:
-        stream = _stream(film, "libwebp_anim", fps, _size(frames[0]))
-        stream.pix_fmt = "bgra"
-        for image in _Stored(frames):
-            film.mux(stream.encode(_picture(np.asarray(image)).reformat(format="bgra")))
+def _write_film(path: Path, frames: list[Path], fps: float) -> None:
+    with new_film(path) as film:
+        stream = new_stream(film, fps, _size(frames[0]))
+        for image in Stored(frames, "RGB"):
+            film.mux(stream.encode(film_picture(np.asarray(image), stream)))
         film.mux(stream.encode(None))
-
-
-def _write_mp4(path: Path, frames: list[Path], fps: float) -> None:
-    """Write H.264 that every player knows: one color for 2 × 2 pixels, so both sides are even."""
-    from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
-
-    with _film(path, "mp4", {"movflags": "faststart"}) as film:
-        height, width = _size(frames[0])
-        padding = ((0, height % 2), (0, width % 2), (0, 0))
-        stream = _stream(film, "libx264", fps, (height + height % 2, width + width % 2))
-        stream.pix_fmt = "yuv420p"
-        codec = stream.codec_context
-        codec.color_range, codec.colorspace = ColorRange.MPEG, Colorspace.ITU709
-        codec.color_primaries, codec.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
-        for image in _Stored(frames):
-            picture = _picture(np.pad(np.asarray(image), padding, mode="edge")).reformat(
-                format="yuv420p",
-                dst_colorspace=Colorspace.ITU709,
-                dst_color_range=ColorRange.MPEG,
-            )
-            film.mux(stream.encode(picture))
-        film.mux(stream.encode(None))
-
-
-@contextmanager
-def _film(path: Path, form: str, choices: dict[str, str]) -> Iterator["OutputContainer"]:
-    import av
-
-    try:
-        with av.open(str(path), "w", format=form, options=choices) as film:
-            yield film
-    except av.FFmpegError as error:
-        raise OSError(f"{path} cannot be written: {error.strerror}") from None
-
-
-def _stream(film: "OutputContainer", codec: str, fps: float, size: tuple[int, int]) -> Any:
-    rate = Fraction(fps).limit_denominator(1001)
-    stream: Any = film.add_stream(codec, rate=rate, options=QUALITY[codec])
-    stream.height, stream.width = size
-    return stream
-
-
-def _picture(levels: Levels) -> Any:
-    import av
-
-    return av.VideoFrame.from_ndarray(np.ascontiguousarray(levels), format="rgb24")
 
 
 def _size(path: Path) -> tuple[int, int]:
@@ -305,4 +254,4 @@ def _size(path: Path) -> tuple[int, int]:
         return image.height, image.width
 
 
-_WRITERS = {".mp4": _write_mp4, ".webp": _write_webp, ".gif": _write_gif, ".apng": _write_apng}
+_WRITERS = {".mp4": _write_film, ".webp": _write_film, ".gif": _write_gif, ".apng": _write_apng}

@@ -144,25 +144,40 @@ def write_exr(
     _write(path, data.astype(np.float32, copy=False), header, half=half)
 
 
-def read_image(path: str | Path) -> Floats:
-    """Read a picture in linear light, premultiplied.
+def read_image(path: str | Path, page: int = 0) -> Floats:
+    """Read a picture in linear light, premultiplied, as its pixels are stored.
 
     Parameters
     ----------
     path
         Any format that OpenImageIO reads. Values of integer formats and those that say so are
-        taken for sRGB, others for linear light.
+        taken for sRGB, others for linear light. Which way is up is not asked.
+    page
+        Which picture of a file that holds several.
 
     Returns
     -------
-    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R.
+    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R, and if
+    there are bands without a name.
 
     Raises
     ------
     OSError
         The file is missing or damaged.
     """
-    return _linear(_read(path))
+    return _linear(_read(path, page))
+
+
+def read_numbers(path: str | Path, page: int = 0) -> Floats:
+    """Read all channels (H, W, C) of a picture as the whole numbers that are stored.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    source, header = _open(path, page)
+    return _pixels(path, source, header, str(source.spec().format)).data
 
 
 def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int], Iterator[Floats]]:
@@ -226,13 +241,20 @@ def _linear(stored: "_ImageHeader") -> Floats:
         data[..., color] = from_srgb(data[..., color])
     if stored.is_straight and alpha is not None:
         data[..., color] *= data[..., alpha, None]
-    picture = [names.index(name) for name in CHANNELS[:4] if name in names]
-    return data[..., picture] if "R" in names else data
+    return data[..., [names.index(name) for name in shown(names)]]
 
 
-def read_channels(path: str | Path) -> dict[str, Floats]:
+def shown(names: Sequence[str]) -> tuple[str, ...]:
+    """Channels of a file that are its picture: colors alone, unless there are bands beside them."""
+    has_bands = any(name.startswith("channel") for name in names)  # to which TIFF gives no name
+    if "R" not in names or has_bands:
+        return tuple(names)
+    return tuple(name for name in CHANNELS[:4] if name in names)
+
+
+def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:
     """All channels of a file by name, (H, W) each, as they are stored."""
-    stored = _read(path)
+    stored = _read(path, page)
     return {name: stored.data[..., n] for n, name in enumerate(stored.names)}
 
 
@@ -246,7 +268,7 @@ class _ImageHeader(NamedTuple):
     levels: int  # largest value of 8 and 16 bits, which data is a fraction of; 0: other types
 
 
-def _open(path: str | Path) -> tuple[Any, _ImageHeader]:
+def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
     """File, open, and what its header says; without data."""
     import OpenImageIO
 
@@ -260,6 +282,8 @@ def _open(path: str | Path) -> tuple[Any, _ImageHeader]:
         raise OSError(
             f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"
         )
+    if not source.seek_subimage(page, 0):
+        raise OSError(f"{path} has no page {page + 1}: {_first_line(source.geterror())}")
     spec = source.spec()
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_integer = str(spec.format) not in ("half", "float", "double")
@@ -273,11 +297,13 @@ def _open(path: str | Path) -> tuple[Any, _ImageHeader]:
     return source, header
 
 
-def _read(path: str | Path) -> _ImageHeader:
-    import OpenImageIO
+def _read(path: str | Path, page: int = 0) -> _ImageHeader:
+    return _pixels(path, *_open(path, page), "float")
 
-    source, header = _open(path)
-    data = source.read_image(OpenImageIO.FLOAT)
+
+def _pixels(path: str | Path, source: Any, header: _ImageHeader, form: str) -> _ImageHeader:
+    """Header with its pixels, read as values of OpenImageIO's type `form`."""
+    data = source.read_image(form)
     complaint, spec = source.geterror(), source.spec()
     source.close()
     if data is None or complaint:

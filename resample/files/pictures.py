@@ -4,22 +4,41 @@ A file appears whole or not at all.
 """
 
 import errno
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import to_srgb
+from resample.colors import from_srgb
+from resample.command.console import say
 from resample.command.settings import Written, linear_color
-from resample.files.images import read_channels, read_image
+from resample.files.geotiff import moved
+from resample.files.images import read_channels, read_image, read_numbers, shown
+from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
+from resample.files.metadata import (
+    AS_FLOATS,
+    JPEG,
+    TIFF,
+    About,
+    Stored,
+    about_file,
+    complete,
+    describe,
+    page_tags,
+    turn,
+    upright,
+)
 from resample.files.writing import replacing
 from resample.memory import require_memory
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
-JPEG, TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
 BYTES_PER_VALUE = 20  # of a source and the copies that are made while it is read and worked on
+FORMS = {  # of OpenImageIO, that are no floats
+    "uint8": "u1", "uint16": "u2", "uint": "u4", "int8": "i1", "int16": "i2", "int": "i4",
+}  # fmt: skip
 UNCALIBRATED = 0xFFFF  # Exif's word for neither sRGB nor Adobe RGB
 Color = tuple[float, float, float]
 
@@ -37,19 +56,25 @@ class Kind(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A picture in linear light, premultiplied."""
+    """A picture in linear light, premultiplied; or numbers, if `about` says so."""
 
-    data: Floats  # (H, W, C)
+    data: Floats  # (H, W, C); what is missing is not a number
     kind: Kind
+    about: About = About()
 
 
-def read_picture(path: str | Path) -> Picture:
-    """Read a picture in linear light, premultiplied, and what its file says.
+def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> Picture:
+    """Read a picture in linear light, premultiplied, upright, and what its file says.
 
     Parameters
     ----------
     path
         Any format that OpenImageIO reads.
+    page
+        Which picture of a file that holds several, as they are stored.
+    as_data
+        Integers that are neither shades nor colors (signed or of 32 bits, or of a place on Earth
+        and not colors of 8 bits) are numbers, as stored; what a GeoTIFF calls missing is no number.
 
     Raises
     ------
@@ -58,19 +83,36 @@ def read_picture(path: str | Path) -> Picture:
     ValueError
         It does not fit into this machine's memory.
     """
-    height, width, stored, kind = _header(Path(path))
+    path = Path(path)
+    (height, width, stored), kind, about, orientation = _header(path, page, as_data)
     require_memory(
         BYTES_PER_VALUE * height * width * stored,
         f"{path} of {width} x {height} pixels",
         "take a smaller picture",
     )
-    data = read_image(path)
+    data = read_numbers(path, page) if about.number else read_image(path, page)
     if kind.has_alpha:
         n = kind.channels.index("A")
         order = [c for c in range(len(kind.channels)) if c != n] + [n]
         data = data[..., order]
         kind = kind._replace(channels=tuple(kind.channels[c] for c in order))
-    return Picture(np.ascontiguousarray(data), kind)
+    if about.geo is not None:
+        about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
+        data = _with_gaps(data, kind, about) if as_data else data
+    return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
+
+
+def _with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
+    """Values that are not numbers where they are missing; transparent, if there is alpha."""
+    missing = None if about.geo is None else about.geo.missing
+    if missing is None or np.isnan(missing):
+        return data
+    if kind.bits < 32:
+        missing /= 255.0 if kind.bits == 8 else 65535.0
+        missing = float(from_srgb(np.array(missing))) if kind.is_encoded else missing
+    color = data[..., :-1] if kind.has_alpha else data
+    gaps = gaps_of(color, missing, as_whole=kind.bits < 32 or kind.has_alpha)
+    return np.where(gaps, np.float32(0.0 if kind.has_alpha else np.nan), data)
 
 
 class Look(NamedTuple):
@@ -119,7 +161,7 @@ def flattened(picture: Picture, background: Color) -> Picture:
     ValueError
         A color is behind a picture that is neither gray nor RGB.
     """
-    data, kind = picture
+    data, kind, about = picture
     if not kind.has_alpha:
         return picture
     color, alpha = data[..., :-1], data[..., -1:]
@@ -133,7 +175,7 @@ def flattened(picture: Picture, background: Color) -> Picture:
         color, names = np.repeat(color, 3, axis=2), ("R", "G", "B")
     behind = np.asarray(background[:1] if is_gray else background, np.float32)
     flat = color + (1.0 - np.clip(alpha, 0.0, 1.0)) * behind
-    return Picture(np.asarray(flat, np.float32), kind._replace(channels=names))
+    return Picture(np.asarray(flat, np.float32), kind._replace(channels=names), about)
 
 
 def write_picture(path: Path, picture: Picture, look: Look) -> None:
@@ -155,20 +197,129 @@ def write_picture(path: Path, picture: Picture, look: Look) -> None:
     OSError
         The file cannot be written.
     """
+    write_pages(path, [picture], look)
+
+
+def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
+    """Write pictures, one after the other, to one file; of several, to a TIFF.
+
+    Parameters
+    ----------
+    path, look
+        As of `write_picture`.
+    pictures
+        Taken one by one.
+
+    Raises
+    ------
+    ValueError
+        The format cannot hold one of them, or there is none.
+    OSError
+        The file cannot be written.
+    """
+    with replacing(path) as temporary:
+        written: list[Stored] = []
+        for picture in pictures:
+            page = _page(path, picture, look)
+            complaint = _put(temporary, page, bool(written))
+            if complaint:
+                raise OSError(f"{path} cannot be written: {complaint}")
+            written.append(Stored(page.about, page.data.shape, page.data.dtype.name))
+        if not written:
+            raise ValueError(f"{path}: there is no picture to write")
+        complete(temporary, written)
+        try:
+            for n in range(len(written)):
+                read_channels(temporary, n)
+        except OSError:
+            raise OSError(
+                f"{path} cannot be written: the file came out incomplete; is the disk full?"
+            ) from None
+
+
+class _Page(NamedTuple):
+    """A picture as a file holds it."""
+
+    data: NDArray[Any]  # of the type that is stored
+    kind: Kind
+    about: About
+    is_light: bool
+
+
+def _page(path: Path, picture: Picture, look: Look) -> _Page:
+    """Picture as a file holds it.
+
+    Raises
+    ------
+    ValueError
+        The format cannot hold it.
+    """
     check_output(path, look, transparent=picture.kind.has_alpha)
+    check_source(path, picture, look)
     if look.background is not None:
         picture = flattened(picture, look.background)
-    suffix = path.suffix.lower()
-    bits = look.bits or _bits(suffix, picture.kind.bits)
-    most = {".png": 4, ".jpg": 3, ".jpeg": 3}.get(suffix)
-    count = len(picture.kind.channels)
-    if most is not None and count - picture.kind.has_alpha not in (1, 3):
+    suffix, (data, kind, about) = path.suffix.lower(), picture
+    count = len(kind.channels)
+    if suffix in (".png", *JPEG) and count - kind.has_alpha not in (1, 3):
         raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
-    data = picture.data if bits == 32 else _levels(picture, bits, look.is_light)
-    with replacing(path) as temporary:
-        complaint = _put(temporary, data, picture.kind, look.is_light)
-        if complaint:
-            raise OSError(f"{path} cannot be written: {complaint}")
+    form = _form(suffix, picture, look)
+    if about.geo is not None:
+        if about.geo.has_place and suffix not in TIFF:
+            say(f"{path.name} has no room for the picture's place on Earth; .tif has")
+        if not fits(about.geo.missing, form):
+            about = about._replace(geo=about.geo._replace(nodata=""))
+    is_light = look.is_light and not about.number
+    if form != "float32":
+        data = _integers(picture, form, is_light)
+    if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
+        data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
+    return _Page(data, kind, about, is_light)
+
+
+def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
+    """Numbers, or levels of light or of shares, as integers of a type."""
+    if picture.about.number:
+        return whole_numbers(picture.data, form)
+    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
+
+
+def check_source(path: Path, picture: Picture, look: Look) -> None:
+    """Refuse a target that has no room for a picture's numbers, which are no light.
+
+    Raises
+    ------
+    ValueError
+        The format has other types, or other bits were asked for.
+    """
+    number, suffix = picture.about.number, path.suffix.lower()
+    if not number or suffix == ".exr":
+        return
+    bits = np.dtype(number).itemsize * 8
+    if suffix not in TIFF and (np.dtype(number).kind != "u" or bits not in _depths(suffix)):
+        raise ValueError(f"{path}: numbers of {number} do not fit into {suffix}; take .tif or .exr")
+    if look.bits not in (None, 32, bits):
+        raise ValueError(f"{path}: numbers of {number} are not written in {look.bits} bits")
+
+
+def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
+    """Whether a file has a word for missing values, and the picture uses it."""
+    if look.background is not None or picture.kind.has_alpha:
+        return False
+    form = _form(path.suffix.lower(), picture, look)
+    geo = picture.about.geo
+    if path.suffix.lower() in TIFF and geo is not None and fits(geo.missing, form):
+        return True
+    is_float = form == "float32" and path.suffix.lower() in (".exr", *TIFF)
+    return is_float and bool(np.isnan(picture.data).any())
+
+
+def _form(suffix: str, picture: Picture, look: Look) -> str:
+    """Type of the values of a file."""
+    number = picture.about.number
+    if number and suffix != ".exr" and look.bits != 32:
+        return number
+    bits = look.bits or _bits(suffix, picture.kind.bits)
+    return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
 
 
 def _depths(suffix: str) -> tuple[int, ...]:
@@ -183,56 +334,51 @@ def _bits(suffix: str, source: int) -> int:
     return min(depths) if suffix == ".png" else max(depths)
 
 
-def _levels(picture: Picture, bits: int, is_light: bool) -> NDArray[Any]:
-    """Integers, straight alpha; light by the sRGB curve."""
-    data = picture.data
-    if not is_light:
-        planes = np.clip(data, 0.0, 1.0)
-    elif picture.kind.has_alpha:
-        alpha = data[..., -1:]
-        color = np.divide(
-            data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0
-        )
-        planes = np.concatenate([_curve(color), np.clip(alpha, 0.0, 1.0)], axis=2)
-    else:
-        planes = _curve(data)
-    kind = np.uint8 if bits == 8 else np.uint16
-    levels: NDArray[Any] = np.floor(planes * np.iinfo(kind).max + 0.5).astype(kind)
-    return levels
-
-
-def _curve(color: Floats) -> Floats:
-    return np.asarray(to_srgb(np.clip(color, 0.0, 1.0)), np.float32)
-
-
-def _put(path: Path, data: NDArray[Any], kind: Kind, is_light: bool) -> str:
-    """Write a file and read it back; returns why it is not whole, nothing if it is."""
+def _put(path: Path, page: _Page, is_next: bool) -> str:
+    """Write a file, or its next page; returns why it is not whole, nothing if it is."""
     import OpenImageIO
 
-    height, width, count = data.shape
-    numbers = {1: OpenImageIO.UINT8, 2: OpenImageIO.UINT16, 4: OpenImageIO.FLOAT}
-    spec = OpenImageIO.ImageSpec(width, height, count, numbers[data.dtype.itemsize])
-    spec.channelnames = kind.channels
-    spec.alpha_channel = count - 1 if kind.has_alpha else -1
-    if data.dtype != np.float32:
-        spec.attribute("oiio:UnassociatedAlpha", 1)
-        spec.attribute("oiio:ColorSpace", "sRGB" if is_light else "lin_rec709_scene")
-    elif path.suffix.lower() in TIFF:  # OpenImageIO 3.1 fails to write an Exif folder that is empty
-        spec.attribute("Exif:ColorSpace", UNCALIBRATED)
-    spec.attribute("compression", "jpeg:95" if path.suffix.lower() in JPEG else "zip")
-    spec.attribute("jpeg:subsampling", "4:4:4")
+    spec = _spec(path.suffix.lower(), page)
     target = OpenImageIO.ImageOutput.create(str(path))
     if target is None:
         return str(OpenImageIO.geterror()).strip().partition("\n")[0]
-    pixels = np.ascontiguousarray(data)
-    went_well = [target.open(str(path), spec), target.write_image(pixels), target.close()]
+    pixels = np.ascontiguousarray(page.data)
+    if page.data.dtype.name in AS_FLOATS:
+        pixels = pixels.view(np.float32)
+    how = "AppendSubimage" if is_next else "Create"
+    went_well = [target.open(str(path), spec, how), target.write_image(pixels), target.close()]
     if not all(went_well) or target.has_error:
         return str(target.geterror()).strip().partition("\n")[0] or "no reason is given"
-    try:
-        read_channels(path)
-    except OSError:
-        return "the file came out incomplete; is the disk full?"
     return ""
+
+
+def _spec(suffix: str, page: _Page) -> Any:
+    """What OpenImageIO is told about a page."""
+    import OpenImageIO
+
+    (height, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
+    is_bare = page.data.dtype.itemsize == 4
+    form = "float" if is_bare else page.data.dtype.name
+    spec = OpenImageIO.ImageSpec(width, height, count, form)
+    spec.channelnames = kind.channels
+    spec.alpha_channel = count - 1 if kind.has_alpha else -1
+    is_same = kind.is_encoded == (is_whole and page.is_light)
+    has_profile = describe(
+        spec, page.about, suffix, is_encoded=is_same, colors=count - kind.has_alpha
+    )
+    if is_whole:
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+        if not has_profile:
+            space = "sRGB" if page.is_light else "lin_rec709_scene"
+            spec.attribute("oiio:ColorSpace", space)
+    if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
+        # OpenImageIO 3.1 fails to write an Exif folder that is empty.
+        spec.attribute("Exif:ColorSpace", UNCALIBRATED)
+    if is_bare and is_whole:
+        spec.attribute("tiff:predictor", 1)
+    spec.attribute("compression", "jpeg:95" if suffix in JPEG else "zip")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    return spec
 
 
 def coverage_picture(coverage: Floats) -> Picture:
@@ -241,21 +387,40 @@ def coverage_picture(coverage: Floats) -> Picture:
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
 
 
-def _header(path: Path) -> tuple[int, int, int, Kind]:
-    """Height, width, number of stored channels, and what is said about the values."""
+def _header(path: Path, page: int, as_data: bool) -> tuple[tuple[int, int, int], Kind, About, int]:
+    """Height, width and number of stored channels, and what is said about them."""
     import OpenImageIO
 
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     source = OpenImageIO.ImageInput.open(str(path))
-    if source is None:
+    if source is None or not source.seek_subimage(page, 0):
         reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
         raise OSError(f"{path} is not a picture that can be read: {reason}")
     spec = source.spec()
     source.close()
-    names = list(spec.channelnames)
-    bits = {"uint8": 8, "uint16": 16}.get(str(spec.format), 32)
+    names, form = tuple(spec.channelnames), np.dtype(FORMS.get(str(spec.format), "f4")).name
+    pages = page_tags(path)
+    about = about_file(path, spec, pages[page] if page < len(pages) else {})
+    shape, orientation = (spec.height, spec.width, spec.nchannels), _orientation(spec)
+    if as_data and _is_number(form, names, about):
+        return shape, Kind(names, 32, is_encoded=False), about._replace(number=form), orientation
+    bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
-    shown = tuple(name for name in "RGBA" if name in names) if "R" in names else tuple(names)
-    return spec.height, spec.width, spec.nchannels, Kind(shown, bits, is_encoded)
+    return shape, Kind(shown(names), bits, is_encoded), about, orientation
+
+
+def _orientation(spec: Any) -> int:
+    return int(spec.get_int_attribute("Orientation", 1))
+
+
+def _is_number(form: str, names: tuple[str, ...], about: About) -> bool:
+    """Whether integers are neither shades nor colors."""
+    if "A" in names:
+        return False
+    if about.geo is not None and form in ("uint8", "uint16"):
+        return form == "uint16" or names != ("R", "G", "B")
+    if len(names) > 3 and form in ("uint8", "uint16"):
+        return shown(names) == names
+    return form in ("int8", "int16", "int32", "uint32")

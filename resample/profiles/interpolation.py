@@ -3,25 +3,37 @@
 An interpolation is a symmetric profile of one distance, applied along each axis in turn. One that
 is not 1 at distance 0 and 0 at the other whole distances does not pass through the samples by
 itself; `prefilter` turns the samples into coefficients for which it does.
+
+A sample of a picture is no value at a point but a mean over a pixel's area. An interpolation whose
+`is_mean` is true takes it for that: not its values at the samples, but its means around them, are
+the samples. To average it over pixels of another picture then blurs once instead of twice.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from functools import lru_cache, wraps
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from resample.types import Doubles, Floats
 
+R = TypeVar("R")
+
 LARGEST_RADIUS = 8
 NEGLIGIBLE = 1e-7  # taps of a prefilter below this share of the middle one are left out
 LONGEST = 512  # samples over which a prefilter is worked out
+FINE = 4096  # steps per sample in which a kernel is integrated
+RAYS = 8  # places in half a part of a sample, for the mean over it
 
 
 class Interpolation(Protocol):
     """What an interpolation has; a plugin is a class with these two.
 
-    `resample.testing.check_interpolation` checks the rest.
+    It may have two more, which are false where they are left out: `is_mean` (samples are means over
+    their extents, see above) and `is_smooth` (it has two derivatives, so that few places tell its
+    mean over a pixel). `resample.testing.check_interpolation` checks the rest.
     """
 
     @property
@@ -71,18 +83,71 @@ class CatmullRom:
 
 @dataclass(frozen=True)
 class Spline:
-    """Cubic spline: twice continuously differentiable, closest to the ideal of those here.
+    """Spline through the samples: of degree 3 twice continuously differentiable, of 5 four times.
 
     Unser, Splines: A Perfect Fit for Signal and Image Processing, 1999.
     """
 
-    radius: ClassVar[float] = 2.0
+    degree: int = 3
+    is_smooth: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        _check_degree(self.degree, (2, 3, 4, 5))
+
+    @property
+    def radius(self) -> float:
+        return 0.5 * (self.degree + 1)
 
     def __call__(self, distance: Doubles) -> Doubles:
-        t = distance
-        near = 2.0 / 3.0 + t * t * (0.5 * t - 1.0)
-        far = np.maximum(2.0 - t, 0.0) ** 3 / 6.0
-        return np.where(t < 1.0, near, far)
+        return b_spline(self.degree, distance)
+
+
+@dataclass(frozen=True)
+class AreaSpline:
+    """Spline whose mean over the extent of every sample is that sample.
+
+    A shift then acts like a spline one degree higher through the samples, means over whole samples
+    are exact, and sums are kept.
+
+    Parameters
+    ----------
+    degree
+        2 to 5. A higher one keeps more of the finest detail when a picture is resampled again and
+        again, and rings farther around hard edges.
+    """
+
+    degree: int = 4
+    is_mean: ClassVar[bool] = True
+    is_smooth: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        _check_degree(self.degree, (2, 3, 4, 5))
+
+    @property
+    def radius(self) -> float:
+        return 0.5 * (self.degree + 1)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return b_spline(self.degree, distance)
+
+
+@dataclass(frozen=True)
+class Lanczos:
+    """Sinc under the middle lobe of one that is `a` times as wide; passes through the samples."""
+
+    a: int = 3
+    is_smooth: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if self.a not in (2, 3, 4, 5):
+            raise ValueError(f"a is 2, 3, 4 or 5 samples, not {self.a}")
+
+    @property
+    def radius(self) -> float:
+        return float(self.a)
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        return np.where(distance < self.a, np.sinc(distance) * np.sinc(distance / self.a), 0.0)
 
 
 @dataclass(frozen=True)
@@ -96,6 +161,7 @@ class InterpolatingGaussian:
     """
 
     sigma: float = 0.577
+    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 0.3 <= self.sigma <= 1.0:
@@ -109,7 +175,42 @@ class InterpolatingGaussian:
         return np.exp(-0.5 * (distance / self.sigma) ** 2)
 
 
-def taps(interpolation: Interpolation, offset: Doubles) -> Floats:
+def b_spline(degree: int, distance: Doubles) -> Doubles:
+    """B-spline of a degree at distances of its middle, in the distances between its knots."""
+    from_start = 0.5 * (degree + 1) - np.abs(distance)  # the half on which few terms do not vanish
+    total = np.zeros_like(from_start)
+    for knot in range(degree // 2 + 1):
+        sign = (-1) ** knot * math.comb(degree + 1, knot)
+        total += sign * np.maximum(from_start - knot, 0.0) ** degree
+    return np.asarray(total / math.factorial(degree))
+
+
+def _check_degree(degree: int, allowed: tuple[int, ...]) -> None:
+    if degree not in allowed:
+        raise ValueError(
+            f"a spline's degree is one of {', '.join(map(str, allowed))}, not {degree}"
+        )
+
+
+def remembered(function: Callable[..., R]) -> Callable[..., R]:
+    """A function of an interpolation (or filter) and other keys, worked out once for each.
+
+    A plugin's object that cannot be a key is asked anew.
+    """
+    known = lru_cache(maxsize=64)(function)
+
+    @wraps(function)
+    def call(first: Any, *others: Any) -> R:
+        try:
+            hash(first)
+        except TypeError:
+            return function(first, *others)
+        return known(first, *others)
+
+    return call
+
+
+def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float = 0.0) -> Floats:
     """Weights of the samples around places.
 
     Parameters
@@ -118,19 +219,78 @@ def taps(interpolation: Interpolation, offset: Doubles) -> Floats:
         Any `Interpolation`.
     offset
         (N,) how far each place is from its nearest sample, −0.5..0.5 samples.
+    extent
+        Samples, (N,) or one for all, around each place over which the mean is wanted of an
+        interpolation that is one of means; others give the value at the place.
 
     Returns
     -------
     (K, N) weights that sum to 1, K odd; the middle one belongs to the nearest sample, the one
     before it to the sample at −1.
     """
-    reach = math.ceil(interpolation.radius)
+    reach = max(1, math.ceil(interpolation.radius - 0.5))
     step = np.arange(-reach, reach + 1)[:, None]
-    distance = np.abs(offset - step)
-    weight = np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
+    weight = _means(interpolation, offset - step, extent)
     return np.asarray(weight / weight.sum(axis=0), np.float32)
 
 
+def _means(interpolation: Interpolation, place: Doubles, extent: Doubles | float) -> Doubles:
+    """Weights at places, or their means over extents around them."""
+    if not getattr(interpolation, "is_mean", False):
+        distance = np.abs(place)
+        return np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
+    at, share = np.polynomial.legendre.leggauss(RAYS)
+    total = np.zeros_like(place)
+    for half in (-0.25, 0.25):  # a kernel's knots lie at the middle of a sample, or at its ends
+        for n in range(RAYS):
+            distance = np.abs(place + extent * (half + 0.25 * at[n]))
+            inside = np.minimum(distance, interpolation.radius)
+            value = np.where(distance <= interpolation.radius, interpolation(inside), 0.0)
+            total += 0.25 * share[n] * value
+    return total
+
+
+class Integrals(NamedTuple):
+    """The integral of an interpolation's kernel, in the order in which means over boxes need it.
+
+    Row p of the table is for places whose distance from a sample's middle, less `shift`, has the
+    fraction p / phases. It holds `ones` ones, then the integrals from the kernel's start to
+    `before` + p / phases and to one sample less each, `taps` in all, then `ones` zeros.
+    """
+
+    table: Floats  # ((phases + 1) × stride,)
+    stride: int
+    taps: int
+    before: int
+    shift: float
+
+
+@remembered
+def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
+    """Integral of an interpolation's kernel, whose weights are made to sum to 1 at every place."""
+    radius = math.ceil(2.0 * interpolation.radius) / 2.0
+    is_whole = radius == int(radius)
+    taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
+    fine = np.linspace(-radius, radius, taps * FINE + 1)
+    inside = np.minimum(np.abs(fine), interpolation.radius)
+    kernel = np.where(np.abs(fine) <= interpolation.radius, interpolation(inside), 0.0)
+    sums = np.zeros(FINE + 1)
+    for n in range(taps):
+        sums += kernel[n * FINE : (n + 1) * FINE + 1]
+    sums[[0, -1]] = sums[[0, -1]].max()
+    kernel = kernel / np.append(np.tile(sums[:-1], taps), sums[0])
+    integral = np.append(0.0, np.cumsum(0.5 * (kernel[1:] + kernel[:-1])))
+    integral /= integral[-1]
+    phase = np.arange(phases + 1) / phases - (0.0 if is_whole else 0.5)
+    table = np.zeros((phases + 1, taps + 2 * ones), np.float32)
+    table[:, :ones] = 1.0
+    for n in range(taps):
+        table[:, ones + n] = np.interp(before - n + phase, fine, integral, 0.0, 1.0)
+    stride = table.shape[1]
+    return Integrals(table.ravel(), stride, taps, before, 0.5 if is_whole else 0.0)
+
+
+@remembered
 def prefilter(interpolation: Interpolation) -> Floats:
     """Symmetric filter that turns samples into an interpolation's coefficients.
 
@@ -143,8 +303,9 @@ def prefilter(interpolation: Interpolation) -> Floats:
     ValueError
         No coefficients make this kernel pass through the samples.
     """
-    at_samples = taps(interpolation, np.zeros(1))[:, 0].astype(np.float64)
-    reach = at_samples.size // 2
+    reach = math.ceil(interpolation.radius)
+    at_samples = _means(interpolation, np.arange(-reach, reach + 1.0), 1.0)
+    at_samples = at_samples / at_samples.sum()
     if not np.abs(np.delete(at_samples, reach)).max(initial=0.0) > 1e-6:
         return np.ones(1, np.float32)
     ring = np.zeros(LONGEST)

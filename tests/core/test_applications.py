@@ -74,7 +74,7 @@ def test_help_imports_nothing_heavy(application, words):
 @pytest.mark.parametrize(
     ("application", "mistyped", "command", "first"),
     [
-        ("texture", "wrap", "warp", "IMAGE"),
+        ("texture", "wrap", "warp", "IMAGES"),
         ("volume", "rendr", "render", "VOLUME"),
         ("warp3d", "rendr", "render", "COLOR"),
     ],

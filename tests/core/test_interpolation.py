@@ -19,15 +19,15 @@ def installed(request):
     return registry.build("interpolations", request.param)
 
 
-def interpolated(interpolation, samples, place):
-    """Values of a ring of samples at places, by the definition."""
+def interpolated(interpolation, samples, place, extent=0.0):
+    """Values of a ring of samples at places, or means around them, by the definition."""
     weights = prefilter(interpolation)
     half = weights.size // 2
     index = np.arange(samples.size)
     shifted = [samples[(index + k) % samples.size] for k in range(-half, half + 1)]
     coefficients = weights.astype(float) @ shifted
     nearest = np.floor(place + 0.5).astype(int)
-    weight = taps(interpolation, place - nearest)
+    weight = taps(interpolation, place - nearest, extent)
     reach = weight.shape[0] // 2
     around = [coefficients[(nearest + k) % samples.size] for k in range(-reach, reach + 1)]
     return (weight * around).sum(axis=0)
@@ -39,7 +39,7 @@ def test_every_installed_interpolation_keeps_the_rules(installed):
 
 def test_an_interpolation_passes_through_the_samples(installed, rng):
     samples = rng.random(64)
-    found = interpolated(installed, samples, np.arange(64.0))
+    found = interpolated(installed, samples, np.arange(64.0), 1.0)  # if it is one of means
     np.testing.assert_allclose(found, samples, atol=2e-6)  # float32 taps, cut at 1e-7
 
 

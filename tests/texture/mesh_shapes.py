@@ -91,6 +91,13 @@ def naive_rays(texture, camera, size, rays, interpolation):
     return image.reshape(size * rays, size * rays, 4)
 
 
+def at_texel(interpolation, step):
+    """What a texel gets of the coefficient so many steps away: the value, or the mean over it."""
+    if not getattr(interpolation, "is_mean", False):
+        return weight(interpolation, np.array(step))
+    return weight(interpolation, step + (np.arange(1000) + 0.5) / 1000 - 0.5).mean()
+
+
 def interpolated(texture, u, t, interpolation):
     """Colors at places of a texture that repeats."""
     height, width, _ = texture.shape
@@ -99,7 +106,7 @@ def interpolated(texture, u, t, interpolation):
         at_texels = np.zeros(size)
         reach = range(-math.ceil(interpolation.radius), math.ceil(interpolation.radius) + 1)
         for step in reach:
-            at_texels[step % size] += weight(interpolation, np.array(float(step)))
+            at_texels[step % size] += at_texel(interpolation, float(step))
         response = np.fft.fft(at_texels / at_texels.sum())
         shape = [1, 1, 1]
         shape[axis] = size
@@ -119,3 +126,63 @@ def interpolated(texture, u, t, interpolation):
 def weight(interpolation, distance):
     distance = np.abs(distance)
     return np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
+
+
+def naive_mesh(mesh, camera, size, rays=8):
+    """Any mesh with textures, by rays through a grid in every pixel that ask every triangle."""
+    shown, uv = seen_by_rays(mesh, camera, size, rays)
+    image = np.zeros((shown.size, 4))
+    for n in np.unique(mesh.texture):
+        hit = np.flatnonzero((shown.ravel() >= 0) & (mesh.texture[shown.ravel()] == n))
+        u, v = uv.reshape(-1, 2)[hit].T
+        image[hit, :3] = interpolated(mesh.textures[n], u, 1 - v, CatmullRom())
+        image[hit, 3] = 1
+    return image.reshape(size, rays, size, rays, 4).mean(axis=(1, 3))
+
+
+def seen_by_rays(mesh, camera, size, rays):
+    """Which triangle each ray meets first, and its texture coordinates there."""
+    view, n = camera.view(), size * rays
+    place = mesh.position @ view.rotation.T + view.translation
+    w = place[:, 2] if view.perspective else np.ones(len(place))
+    corner = np.stack(
+        [place[:, k] * view.focal[k] + w * view.principal[k] for k in range(2)] + [w], axis=1
+    )
+    row, column = (np.mgrid[0:n, 0:n] + 0.5) / rays
+    ray = np.stack([column.ravel(), row.ravel(), np.ones(n * n)])
+    nearest, shown, uv = np.full(n * n, np.inf), np.full(n * n, -1), np.zeros((n * n, 2))
+    for k, triangle in enumerate(mesh.triangle):
+        share = np.linalg.solve(corner[triangle].T, ray)
+        depth = place[triangle, 2] @ share / share.sum(axis=0)
+        hit = (share >= 0).all(axis=0) & (depth < nearest)
+        nearest[hit], shown[hit] = depth[hit], k
+        uv[hit] = (share[:, hit] / share[:, hit].sum(axis=0)).T @ mesh.uv[triangle]
+    return shown.reshape(n, n), uv.reshape(n, n, 2)
+
+
+def areas(polygon, size):
+    """Share of every pixel that a convex polygon (N, 2), px, covers; exact."""
+    area = np.zeros((size, size))
+    for row in range(size):
+        for column in range(size):
+            part = [tuple(corner) for corner in polygon]
+            for axis, bound, sign in (
+                (0, column, 1),
+                (0, column + 1, -1),
+                (1, row, 1),
+                (1, row + 1, -1),
+            ):
+                part = list(halved(part, axis, bound, sign))
+            x, y = np.array(part).T if part else np.zeros((2, 1))
+            area[row, column] = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    return area
+
+
+def halved(polygon, axis, bound, sign):
+    """Corners of what of a convex polygon is beyond a bound, times the sign."""
+    for here, there in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+        at, to = sign * (here[axis] - bound), sign * (there[axis] - bound)
+        if at >= 0:
+            yield here
+        if (at >= 0) != (to >= 0):
+            yield tuple(np.add(here, at / (at - to) * np.subtract(there, here)))

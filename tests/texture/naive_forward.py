@@ -97,17 +97,24 @@ def cells_along(axis, size, edge, interpolation):
         return
     for part in range(first, last):
         at = start + (part + 0.5) / cut
-        yield at, 1.0 / cut, interpolated(at, size, edge, interpolation)
+        yield at, 1.0 / cut, interpolated(at, size, edge, interpolation, 1.0 / cut)
 
 
-def interpolated(at, size, edge, interpolation):
-    """Weights (size,) of texels whose sum is the value at a place."""
+def interpolated(at, size, edge, interpolation, extent=0.0):
+    """Weights (size,) of texels whose sum is the value at a place, or its mean around it.
+
+    The mean over an extent is what interpolations of means are asked for.
+    """
     reach = math.ceil(interpolation.radius)
     kernel = {}
+    if not getattr(interpolation, "is_mean", False):
+        extent = 0.0
+    around = at + extent * ((np.arange(500) + 0.5) / 500 - 0.5)
     for texel in range(math.floor(at) - reach, math.floor(at) + reach + 1):
-        distance = abs(at - texel - 0.5)
-        if distance <= interpolation.radius:
-            kernel[texel] = interpolation(np.array([distance]))[0]
+        distance = np.abs(around - texel - 0.5)
+        value = np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
+        if (distance <= interpolation.radius).any():
+            kernel[texel] = value.mean()
     filters = prefilter(interpolation).astype(float)
     weight = np.zeros(size)
     for texel, (k, share) in product(kernel, enumerate(filters)):

@@ -40,7 +40,8 @@ def photo() -> np.ndarray:
 def warped(*words: object, image: str = "photo.png") -> np.ndarray:
     """What `warp` makes of a picture, in linear light, premultiplied."""
     assert ended("warp", image, "-o", "out.exr", *words) == 0
-    return read_image("out.exr")
+    picture = read_image("out.exr")
+    return picture if picture.shape[2] == 4 else np.dstack([picture, np.ones_like(picture[..., 0])])
 
 
 # Pictures in and out
@@ -49,8 +50,7 @@ def warped(*words: object, image: str = "photo.png") -> np.ndarray:
 def test_the_identity_keeps_every_level_of_8_bits(photo):
     assert ended("warp", "photo.png", "-o", "out.png", *SAME) == 0
     kept = cv2.imread("out.png", cv2.IMREAD_UNCHANGED)
-    assert np.array_equal(kept[..., 2::-1], photo)
-    assert (kept[..., 3] == 255).all()
+    assert np.array_equal(kept[..., ::-1], photo)
 
 
 @pytest.mark.parametrize("words", [[], ["--no-linear"]])
@@ -184,17 +184,44 @@ def test_cmyk_becomes_rgb(suffix, rng):
     levels = rng.integers(0, 256, (8, 10, 4), np.uint8)
     Image.frombytes("CMYK", (10, 8), levels.tobytes()).save(f"in.{suffix}")
     assert ended("warp", f"in.{suffix}", "-o", "out.png", *SAME) == 0
-    assert read_image("out.png").shape == (8, 10, 4)
+    assert read_image("out.png").shape == (8, 10, 3)
 
 
-def test_missing_values_are_not_covered():
+@pytest.mark.parametrize("suffix", ["exr", "tif"])
+@pytest.mark.parametrize("edge", ["transparent", "clamp"])
+def test_missing_values_stay_missing(suffix, edge):
     values = np.ones((8, 10, 3), np.float32)
     values[2, 3] = np.nan
     store("gap.exr", values)
-    assert ended("warp", "gap.exr", "-o", "out.exr", *SAME) == 0
-    alpha = read_channels("out.exr")["A"]
-    assert alpha[2, 3] < 0.5  # its neighbours reach in, as between any two texels
+    assert ended("warp", "gap.exr", "-o", f"out.{suffix}", *SAME, "--edge", edge) == 0
+    kept = read_channels(f"out.{suffix}")
+    assert sorted(kept) == sorted("RGB")
+    for plane in kept.values():
+        assert np.isnan(plane[2, 3])
+        there = np.isfinite(plane)
+        assert there.sum() >= 75  # neighbours that the gap reaches into
+        assert np.allclose(plane[there], 1, atol=1e-5)
+
+
+def test_of_formats_without_gaps_alpha_tells_what_is_missing():
+    values = np.ones((8, 10, 3), np.float32)
+    values[2, 3] = np.nan
+    store("gap.exr", values)
+    assert ended("warp", "gap.exr", "-o", "out.png", *SAME) == 0
+    alpha = read_channels("out.png")["A"]
+    assert alpha[2, 3] < 0.5
     assert alpha[5, 5] == 1
+
+
+@pytest.mark.parametrize("shape", [(16, 24), (16, 24, 3)])
+@pytest.mark.parametrize("suffix", ["png", "tif", "jpg"])
+def test_where_coverage_is_whole_no_alpha_is_invented(shape, suffix, rng):
+    cv2.imwrite("in.png", rng.integers(0, 256, shape, np.uint8))
+    inside = ["--matrix", "2,0.1,-9,0,2.1,-8", "--size", "24x16"]
+    assert ended("warp", "in.png", "-o", f"out.{suffix}", *inside) == 0
+    kept = cv2.imread(f"out.{suffix}", cv2.IMREAD_UNCHANGED)
+    assert kept.shape == shape
+    assert kept.min() < kept.max()
 
 
 def test_names_may_hold_spaces_and_any_letter_and_capitals():
@@ -253,9 +280,9 @@ def test_a_map_says_where_pixels_come_from():
 
 
 def test_a_flow_moves_pixels():
-    np.save("flow.npy", np.full((16, 24, 2), (3.25, 2.25)))
+    np.save("flow.npy", np.full((16, 24, 2), (10 / 3, 7 / 3)))
     moved = warped("--flow", "flow.npy")
-    shifted = warped("--matrix", "1,0,3.25,0,1,2.25")
+    shifted = warped("--matrix", "1,0,3.33333333333,0,1,2.33333333333")
     assert np.allclose(moved[4:, 5:], shifted[4:, 5:], atol=1e-4)
 
 
@@ -379,7 +406,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         ([*HALF, "--method", "opencv-supersample:n=0"], "opencv-supersample:n=0: "),
         ([*HALF, "--method", "mipmap", "--filter", "area"], "mipmap takes no filter; hybrid does"),
         ([*HALF, "--filter", "sinc"], "known filters: area, box,"),
-        ([*HALF, "--interpolation", "sinc"], "known interpolations: bilinear,"),
+        ([*HALF, "--interpolation", "sinc"], "known interpolations: area-spline, bilinear,"),
         ([*HALF, "--quality", "0.1"], "quality lies between 1 and 16"),
         ([*HALF, "--edge", "fade"], "'transparent', 'clamp', 'wrap' or 'mirror'"),
         ([*HALF, "--roi", "1,2,3"], "give left,top,width,height"),
@@ -416,7 +443,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
     words, complaint, monkeypatch, capsys
 ):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample.files.pictures.read_picture", None)
+    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
     assert complaint in refused(capsys, "warp", "photo.png", *HALF, *words)
 
 
@@ -557,7 +584,7 @@ def test_compare_gives_json_and_a_page_or_a_sheet(output, capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample.files.pictures.read_picture", None)
+    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 

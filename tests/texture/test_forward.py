@@ -8,6 +8,7 @@ from resample import registry
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
+    AreaSpline,
     Bilinear,
     CatmullRom,
     InterpolatingGaussian,
@@ -196,7 +197,10 @@ def test_a_magnified_pixel_is_the_mean_of_interpolation_over_its_cells(quality):
 
     def weights(size):
         at = (np.arange(size * fine) + 0.5) / fine
-        rows = [naive_forward.interpolated(u, size, Edge.TRANSPARENT, CatmullRom()) for u in at]
+        rows = [
+            naive_forward.interpolated(u, size, Edge.TRANSPARENT, AreaSpline(), 1 / fine)
+            for u in at
+        ]
         return np.mean(np.reshape(rows, (size * factor, int(quality), size)), axis=1)
 
     expected = weights(8) @ source[..., 0] @ weights(9).T
@@ -371,7 +375,7 @@ def test_a_texel_magnified_ten_thousand_times_is_interpolated():
     image = project(source, geometry, (50, 60), Edge.TRANSPARENT, Cells()).image
     u, v = (np.arange(60) + 0.5) / 1e4 + 7.5, (np.arange(50) + 0.5) / 1e4 + 9.5
     along_u, along_v = (
-        np.array([naive_forward.interpolated(n, 20, Edge.TRANSPARENT, CatmullRom()) for n in at])
+        np.array([naive_forward.interpolated(n, 20, Edge.TRANSPARENT, AreaSpline()) for n in at])
         for at in (u, v)
     )
     # Taps are tabulated for 4096 places per texel: half a step, 1.2e-4 texels.

@@ -17,6 +17,7 @@ from tests.texture.mesh_shapes import (
     finely_cut,
     from_above,
     naive,
+    naive_mesh,
     noise,
     oblique,
     picture,
@@ -52,6 +53,19 @@ def test_white_stays_white(scale):
 def test_coverage_sums_to_the_area():
     frame = picture(square(even(1, 1, 1)), from_above(37.3, 64, 0.4), 64)
     assert frame.coverage.sum() == pytest.approx(37.3**2, rel=2e-3)  # samples on its outline
+
+
+@pytest.mark.parametrize("width", [0.002, 0.0001])
+@pytest.mark.parametrize("along", [0.6, 4.0])
+def test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see(along, width):
+    # u and v run along the same line but for a little: 0.8 and 5 texels per px
+    uv = 0.1 + SQUARE[:, :2] @ np.array([[along, along], [width, -width]])
+    mesh = Mesh(SQUARE, FALLING, uv, (noise(64),))
+    camera = from_above(48.0, 48, 0.3)
+    frame = picture(mesh, camera, 48)
+    truth = naive_mesh(mesh, camera, 48, rays=16)
+    inside = truth[..., 3] == 1
+    assert decibels(frame.rgba[inside], truth[inside]) > 57
 
 
 def test_a_square_s_halves_meet_without_a_seam():

@@ -61,7 +61,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`...
     interpolation
-        Interpolation between texels: `nearest`, `bilinear`, `catmull-rom`, `spline`, `gaussian`.
+        Interpolation between texels: `area-spline`, `lanczos`, `spline`, `catmull-rom`,
+        `bilinear`, `nearest`, `gaussian`.
     quality
         Parts that texels are cut into per px of the target; 1 is fastest.
     total

@@ -104,7 +104,10 @@ class Warping(Choices):
     filter: MethodsFilter = None
     interpolation: Annotated[
         str | None,
-        Field(description="Between texels: nearest, bilinear, catmull-rom, spline, gaussian."),
+        Field(
+            description="Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, "
+            "nearest, gaussian."
+        ),
     ] = None
     quality: Annotated[
         float | None,

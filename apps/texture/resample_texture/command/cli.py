@@ -29,7 +29,7 @@ FIGURES, DEMO = Path("figures"), Path("demo")
 
 @app.command
 def warp(
-    image: Path,
+    images: list[Path],
     /,
     *,
     output: flags.Output,
@@ -40,52 +40,44 @@ def warp(
     coverage: Path | None = None,
     stats: flags.Stats = None,
 ) -> None:
-    """Warp a picture by a matrix, by corners, by a map or by a lens.
+    """Warp pictures by a matrix, by corners, by a map or by a lens.
 
     Example: resample-texture warp photo.png --matrix 0.5,0,0,0,0.5,0 --size 640x480 -o out.png
 
     Parameters
     ----------
-    image
-        Any picture; float files are linear light, the others sRGB.
+    images
+        Any picture; float files are linear light, the others sRGB. All pages of a TIFF, all frames
+        of a .gif, .webp, .apng or film are warped alike; so are several files, a folder or a
+        pattern in quotes, such as "photos/*.jpg".
     output
-        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; .tif,
+        .gif, .webp, .apng or .mp4 of several pages or frames; a folder of several files.
     roi
         Write only this part of the target: left,top,width,height in px.
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample.command.session import Session
-    from resample.files.pictures import (
-        Look,
-        check_output,
-        coverage_picture,
-        look_of,
-        read_picture,
-        write_picture,
-    )
+    from resample.files.batches import is_batch
+    from resample.files.pictures import Look, check_output, look_of
     from resample.files.writing import check_targets, write_json
-    from resample_texture.command.inputs import target_of
-    from resample_texture.command.rendering import report, warped
+    from resample_texture.command.jobs import Job, warp_batch, warp_file
 
     place.check()
     warping.check()
-    part, look = region(roi), look_of(written)
-    check_output(output, look, transparent=warping.edge == "transparent" and not warping.total)
+    job = Job(place, warping, look_of(written), region(roi))
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)
-    check_targets(output, coverage, stats)
-    session = Session()
-    with session.stage("read"):
-        picture = read_picture(image)
-        target = target_of(place, (picture.data.shape[0], picture.data.shape[1]))
-    result, share = warped(session, picture, target, warping, part)
-    with session.stage("write"):
-        write_picture(output, result, look)
+    if is_batch(images, output):
         if coverage is not None:
-            write_picture(coverage, coverage_picture(share), Look(is_light=False))
+            raise ValueError("coverage is written of one picture; leave it out")
+        check_targets(stats)
+        told = warp_batch(images, output, job)
+    else:
+        check_targets(output, coverage, stats)
+        told = warp_file(images[0], output, job, coverage)
     if stats is not None:
-        write_json(stats, report(session, picture, result, warping))
+        write_json(stats, told)
 
 
 @app.command
@@ -119,7 +111,7 @@ def rectify(
     from resample.files.pictures import check_output, look_of, read_picture, write_picture
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import Target
-    from resample_texture.command.rendering import warped
+    from resample_texture.command.jobs import Job
     from resample_texture.geometry.corners import (
         from_corners,
         order_corners,
@@ -131,12 +123,14 @@ def rectify(
     warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    look = look_of(written)
-    check_output(output, look, transparent=warping.edge == "transparent")
+    job = Job(PLACE, warping, look_of(written))
+    check_output(output, job.look, transparent=False)
     check_targets(output)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    page, _ = warped(Session(), read_picture(photo), target, warping)
-    write_picture(output, page, look)
+    picture = read_picture(photo, as_data=True)
+    job.check(picture, target, output)
+    page, _ = job.warped(Session(), picture, target, output)
+    write_picture(output, page, job.look)
 
 
 @app.command
@@ -148,7 +142,7 @@ def mesh(
     view: Annotated[MeshView, flags.Flat] = VIEW,
     size: flags.Size = "512",
     texture: Path | None = None,
-    interpolation: str = "catmull-rom",
+    interpolation: str = "area-spline",
     filter: str = "box",  # noqa: A002
     background: str | None = None,
     bits: flags.Bits = 8,
@@ -164,7 +158,7 @@ def mesh(
     texture
         Picture to use in place of the textures that the file names.
     interpolation
-        Between texels: nearest, bilinear, catmull-rom, spline, gaussian.
+        Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, nearest, gaussian.
     filter
         Pixel filter, such as gaussian:sigma=0.6.
     background

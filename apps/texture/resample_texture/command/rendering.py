@@ -7,12 +7,15 @@ import numpy as np
 
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import Session, announce_compilation, require_picture
-from resample.files.pictures import Picture
+from resample.files.geotiff import Geo, moved, unplaced
+from resample.files.pictures import Kind, Picture
 from resample.types import Floats
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Target
+from resample_texture.geometry.mappings import ForwardMap, Homography
 from resample_texture.warping import warp
 
+WHOLE = 1.0 - 1e-3  # coverage of what is no seen less than all; float32 sums are 1e-4 off
 BYTES_PER_VALUE = 16  # of a target and the copies that are made when it is warped and written
 
 
@@ -22,10 +25,14 @@ def warped(
     target: Target,
     choice: Warping,
     roi: tuple[int, int, int, int] | None = None,
+    *,
+    keeps_gaps: bool = False,
+    bar: str | None = "warping",
 ) -> tuple[Picture, Floats]:
     """Picture at its target, and the coverage of its pixels.
 
-    What is not covered is transparent if that is what lies beyond the edge, and black if not.
+    What is not covered is transparent if that is what lies beyond the edge, and black if not; it is
+    no number where `keeps_gaps`. Where all is covered no transparency is added.
     """
     from resample_texture.texels.kernels.painting import paint_blocks
 
@@ -34,7 +41,7 @@ def warped(
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = _curved(picture, to_srgb) if as_encoded else picture.data
     announce_compilation(paint_blocks)
-    with session.stage("warp", bar="warping"):
+    with session.stage("warp", bar=bar):
         image, coverage = warp(
             source,
             target.geometry,
@@ -48,12 +55,61 @@ def warped(
             roi=roi,
             threads=choice.threads,
         )
-    kind = picture.kind
-    if choice.edge == "transparent" and not choice.total and not kind.has_alpha:
-        kind = kind._replace(channels=(*kind.channels, "A"))
-        image = np.concatenate([image, coverage[..., None]], axis=2, dtype=np.float32)
-    result = Picture(image, kind)
-    return Picture(_curved(result, from_srgb), kind) if as_encoded else result, coverage
+    result = _finished(image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps)
+    if as_encoded:
+        result = result._replace(data=_curved(result, from_srgb))
+    about = picture.about._replace(geo=_placed(picture.about.geo, target, roi))
+    return result._replace(about=about), coverage
+
+
+def _finished(
+    image: Floats, coverage: Floats, kind: Kind, choice: Warping, *, keeps_gaps: bool
+) -> Picture:
+    """Picture whose pixels, or alpha, tell what is covered."""
+    if kind.has_alpha or choice.total:
+        return Picture(image, kind)
+    is_whole = bool((coverage >= WHOLE).all())
+    if not (keeps_gaps or choice.edge == "transparent"):
+        return Picture(image, kind)
+    if is_whole or keeps_gaps:
+        share = coverage[..., None]
+        mean = np.divide(image, share, out=np.full_like(image, np.nan), where=share >= 0.5)
+        return Picture(mean, kind)
+    opaque = kind._replace(channels=(*kind.channels, "A"))
+    data = np.concatenate([image, coverage[..., None]], axis=2, dtype=np.float32)
+    return Picture(data, opaque)
+
+
+def _placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
+    """Where a warped picture lies on Earth, if that is known."""
+    if geo is None or not geo.has_place:
+        return geo
+    there = unplaced(geo)
+    if isinstance(target.geometry, Homography):
+        left, top = (0, 0) if roi is None else roi[:2]
+        part = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
+        there = moved(geo, part @ target.geometry.matrix)
+    return there
+
+
+def sees_all(
+    target: Target, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
+) -> bool:
+    """Whether every pixel of a target shows the source alone, as far as can be told beforehand."""
+    geometry, (height, width) = target.geometry, source_shape
+    if not isinstance(geometry, Homography):
+        return not isinstance(geometry, ForwardMap)
+    left, top, across, down = (0, 0, target.shape[1], target.shape[0]) if roi is None else roi
+    x, y = np.array([left, left + across] * 2), np.array([top] * 2 + [top + down] * 2)
+    u, v, w = np.linalg.inv(geometry.oriented(source_shape)) @ np.stack([x, y, np.ones(4)])
+    if not (w > 0.0).all():
+        return False
+    near = 1e-3  # px that float32 places may be off
+    u, v = u / w, v / w
+    return bool(
+        (np.abs(u - width / 2) <= width / 2 + near).all()
+        and (np.abs(v - height / 2) <= height / 2 + near).all()
+    )
 
 
 def report(session: Session, picture: Picture, result: Picture, choice: Warping) -> dict[str, Any]:

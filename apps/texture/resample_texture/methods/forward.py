@@ -8,7 +8,7 @@ import numpy as np
 
 from resample import registry
 from resample.types import Floats
-from resample_texture.geometry.mappings import BackwardMap, Geometry
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry
 from resample_texture.types import Edge, Warped
 
 if TYPE_CHECKING:
@@ -21,9 +21,11 @@ LARGEST_QUALITY = 16.0
 class Hybrid:
     """Points where texels shrink; where they grow, parts of texels as points, or splats.
 
-    A texel is cut along each axis until its parts are no longer than 1 / `quality` px, and joined
-    with its neighbours where it is far smaller than that: cost follows the screen. A texel that is
-    not cut is the paper's point (section 3), so there is no seam between the two.
+    Under the area filter a pixel that covers few texels collects what they leave in it; where it
+    covers many, and under other filters, for sums and along forward maps, texels are projected.
+    They are cut along each axis until their parts are no longer than 1 / `quality` px, and joined
+    with their neighbours where they are far smaller than that: cost follows the screen. A texel
+    that is not cut is the paper's point (section 3).
 
     Parameters
     ----------
@@ -32,7 +34,7 @@ class Hybrid:
     interpolation
         Interpolation between texels, by name or as an object.
     quality
-        Parts per px, 1 to 16.
+        Parts per px, 1 to 16; under the area filter twice as many.
     magnified
         `cells` or `splats`: what magnified texels become. Splats are interpolating elliptical
         Gaussians, which take no other interpolation and no other filter than a Gaussian.
@@ -48,7 +50,7 @@ class Hybrid:
     """
 
     filter: Any = "area"
-    interpolation: Any = "catmull-rom"
+    interpolation: Any = "area-spline"
     quality: float = 1.5
     magnified: str = "cells"
     total: bool = False
@@ -74,9 +76,20 @@ class Hybrid:
     ) -> Warped:
         if self.magnified == "splats":
             warped = self._splatted(source, geometry, shape, edge)
+        elif self._takes_areas and not (self.total or isinstance(geometry, ForwardMap)):
+            from resample_texture.texels.looking import look
+
+            warped = look(source, geometry, shape, edge, self._cells())
         else:
-            warped = _project(source, geometry, shape, edge, self._cells())
+            cells = self._cells().finer() if self._takes_areas else self._cells()
+            warped = _project(source, geometry, shape, edge, cells)
         return _clamped(warped, source) if self.clamp else warped
+
+    @property
+    def _takes_areas(self) -> bool:
+        from resample.profiles.filters import Area
+
+        return isinstance(self.filter, Area)
 
     def _cells(self) -> "Cells":
         from resample_texture.texels.forward import Cells

@@ -26,6 +26,7 @@ from resample_texture.texels.forward import (
 )
 from resample_texture.texels.kernels.adjoint import gather_blocks, give_back, patch_offsets
 from resample_texture.texels.kernels.blocks import Integers
+from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
 
 BATCH = 1 << 24  # numbers that patches may hold at a time
@@ -161,15 +162,5 @@ def _folded(gradient: Doubles, margin: int, axis: int, edge: Edge) -> Doubles:
     result = lines[margin : margin + size].copy()
     index = np.arange(-margin, size + margin)
     beyond = (index < 0) | (index >= size)
-    np.add.at(result, _texels_at(index[beyond], size, edge), lines[beyond])
+    np.add.at(result, texels_at(index[beyond], size, edge), lines[beyond])
     return np.moveaxis(result, 0, axis)
-
-
-def _texels_at(index: Integers, size: int, edge: Edge) -> Integers:
-    """Texels that stand at indices within and beyond the source's edges, as filters read them."""
-    if edge is Edge.CLAMP:
-        return np.asarray(np.clip(index, 0, size - 1))
-    if edge is Edge.WRAP:
-        return index % size
-    index = index % (2 * size)
-    return np.minimum(index, 2 * size - 1 - index)

@@ -38,11 +38,11 @@ def collect_from(
         raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
     source, margin = widened(source, edge, cells.interpolation)
     sums = Sums(shape, source.shape[2], cells)
-    ready = texels(source, cells.interpolation, edge).both
+    ready = texels(source, cells.interpolation, edge, frozenset({3})).both
     reach = int(np.ceil(cells.reach)) + 1
     around = 0 if cells.taps == 0 else reach  # px around the picture whose points reach into it
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
-    tiles = _tiles((shape[0] + 2 * around, shape[1] + 2 * around))
+    tiles = tiles_of((shape[0] + 2 * around, shape[1] + 2 * around), TILE)
     bounds = tiles + np.array([-reach, -reach, reach, reach])
     quality = cells.quality if cells.cut else 1.0
     for channels, picture in zip(sums.groups, sums.pictures, strict=True):
@@ -69,11 +69,11 @@ def extended(places: Doubles, margin: int) -> Doubles:
     return places
 
 
-def _tiles(shape: tuple[int, int]) -> Integers:
+def tiles_of(shape: tuple[int, int], side: int) -> Integers:
     """Tiles (T, 4) of a picture: left, top, right and bottom, px."""
-    top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : TILE, 0 : shape[1] : TILE])
+    top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : side, 0 : shape[1] : side])
     tiles = np.empty((top.size, 4), np.int64)
     tiles[:, LEFT], tiles[:, TOP] = left, top
-    tiles[:, RIGHT] = np.minimum(left + TILE, shape[1])
-    tiles[:, BOTTOM] = np.minimum(top + TILE, shape[0])
+    tiles[:, RIGHT] = np.minimum(left + side, shape[1])
+    tiles[:, BOTTOM] = np.minimum(top + side, shape[0])
     return tiles

@@ -6,7 +6,7 @@ to 1 wherever the source is seen, so that the sum of weights is the coverage (TH
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,11 +15,13 @@ import numpy as np
 from resample.engine.cells.parts import batches, channel_groups, parts_of
 from resample.engine.cells.sums import Border, Means, collect, finish
 from resample.engine.cells.taps import Spread
+from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, WRAP
 from resample.profiles.filters import Area, PixelFilter, profile_table
-from resample.profiles.interpolation import CatmullRom, Interpolation, prefilter, taps
+from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, remembered, taps
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.texels.kernels.blocks import (
+    CUT,
     LENGTH,
     LEVEL,
     START,
@@ -30,9 +32,10 @@ from resample_texture.texels.kernels.blocks import (
 )
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.placing import Placement
-from resample_texture.texels.kernels.texels import CLAMP, DENSE, EXACT, MIRROR, TRANSPARENT, WRAP
+from resample_texture.texels.kernels.texels import DENSE, EXACT
 from resample_texture.types import Edge, Warped
 
+FINER = 2.0  # cells per px where one would do for a smooth filter
 JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 1
 FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
 MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
@@ -52,7 +55,7 @@ class Cells:
     """How texels are cut into cells and what each leaves on the screen."""
 
     pixel_filter: PixelFilter = field(default_factory=Area)
-    interpolation: Interpolation = field(default_factory=CatmullRom)
+    interpolation: Interpolation = field(default_factory=AreaSpline)
     quality: float = 1.5  # cells per px, at least
     joined: float = JOINED  # px; 0: texels are not joined
     cut: bool = True  # whether texels are cut at all
@@ -62,6 +65,10 @@ class Cells:
     def reach(self) -> float:
         """How far a point spreads, px."""
         return 0.5 * max(2, self.taps)
+
+    def finer(self) -> "Cells":
+        """Cells that come as near to the truth as pixels that look at the source do."""
+        return replace(self, quality=FINER * self.quality)
 
     @property
     def cut_quality(self) -> float:
@@ -101,15 +108,32 @@ class Blocks(NamedTuple):
         return Placement(self.matrix, self.x, self.y)
 
 
-def texels(source: Floats, interpolation: Interpolation, edge: Edge) -> Texels:
-    """Source with what interpolation needs: coefficients where its kernel passes no sample."""
+def texels(
+    source: Floats,
+    interpolation: Interpolation,
+    edge: Edge,
+    kinds: frozenset[int] = frozenset(range(4)),
+) -> Texels:
+    """Source with what interpolation needs: coefficients where its kernel passes no sample.
+
+    Of the four there are only those `kinds` (see `kind_of`) that are wanted; others are the source.
+    """
     weights = prefilter(interpolation)
     if weights.size == 1:
         return Texels(source, source, source, source)
     one = np.ones(1, np.float32)
-    along_u = filtered(source, weights, one, edge)
-    along_v = filtered(source, one, weights, edge)
-    return Texels(source, along_u, along_v, filtered(along_u, one, weights, edge))
+    filters = (one, one), (weights, one), (one, weights), (weights, weights)
+    ready = [
+        filtered(source, *filters[kind], edge) if kind in kinds and kind > 0 else source
+        for kind in range(4)
+    ]
+    return Texels(*ready)
+
+
+def kinds_of(axes: Integers) -> frozenset[int]:
+    """Which texels blocks read; see `kind_of`."""
+    is_cut = axes[:, :, CUT] > 1
+    return frozenset(np.unique(is_cut[:, 0] + 2 * is_cut[:, 1]).tolist())
 
 
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
@@ -153,11 +177,12 @@ def moved(geometry: Homography, margin: int) -> Homography:
     return Homography(geometry.matrix @ back, geometry.is_signed)
 
 
+@remembered
 def tap_table(interpolation: Interpolation) -> Floats:
-    """Taps of an interpolation at the centers of cells (K, R), in the order of `phase`."""
-    exact = [(np.arange(n) + 0.5) / n - 0.5 for n in range(1, EXACT + 1)]
-    dense = (np.arange(DENSE) + 0.5) / DENSE - 0.5
-    return taps(interpolation, np.concatenate([*exact, dense]))
+    """Taps of an interpolation for cells (K, R), in the order of `phase`."""
+    counts = [*range(1, EXACT + 1), DENSE]
+    middle = np.concatenate([(np.arange(n) + 0.5) / n - 0.5 for n in counts])
+    return taps(interpolation, middle, np.repeat(1.0 / np.array(counts), counts))
 
 
 def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
@@ -300,7 +325,8 @@ class Sums:
 
     def add(self, source: Floats, blocks: Blocks, edge: Edge) -> None:
         """Add blocks of a source (H, W, C)."""
-        ready = texels(source, self.cells.interpolation, edge)
+        kinds = kinds_of(blocks.axes)
+        ready = texels(source, self.cells.interpolation, edge, kinds)
         totals = _totals(ready, blocks.axes, edge)
         for channels, picture in zip(self.groups, self.pictures, strict=True):
             for batch in batches(blocks.bounds, channels[1] + 1):
@@ -366,7 +392,7 @@ def _totals(ready: Texels, axes: Integers, edge: Edge) -> Doubles:
     height, width, channels = ready.plain.shape
     if not needs_totals(axes, (height, width), edge):
         return np.zeros((0, height + 1, width + 1, channels))
-    kinds = [ready.plain] if ready.both is ready.plain else ready[:3]
+    kinds = [ready.plain] if all(kind is ready.plain for kind in ready) else ready[:3]
     sums = np.zeros((len(kinds), height + 1, width + 1, channels))
     for total, kind in zip(sums, kinds, strict=True):
         total[1:, 1:] = kind.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)

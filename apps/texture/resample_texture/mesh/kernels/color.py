@@ -5,18 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import kernel
-from resample.engine.vectors import Vector, dot
+from resample.engine.vectors import dot
 from resample.types import Doubles, Floats
 from resample_texture.mesh.kernels.surfaces import (
     Ints,
     Place,
     Triangles,
     barycentric,
-    matrix_at,
-    stretched,
-    texture_place,
 )
-from resample_texture.texels.kernels.texels import DENSE, phase
 
 
 class Skin(NamedTuple):
@@ -42,34 +38,6 @@ def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float
             break
         found = k
     return found
-
-
-@kernel
-def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Vector:
-    """Interpolated color of a texture's level."""
-    base = skin.level[texture, level, 0]
-    height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
-    column, part_u = _nearest(place[0], width)
-    row, part_t = _nearest(place[1], height)
-    half = skin.taps.shape[0] // 2
-    red, green, blue = 0.0, 0.0, 0.0
-    for k in range(-half, half + 1):
-        line = base + ((row + k) % height) * width * 3
-        for m in range(-half, half + 1):
-            at = line + ((column + m) % width) * 3
-            weight = skin.taps[half + k, part_t] * skin.taps[half + m, part_u]
-            red += weight * skin.texel[at]
-            green += weight * skin.texel[at + 1]
-            blue += weight * skin.texel[at + 2]
-    return red, green, blue
-
-
-@kernel
-def _nearest(place: float, size: int) -> tuple[int, int]:
-    """Texel at a texture coordinate, and the row of taps for the place within it."""
-    along = (place - float(np.floor(place))) * size
-    texel = min(int(along), size - 1)
-    return texel, phase(min(int((along - texel) * DENSE), DENSE - 1), DENSE)
 
 
 @kernel
@@ -106,25 +74,6 @@ def fill_line(
                 line[target + np.uint64(m)] += weight * texel[source + np.uint64(m)]
             done += run
             column = 0
-
-
-@kernel
-def evaluate(triangles: Triangles, skin: Skin, n: int, place: Place, widest: float) -> Vector:
-    """Color of a triangle at a place on screen, where texels may be `widest` px."""
-    texture = skin.texture[n]
-    if texture < 0:
-        weight, color = barycentric(triangles, n, place), skin.color
-        return (
-            dot(weight, (color[n, 0, 0], color[n, 1, 0], color[n, 2, 0])),
-            dot(weight, (color[n, 0, 1], color[n, 1, 1], color[n, 2, 1])),
-            dot(weight, (color[n, 0, 2], color[n, 1, 2], color[n, 2, 2])),
-        )
-    on_texture = texture_place(triangles, skin.uv, n, place)
-    level = 0
-    if triangles.determinant[n] != 0.0:
-        size = stretched(matrix_at(triangles.forward, n), on_texture)
-        level = level_for(skin, texture, size, widest)
-    return _look_up(skin, texture, level, on_texture)
 
 
 @kernel

@@ -23,8 +23,8 @@ from resample_texture.mesh.kernels.surfaces import (
 )
 from resample_texture.mesh.kernels.tiles import Block, Grid
 
-MOST_CELLS = 64.0  # per sub-pixel; beyond, an oblique texture is taken from a smaller level
-TOO_MANY_CELLS = 256.0  # beyond, at the smallest level too, it is looked up
+MOST_CELLS = 64.0  # per sub-pixel; beyond, a texture that is drawn out so much is looked up
+MOST_LINES = 256.0  # of cells, per sub-pixel along the part at hand
 MOST_CUTS = 1e6  # cells along a texel
 MOST_WAITING = 64  # parts of a tile; 8 quarterings leave 3 each
 UNEVEN = 2.0  # sizes of a texture within a part of a tile may differ by this factor
@@ -50,9 +50,7 @@ def _best_cut(
     """
     level = level_for(skin, texture, size, 1.0 / finest)
     cut, cells = _cut(skin, texture, level, size, finest)
-    while share * cells > MOST_CELLS * room and cut.level + 1 < skin.levels[texture]:
-        cut, cells = _cut(skin, texture, cut.level + 1, size, finest)
-    return cut, share * cells <= TOO_MANY_CELLS * room
+    return cut, share * cells <= MOST_CELLS * room
 
 
 @kernel
@@ -129,7 +127,7 @@ def dice(
             block.rim[k, 1] *= down
         # A texture drawn out to a thread has few cells, but on very many lines.
         along = 1.0 + reach(block.polygon, count) * finest
-        if not reach(block.rim, count) < TOO_MANY_CELLS * along:
+        if not reach(block.rim, count) < MOST_LINES * along:
             continue
         done = paint_cells(block, n, count, cut, triangles, skin, lens)
         points += done[0]

@@ -1,9 +1,10 @@
 """Textured triangles to pixels: who is seen where, and the texture's points that land there.
 
-Every sub-pixel has one sample of visibility inside it (`visibility`). Triangles that are seen are
-diced into cells of their texture (`dicing`), which are projected and added to sub-pixels (`cells`);
-a sub-pixel that no cell reached is looked up in the texture (`color`). Filtering to pixels comes
-last. The loop over tiles is the engine's.
+Every sub-pixel has one sample of visibility inside it (`visibility`), at outlines many points that
+tell how much of it is covered (`outlines`). Triangles that are seen are diced into cells of their
+texture (`dicing`), which are projected and added to sub-pixels (`cells`); a sub-pixel that no cell
+reached is looked up in the texture (`looking`). Filtering to pixels comes last. The loop over tiles
+is the engine's.
 """
 
 from typing import NamedTuple
@@ -13,11 +14,26 @@ import numpy as np
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.roles import plays
 from resample.engine.surfaces.blocks import Surfaces
-from resample.engine.surfaces.painting import add, begun, claim, composed, paint_tile, write
+from resample.engine.surfaces.painting import (
+    add,
+    begun,
+    claim,
+    claimed,
+    composed,
+    paint_tile,
+    write,
+)
 from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.color import Skin, evaluate, lit
+from resample_texture.mesh.kernels.color import Skin, lit
 from resample_texture.mesh.kernels.dicing import dice
+from resample_texture.mesh.kernels.looking import evaluate
+from resample_texture.mesh.kernels.outlines import (
+    close_outline,
+    covered,
+    open_outline,
+    take_points,
+)
 from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
 from resample_texture.mesh.kernels.tiles import Block, Grid, new_block, sample
 from resample_texture.mesh.kernels.visibility import may_show, show
@@ -62,6 +78,14 @@ def _claim(scene: MeshScene, member: int, block: Block) -> None:
     show(scene.triangles, member, block)
 
 
+@plays(claimed, MeshScene)
+def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
+    open_outline(block)
+    for k in range(tiles.start[tile], tiles.start[tile + 1]):
+        take_points(scene.triangles, tiles.member[k], block)
+    close_outline(block)
+
+
 @plays(add, MeshScene)
 def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
@@ -94,11 +118,13 @@ def _shade(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> 
                     sums[row, column, 2] / weight,
                 )
             else:
-                color = evaluate(triangles, skin, n, place, fine)
-            light = lit(triangles, skin, n, place)
+                corner = (block.left + column * fine, block.top + row * fine)
+                color = evaluate(triangles, skin, n, place, corner, fine)
+            cover = covered(block, row, column)
+            light = cover * lit(triangles, skin, n, place)
             for c in range(3):
                 sums[row, column, c] = light * color[c]
-            sums[row, column, 3] = np.float32(1)
+            sums[row, column, 3] = cover
             nearness = block.nearness[row, column]
             block.nearness[row, column] = 1.0 / nearness if lens.perspective else -nearness
             if margin <= row < rows - margin and margin <= column < columns - margin:
@@ -110,15 +136,16 @@ def _shade(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> 
 @kernel
 def _measure(block: Block, row: int, column: int) -> tuple[float, float]:
     """Mean and least depth of what a pixel's own sub-pixels show; infinite if nothing."""
-    total, first, covered, n = 0.0, np.inf, 0, block.samples
+    total, first, weight, n = 0.0, np.inf, 0.0, block.samples
     for r in range((row + block.margin) * n, (row + block.margin + 1) * n):
         for c in range((column + block.margin) * n, (column + block.margin + 1) * n):
-            if block.owner[r, c] >= 0:
+            cover = block.sums[r, c, 3]
+            if cover > np.float32(0):
                 depth = block.nearness[r, c]
-                total += depth
+                total += cover * depth
                 first = min(first, depth)
-                covered += 1
-    return (total / covered if covered > 0 else np.inf), first
+                weight += cover
+    return (total / weight if weight > 0.0 else np.inf), first
 
 
 @plays(write, MeshPicture)

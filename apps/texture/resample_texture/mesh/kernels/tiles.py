@@ -29,6 +29,7 @@ class Block(NamedTuple):
     owner: NDArray[np.int32]  # (R, C) the triangle that is seen; -1: none
     nearness: Doubles  # (R, C) in the end depths, infinite where nothing is
     sums: Floats  # (R, C, 4) weighted red, green, blue and weight; in the end means and coverage
+    taken: NDArray[np.uint64]  # (R, C) which of its points are covered, a bit for each
     tally: Ints  # (4,) see `MeshScene`
     edge: Doubles  # (4, 5) of the triangle at hand: a point, a direction, the side that is inside
     polygon: Doubles  # (8, 2) px, the part of a triangle at hand
@@ -52,6 +53,7 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally:
         np.full((rows, columns), -1, np.int32),
         np.full((rows, columns), -np.inf),
         np.zeros((rows, columns, 4), np.float32),
+        np.empty((rows, columns), np.uint64),
         tally,
         np.empty((4, 5)),
         np.empty((8, 2)),

@@ -12,7 +12,7 @@ WIDE = 8  # sub-pixels; rows of wider triangles are narrowed down before they ar
 
 
 @kernel
-def _set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
+def set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
     """Edges of a polygon, each from its smaller to its greater end.
 
     So both triangles at an edge reckon with the same numbers, and what lies on it belongs to
@@ -62,7 +62,16 @@ def _between(edge: Doubles, count: int, top: float, bottom: float) -> tuple[floa
 
 
 @kernel
-def _nearness(plane: Vector, limit: tuple[float, float], place: Place) -> float:
+def row_span(edge: Doubles, count: int, block: Block, row: int) -> tuple[int, int]:
+    """First and last column of a row's sub-pixels that a polygon may touch."""
+    fine = 1.0 / block.samples
+    top = block.top + row * fine
+    left, right = _between(edge, count, top, top + fine)
+    return columns_within(block, left - fine, right + fine)
+
+
+@kernel
+def nearness_at(plane: Vector, limit: tuple[float, float], place: Place) -> float:
     """How near a triangle is at a place, within its own limits."""
     value = dot(plane, (place[0], place[1], 1.0))
     return max(limit[0], min(limit[1], value))
@@ -73,20 +82,17 @@ def show(triangles: Triangles, n: int, block: Block) -> None:
     """Give a triangle the sub-pixels whose sample it covers before all others so far."""
     edge, count = block.edge, triangles.corners[n]
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
-    _set_edges(triangles, n, edge)
+    set_edges(triangles, n, edge)
     first, last, start, end = span(triangles, n, block)
     is_wide = end - start > WIDE
-    fine = 1.0 / block.samples
     for row in range(first, last + 1):
         if is_wide:
-            top = block.top + row * fine
-            left, right = _between(edge, count, top, top + fine)
-            start, end = columns_within(block, left - fine, right + fine)
+            start, end = row_span(edge, count, block, row)
         for column in range(start, end + 1):
             place = sample(block, row, column)
             if not _is_inside(edge, count, place):
                 continue
-            nearness = _nearness(plane, limit, place)
+            nearness = nearness_at(plane, limit, place)
             if nearness > block.nearness[row, column]:
                 block.nearness[row, column] = nearness
                 block.owner[row, column] = n
@@ -114,7 +120,7 @@ def may_show(triangles: Triangles, n: int, block: Block, lens: Lens) -> bool:
                 return True
             if owner < 0 or triangles.facing[n] != triangles.facing[owner]:
                 continue
-            nearness = _nearness(plane, limit, sample(block, row, column))
+            nearness = nearness_at(plane, limit, sample(block, row, column))
             slack = lens.tolerance * (nearness if lens.perspective else 1.0)
             if nearness + slack >= block.nearness[row, column]:
                 return True

@@ -12,6 +12,7 @@ from resample.engine.cells.batch import Batch, new_batch
 from resample.engine.cells.taps import Spread, gather
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.windows.edges import mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import CUT, LEVEL, START, Integers
 from resample_texture.texels.kernels.placing import Placement, place
@@ -22,7 +23,6 @@ from resample_texture.texels.kernels.texels import (
     kind_of,
     line_at,
     line_count,
-    mapped,
     parts_along,
     phase,
     texels_along,

@@ -15,16 +15,16 @@ from resample.engine.cells.taps import Spread
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
+from resample.engine.windows.edges import TRANSPARENT, mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.texels import DENSE, EXACT, TRANSPARENT, mapped
+from resample_texture.texels.kernels.looking import FARTHEST, steps
+from resample_texture.texels.kernels.texels import DENSE, EXACT
 
 Pair = tuple[float, float]
 
 MOST = 64  # parts of a pixel along an axis
 AT_EDGES = 8.0  # parts of a pixel along an axis where an edge of the source may run through it
-FARTHEST = 2.0**52  # texels from the source's origin beyond which there is nothing
-TORN = 8.0  # a step this many times as long as that on the pixel's other side leads across a tear
 
 
 class Pixels(NamedTuple):
@@ -44,17 +44,6 @@ class Points(NamedTuple):
     """Room for the points of one pixel."""
 
     batch: Batch
-
-
-@inner_kernel
-def _steps(before: float, here: float, after: float) -> tuple[float, float]:
-    """Steps of a map to both sides of a pixel; a missing or torn one is as the other."""
-    left, right = here - before, after - here
-    if not abs(left) <= FARTHEST or abs(left) > TORN * abs(right) + TORN:
-        left = right
-    if not abs(right) <= FARTHEST or abs(right) > TORN * abs(left) + TORN:
-        right = left
-    return (left, right) if abs(left) <= FARTHEST else (0.0, 0.0)
 
 
 @inner_kernel
@@ -106,10 +95,10 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
     u, v = map_u[row, column], map_v[row, column]
     if not (abs(u) <= FARTHEST and abs(v) <= FARTHEST):
         return 0
-    ux = _steps(map_u[row, column - 1], u, map_u[row, column + 1])
-    vx = _steps(map_v[row, column - 1], v, map_v[row, column + 1])
-    uy = _steps(map_u[row - 1, column], u, map_u[row + 1, column])
-    vy = _steps(map_v[row - 1, column], v, map_v[row + 1, column])
+    ux = steps(map_u[row, column - 1], u, map_u[row, column + 1])
+    vx = steps(map_v[row, column - 1], v, map_v[row, column + 1])
+    uy = steps(map_u[row - 1, column], u, map_u[row + 1, column])
+    vy = steps(map_v[row - 1, column], v, map_v[row + 1, column])
     if edge == TRANSPARENT and _may_cross(texels, u, v, ux, uy, vx, vy):
         quality = max(quality, AT_EDGES)
     parts_x, parts_y = _parts(ux, vx, quality), _parts(uy, vy, quality)

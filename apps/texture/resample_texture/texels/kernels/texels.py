@@ -3,29 +3,14 @@
 import numpy as np
 
 from resample.engine.jit import inner_kernel, kernel
+from resample.engine.windows.edges import CLAMP, WRAP, mapped
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEVEL, START, Integers
-
-TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
 
 # An interpolation's taps are (K, R), K odd: tap k weighs the texel k - K // 2 steps from the cell's
 # own. Column n (n - 1) / 2 + p is for part p of n, n up to EXACT; DENSE more are for finer parts.
 EXACT = 64
 DENSE = 4096
-
-
-@inner_kernel
-def mapped(index: int, size: int, edge: int) -> int:
-    """Texel that stands at an index beyond the source's edges."""
-    if 0 <= index < size:
-        return index
-    if edge == CLAMP:
-        return 0 if index < 0 else size - 1
-    if edge == WRAP:
-        return index % size
-    # Past a transparent edge the mirror image serves interpolation alone: sums stay what they are.
-    index %= 2 * size
-    return index if index < size else 2 * size - 1 - index
 
 
 @inner_kernel

@@ -1,0 +1,186 @@
+"""Picture files warped one after the other, and all pictures of a file alike."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from resample.command.console import Progress, progress_bar, say
+from resample.command.session import Session
+from resample.files.batches import batch_of
+from resample.files.geotiff import Geo
+from resample.files.pictures import (
+    Look,
+    Picture,
+    check_output,
+    check_source,
+    coverage_picture,
+    holds_gaps,
+    read_picture,
+    write_picture,
+)
+from resample.files.sequences import Frames, check_frames, frames_of, write_frames
+from resample.files.writing import check_targets
+from resample.types import Floats
+from resample.words import one_line
+from resample_texture.command.choices import Place, Warping
+from resample_texture.command.inputs import Target, target_of
+from resample_texture.command.rendering import report, sees_all, warped
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is done with every picture."""
+
+    place: Place
+    warping: Warping
+    look: Look
+    roi: tuple[int, int, int, int] | None = None
+
+    def target(self, picture: Picture) -> Target:
+        """Where a picture goes."""
+        return target_of(self.place, (picture.data.shape[0], picture.data.shape[1]))
+
+    def warped(
+        self,
+        session: Session,
+        picture: Picture,
+        target: Target,
+        output: Path,
+        bar: str | None = "warping",
+    ) -> tuple[Picture, Floats]:
+        """Picture as a picture file is to hold it, and the coverage of its pixels.
+
+        Raises
+        ------
+        ValueError
+            The file cannot hold it.
+        """
+        gaps = holds_gaps(output, picture, self.look)
+        return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
+
+    def check(self, picture: Picture, target: Target, output: Path) -> None:
+        """Refuse a picture file that could not be written in the end, before any work is done.
+
+        Raises
+        ------
+        ValueError
+            The file cannot hold the picture.
+        """
+        check_source(output, picture, self.look)
+        is_open = self.warping.edge == "transparent" and not self.warping.total
+        if is_open and not holds_gaps(output, picture, self.look):
+            shape = picture.data.shape[0], picture.data.shape[1]
+            is_open = not sees_all(target, shape, self.roi)
+        check_output(output, self.look, transparent=picture.kind.has_alpha or is_open)
+
+
+def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]:
+    """Warp files into a folder; returns what `--stats` says. What fails is said, the others go on.
+
+    Raises
+    ------
+    ValueError
+        Some failed, or the names do not fit.
+    OSError
+        The folder cannot be made.
+    """
+    pairs = batch_of(images, output)
+    output.mkdir(exist_ok=True)
+    told, session = [], Session()
+    with progress_bar(f"warping {len(pairs)} files") as progress:
+        for n, (source, target) in enumerate(pairs):
+            try:
+                told.append({"file": str(target), **_warp(session, source, target, job)})
+            except (KeyError, IndexError):  # bugs, see `resample.command.options.run`
+                raise
+            except (ValueError, LookupError, OSError, MemoryError) as error:
+                say(f"{source.name} failed: {one_line(error)}")
+            if progress is not None:
+                progress((n + 1) / len(pairs))
+    if len(told) < len(pairs):
+        with suppress(OSError):  # it holds files
+            output.rmdir()
+        raise ValueError(f"{len(pairs) - len(told)} of {len(pairs)} files could not be warped")
+    return {"files": told, "seconds": session.times()}
+
+
+def warp_file(source: Path, output: Path, job: Job, coverage: Path | None = None) -> dict[str, Any]:
+    """Warp the pictures of a file; returns what `--stats` says.
+
+    Raises
+    ------
+    ValueError, OSError
+        It cannot be read, worked with or written.
+    """
+    session, frames = Session(), frames_of(source)
+    if frames is None:
+        return _warp_picture(session, source, output, job, coverage, bar="warping")
+    if coverage is not None:
+        raise ValueError(f"{source} has several pictures, and coverage is written of one")
+    with progress_bar("warping") as progress:
+        return _warp_frames(session, frames, output, job, progress)
+
+
+def _warp(session: Session, source: Path, output: Path, job: Job) -> dict[str, Any]:
+    """Warp a file without a bar of its own."""
+    frames = frames_of(source)
+    if frames is None:
+        return _warp_picture(session, source, output, job)
+    return _warp_frames(session, frames, output, job, None)
+
+
+def _warp_frames(
+    session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
+) -> dict[str, Any]:
+    check_frames(output, frames, job.look)
+    check_targets(output)
+    pictures = _warped_frames(session, frames, output, job, progress)
+    write_frames(output, pictures, frames.seconds, job.look)
+    return {"frames": len(frames.seconds), "seconds": session.times()}
+
+
+def _warp_picture(
+    session: Session,
+    source: Path,
+    output: Path,
+    job: Job,
+    coverage: Path | None = None,
+    bar: str | None = None,
+) -> dict[str, Any]:
+    check_output(output, job.look, transparent=False)
+    check_targets(output, coverage)
+    with session.stage("read"):
+        picture = read_picture(source, as_data=True)
+        target = job.target(picture)
+    job.check(picture, target, output)
+    result, share = job.warped(session, picture, target, output, bar)
+    _say_lost(picture.about.geo, result.about.geo)
+    with session.stage("write"):
+        write_picture(output, result, job.look)
+        if coverage is not None:
+            write_picture(coverage, coverage_picture(share), Look(is_light=False))
+    return report(session, picture, result, job.warping)
+
+
+def _warped_frames(
+    session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
+) -> Iterator[Picture]:
+    """Pictures of a file, warped one by one."""
+    targets: dict[tuple[int, ...], Target] = {}
+    for n, picture in enumerate(frames.read()):
+        shape = picture.data.shape[:2]
+        if shape not in targets:
+            targets[shape] = job.target(picture)
+        result, _ = job.warped(session, picture, targets[shape], output, None)
+        if n == 0:
+            _say_lost(picture.about.geo, result.about.geo)
+        if progress is not None:
+            progress(min(1.0, (n + 1) / len(frames.seconds)))
+        yield result
+
+
+def _say_lost(before: Geo | None, after: Geo | None) -> None:
+    if before is not None and before.has_place and not (after is not None and after.has_place):
+        say("the place on Earth is left out: the warp is not affine")

@@ -1,0 +1,124 @@
+"""The color of a sub-pixel that no cell reached, or whose texture is too drawn out for cells.
+
+A sub-pixel may reach over very many texels one way and few the other. The few decide the level, and
+the texture is looked up at several places spread evenly over the sub-pixel.
+"""
+
+import math
+
+import numpy as np
+
+from resample.engine.jit import kernel
+from resample.engine.vectors import Matrix, Vector, column, dot, multiply
+from resample_texture.mesh.kernels.color import Skin
+from resample_texture.mesh.kernels.surfaces import (
+    Place,
+    Triangles,
+    barycentric,
+    matrix_at,
+    texture_place,
+)
+from resample_texture.texels.kernels.texels import DENSE, phase
+
+MOST_LOOKS = 64.0  # per sub-pixel; a texture drawn out more than that is taken from a smaller level
+TOO_MANY_TEXELS = 1e15  # per sub-pixel; beyond, a texture is its mean
+DENSITY = 2.0  # looks per texel
+GOLDEN = 0.6180339887498949  # steps of it fill an interval evenly
+
+
+@kernel
+def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Vector:
+    """Interpolated color of a texture's level."""
+    base = skin.level[texture, level, 0]
+    height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
+    texel, part_u = _nearest(place[0], width)
+    row, part_t = _nearest(place[1], height)
+    half = skin.taps.shape[0] // 2
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(-half, half + 1):
+        line = base + ((row + k) % height) * width * 3
+        for m in range(-half, half + 1):
+            at = line + ((texel + m) % width) * 3
+            weight = skin.taps[half + k, part_t] * skin.taps[half + m, part_u]
+            red += weight * skin.texel[at]
+            green += weight * skin.texel[at + 1]
+            blue += weight * skin.texel[at + 2]
+    return red, green, blue
+
+
+@kernel
+def _nearest(place: float, size: int) -> tuple[int, int]:
+    """Texel at a texture coordinate, and the row of taps for the place within it."""
+    along = (place - float(np.floor(place))) * size
+    texel = min(int(along), size - 1)
+    return texel, phase(min(int((along - texel) * DENSE), DENSE - 1), DENSE)
+
+
+@kernel
+def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place:
+    """How u or t, `value` at a place, changes with x and y there, times the weights' sum."""
+    corner = (
+        skin.uv[n, 0, axis] - value,
+        skin.uv[n, 1, axis] - value,
+        skin.uv[n, 2, axis] - value,
+    )
+    return dot(corner, column(matrix, 0)), dot(corner, column(matrix, 1))
+
+
+@kernel
+def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
+    """Most and fewest texels that a sub-pixel of that size (px) reaches over, in two directions."""
+    matrix = matrix_at(triangles.weight, n)
+    weight = multiply(matrix, (place[0], place[1], 1.0))
+    scale = fine / (weight[0] + weight[1] + weight[2])
+    texture, at = skin.texture[n], texture_place(triangles, skin.uv, n, place)
+    across = scale * skin.level[texture, 0, 2]
+    down = scale * skin.level[texture, 0, 1]
+    ux, uy = _slope(matrix, skin, n, 0, at[0])
+    tx, ty = _slope(matrix, skin, n, 1, at[1])
+    area = abs(across * down * (ux * ty - uy * tx))
+    squares = across * across * (ux * ux + uy * uy) + down * down * (tx * tx + ty * ty)
+    rest = max(0.0, squares * squares - 4.0 * area * area)
+    most = math.sqrt(0.5 * (squares + math.sqrt(rest)))
+    return most, (area / most if most > 0.0 else 0.0)
+
+
+@kernel
+def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
+    """Level for a sub-pixel that reaches over so many texels, and how often it is looked up."""
+    most, fewest = reach
+    if not most < TOO_MANY_TEXELS:
+        return skin.levels[texture] - 1, 1
+    level, texel = 0, 1.0
+    while level + 1 < skin.levels[texture]:
+        if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_LOOKS * texel * texel:
+            break
+        level, texel = level + 1, 2.0 * texel
+    looks = min(MOST_LOOKS, math.ceil(DENSITY * most / texel * max(1.0, fewest / texel)))
+    return level, max(1, int(looks))
+
+
+@kernel
+def evaluate(
+    triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
+) -> Vector:
+    """Color of a triangle over a sub-pixel with a corner and a size, px, seen at a place in it."""
+    texture = skin.texture[n]
+    if texture < 0:
+        weight = barycentric(triangles, n, place)
+        return (
+            dot(weight, (skin.color[n, 0, 0], skin.color[n, 1, 0], skin.color[n, 2, 0])),
+            dot(weight, (skin.color[n, 0, 1], skin.color[n, 1, 1], skin.color[n, 2, 1])),
+            dot(weight, (skin.color[n, 0, 2], skin.color[n, 1, 2], skin.color[n, 2, 2])),
+        )
+    reach = _reach(triangles, skin, n, place, fine)
+    level, looks = _level_and_looks(skin, texture, reach)
+    if looks == 1:
+        return _look_up(skin, texture, level, texture_place(triangles, skin.uv, n, place))
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(looks):
+        x, y = (k + 0.5) / looks, (k * GOLDEN + 0.5) % 1.0
+        at = texture_place(triangles, skin.uv, n, (corner[0] + x * fine, corner[1] + y * fine))
+        r, g, b = _look_up(skin, texture, level, at)
+        red, green, blue = red + r, green + g, blue + b
+    return red / looks, green / looks, blue / looks

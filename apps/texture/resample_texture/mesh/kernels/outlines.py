@@ -1,0 +1,116 @@
+"""How much of a sub-pixel at an outline triangles cover together.
+
+Around the sub-pixels that show nothing, each sub-pixel has 64 points; all triangles, hidden ones as
+well, take those that they cover, and an outline is as exact as the share of points taken.
+(Carpenter, The A-buffer, an antialiased hidden surface method, 1984.)
+"""
+
+import numpy as np
+
+from resample.engine.jit import kernel, making_kernel
+from resample.types import Doubles
+from resample_texture.mesh.kernels.surfaces import Place, Triangles, plane_at
+from resample_texture.mesh.kernels.tiles import Block, sample, span
+from resample_texture.mesh.kernels.visibility import WIDE, nearness_at, row_span, set_edges
+
+POINTS = 64
+# Of a sub-pixel, from its upper left corner: no two in one row or column, and evenly spread.
+POINT_X = (np.arange(POINTS) + 0.5) / POINTS
+POINT_Y = (np.arange(POINTS) * 19 % POINTS + 0.5) / POINTS
+
+NOTHING = -1  # owner of a sub-pixel where no triangle is
+BEHIND = -2  # less a triangle that covers points, but not the sample, and is the nearest that does
+
+NONE, ALL, ONE = np.uint64(0), np.uint64(0xFFFFFFFFFFFFFFFF), np.uint64(1)
+
+
+@making_kernel
+def open_outline(block: Block) -> None:
+    """Find where outlines may be: beside sub-pixels that show nothing, and at the tile's rim."""
+    owner, taken = block.owner, block.taken
+    rows, columns = owner.shape
+    least = np.empty(columns, np.int32)
+    for row in range(rows):
+        above, below = max(0, row - 1), min(rows - 1, row + 1)
+        is_rim = not 0 < row < rows - 1
+        for column in range(columns):
+            least[column] = min(owner[above, column], owner[row, column], owner[below, column])
+        for column in range(1, columns - 1):
+            is_open = min(least[column - 1], least[column], least[column + 1]) < 0
+            taken[row, column] = NONE if is_open or is_rim else ALL
+        taken[row, 0] = taken[row, columns - 1] = NONE
+
+
+@kernel
+def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
+    """Points of a sub-pixel on the inner side of one edge."""
+    across, down = edge[k, 2] * fine, edge[k, 3] * fine
+    start = edge[k, 2] * (corner[1] - edge[k, 1]) - edge[k, 3] * (corner[0] - edge[k, 0])
+    middle, reach = start + 0.5 * (across - down), 0.5 * (abs(across) + abs(down))
+    if abs(middle) > reach:
+        return ALL if (middle > 0.0) == (edge[k, 4] > 0.0) else NONE
+    points = NONE
+    for point in range(POINTS):
+        value = start + across * POINT_Y[point] - down * POINT_X[point]
+        points |= np.uint64(value >= 0.0) << np.uint64(point)
+    return points if edge[k, 4] > 0.0 else ~points
+
+
+@kernel
+def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.uint64:
+    """Points of a sub-pixel that a polygon covers; one on an edge belongs to one side of it."""
+    points = ALL
+    for k in range(count):
+        points &= _beyond(edge, k, corner, fine)
+        if points == NONE:
+            break
+    return points
+
+
+@kernel
+def take_points(triangles: Triangles, n: int, block: Block) -> None:
+    """Give a triangle the points that it covers where outlines may be."""
+    edge, count, taken = block.edge, triangles.corners[n], block.taken
+    plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
+    set_edges(triangles, n, edge)
+    first, last, start, end = span(triangles, n, block)
+    is_wide = end - start > WIDE
+    fine = 1.0 / block.samples
+    for row in range(first, last + 1):
+        if is_wide:
+            start, end = row_span(edge, count, block, row)
+        for column in range(start, end + 1):
+            if taken[row, column] == ALL:
+                continue
+            corner = (block.left + column * fine, block.top + row * fine)
+            points = _points_within(edge, count, corner, fine)
+            if points == NONE:
+                continue
+            taken[row, column] |= points
+            if block.owner[row, column] < 0:
+                nearness = nearness_at(plane, limit, sample(block, row, column))
+                if nearness > block.nearness[row, column]:
+                    block.nearness[row, column] = nearness
+                    block.owner[row, column] = BEHIND - n
+
+
+@kernel
+def close_outline(block: Block) -> None:
+    """Show what covers points of a sub-pixel but not its sample."""
+    owner = block.owner
+    for row in range(owner.shape[0]):
+        for column in range(owner.shape[1]):
+            n = owner[row, column]
+            owner[row, column] = n if n >= NOTHING else BEHIND - n
+
+
+@kernel
+def covered(block: Block, row: int, column: int) -> float:
+    """Share of a sub-pixel that triangles cover."""
+    points, count = block.taken[row, column], 0
+    if points == ALL:
+        return 1.0
+    while points != NONE:
+        points &= points - ONE
+        count += 1
+    return count / POINTS

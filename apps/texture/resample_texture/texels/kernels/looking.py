@@ -1,0 +1,108 @@
+"""Where pixels lie in a source: on a plane under a homography, or as a map says."""
+
+import math
+from typing import NamedTuple
+
+from resample.engine.jit import Counter, inner_kernel, packed_kernel, parallel_kernel
+from resample.engine.roles import plays
+from resample.engine.windows.looking import (
+    Extent,
+    Integers,
+    Seen,
+    View,
+    look_from_tiles,
+    measure_tiles,
+    seen_at,
+)
+from resample.types import Doubles, Floats
+
+FARTHEST = 2.0**52  # texels from the source's origin beyond which there is nothing
+TWELFTH = 1.0 / 12.0  # second moment of a pixel
+TORN = 8.0  # a step this many times as long as that on the pixel's other side leads across a tear
+
+
+Pair = tuple[float, float]
+
+
+class Plane(NamedTuple):
+    """A source in perspective."""
+
+    inverse: Doubles  # (3, 3) target to source; the third coordinate is positive in front
+
+
+class Map(NamedTuple):
+    """A source that pixels look up one by one."""
+
+    u: Doubles  # (h + 2, w + 2) source coordinates of pixel centers, with a margin of one;
+    v: Doubles  # NaN: nothing
+
+
+@inner_kernel
+def steps(before: float, here: float, after: float) -> tuple[float, float]:
+    """Steps of a map to both sides of a pixel; a missing or torn one is as the other."""
+    left, right = here - before, after - here
+    if not abs(left) <= FARTHEST or abs(left) > TORN * abs(right) + TORN:
+        left = right
+    if not abs(right) <= FARTHEST or abs(right) > TORN * abs(left) + TORN:
+        right = left
+    return (left, right) if abs(left) <= FARTHEST else (0.0, 0.0)
+
+
+@plays(seen_at, Plane)
+def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
+    # The middle is where the pixel's points are in the mean, to second order.
+    a, x, y = look.inverse, column + 0.5, row + 0.5
+    d = a[2, 0] * x + a[2, 1] * y + a[2, 2]
+    share = 1.0 / d if d > 0.0 else math.nan
+    u = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) * share
+    v = (a[1, 0] * x + a[1, 1] * y + a[1, 2]) * share
+    ux, uy = (a[0, 0] - u * a[2, 0]) * share, (a[0, 1] - u * a[2, 1]) * share
+    vx, vy = (a[1, 0] - v * a[2, 0]) * share, (a[1, 1] - v * a[2, 1]) * share
+    bend_x, bend_y = a[2, 0] * share * TWELFTH, a[2, 1] * share * TWELFTH
+    u, v = u - ux * bend_x - uy * bend_y, v - vx * bend_x - vy * bend_y
+    return Seen(u, v, (ux, vx), (uy, vy))
+
+
+@inner_kernel
+def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
+    """Sides of a pixel; one that no neighbour tells is as the other, and of both a texel long."""
+    is_known_x = along_x[0] != 0.0 or along_x[1] != 0.0
+    is_known_y = along_y[0] != 0.0 or along_y[1] != 0.0
+    if is_known_x and is_known_y:
+        return along_x, along_y
+    if is_known_x:
+        return along_x, (-along_x[1], along_x[0])
+    if is_known_y:
+        return (along_y[1], -along_y[0]), along_y
+    return (1.0, 0.0), (0.0, 1.0)
+
+
+@plays(seen_at, Map)
+def _seen_by_map(look: Map, row: int, column: int) -> Seen:
+    r, c = row + 1, column + 1
+    u, v = look.u[r, c], look.v[r, c]
+    ux = steps(look.u[r, c - 1], u, look.u[r, c + 1])
+    vx = steps(look.v[r, c - 1], v, look.v[r, c + 1])
+    uy = steps(look.u[r - 1, c], u, look.u[r + 1, c])
+    vy = steps(look.v[r - 1, c], v, look.v[r + 1, c])
+    bend_u, bend_v = ux[1] - ux[0] + uy[1] - uy[0], vx[1] - vx[0] + vy[1] - vy[0]
+    along_x = 0.5 * (ux[0] + ux[1]), 0.5 * (vx[0] + vx[1])
+    along_y = 0.5 * (uy[0] + uy[1]), 0.5 * (vy[0] + vy[1])
+    along_x, along_y = _squared(along_x, along_y)
+    return Seen(u + 0.5 * TWELFTH * bend_u, v + 0.5 * TWELFTH * bend_v, along_x, along_y)
+
+
+@packed_kernel
+def look_at(
+    counter: Counter, look: Plane | Map, view: View, tiles: Integers, image: Floats, covered: Floats
+) -> None:
+    """Fill tiles of a picture with what their pixels see; see `look_from_tiles`."""
+    look_from_tiles(counter, look, view, tiles, image, covered)
+
+
+@parallel_kernel
+def measure(
+    counter: Counter, look: Plane | Map, tiles: Integers, step: int, view: View, extent: Extent
+) -> None:
+    """Find out what tiles see; see `measure_tiles`."""
+    measure_tiles(counter, look, tiles, step, view, extent)

@@ -1,0 +1,70 @@
+"""A source as pixels read it: the part they see and what continues it, filtered for them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.windows.boxes import SPARE, Plate
+from resample.engine.windows.filtering import filter_plate
+from resample.profiles.interpolation import Interpolation, prefilter
+from resample.types import Floats
+from resample_texture.types import Edge
+
+Integers = NDArray[np.int64]
+Range = tuple[int, int]  # first texel and last + 1
+
+
+def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
+    """Texels that stand at indices within and beyond the source's edges, as filters read them."""
+    if edge is Edge.CLAMP:
+        return np.asarray(np.clip(index, 0, size - 1))
+    if edge is Edge.WRAP:
+        return index % size
+    index = index % (2 * size)
+    return np.minimum(index, 2 * size - 1 - index)
+
+
+def plate_of(
+    source: Floats, across: Range, down: Range, edge: Edge, interpolation: Interpolation
+) -> Plate:
+    """Coefficients of a rectangle of the continued plane of a source (H, W, C)."""
+    weights = prefilter(interpolation)
+    margin = weights.size // 2
+    channels = source.shape[2]
+    outer = (across[0] - margin, across[1] + margin), (down[0] - margin, down[1] + margin)
+    flat = _continued(source, *outer, edge)
+    rows, columns = down[1] - down[0], across[1] - across[0]
+    if margin > 0:
+        shape = rows + 2 * margin, columns + 2 * margin, channels
+        filtered = np.empty(rows * columns * channels + SPARE, np.float32)
+        filter_plate(flat, shape, weights, filtered)
+        filtered[-SPARE:] = 0.0
+        flat = filtered
+    return Plate(flat, float(across[0]), float(down[0]), rows, columns, channels)
+
+
+def _continued(source: Floats, across: Range, down: Range, edge: Edge) -> Floats:
+    """Numbers of a rectangle of the continued plane, row by row, and some to spare."""
+    height, width, channels = source.shape
+    rows, columns = np.arange(*down), np.arange(*across)
+    flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
+    flat[-SPARE:] = 0.0
+    plane = flat[:-SPARE].reshape(rows.size, columns.size, channels)
+    in_rows, in_columns = (rows >= 0) & (rows < height), (columns >= 0) & (columns < width)
+    at_rows, at_columns = texels_at(rows, height, edge), texels_at(columns, width, edge)
+    middle, inner = _stretch(in_rows), _stretch(in_columns)
+    if middle.stop > middle.start:
+        kept = slice(rows[middle.start], rows[middle.stop - 1] + 1)
+        if inner.stop > inner.start:
+            whole = slice(columns[inner.start], columns[inner.stop - 1] + 1)
+            plane[middle, inner] = source[kept, whole]
+        for n in np.flatnonzero(~in_columns):
+            plane[middle, n] = source[kept, at_columns[n]]
+    for n in np.flatnonzero(~in_rows):
+        plane[n] = source[at_rows[n]][at_columns]
+    return flat
+
+
+def _stretch(is_in: NDArray[np.bool_]) -> slice:
+    """The one stretch in which a condition holds."""
+    found = np.flatnonzero(is_in)
+    return slice(int(found[0]), int(found[-1]) + 1) if found.size else slice(0, 0)

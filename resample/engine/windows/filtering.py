@@ -1,0 +1,75 @@
+"""Symmetric filters along both axes of a grid, band by band."""
+
+import numpy as np
+
+from resample.engine.cells.tiles import bands
+from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel
+from resample.types import Floats
+
+BAND = 32  # rows that one thread filters at a time
+BLOCK = 1024  # numbers of a row that are summed at a time
+
+
+@inner_kernel
+def _add_pair(line: Floats, source: Floats, at: tuple[int, int], count: int, weight: float) -> None:
+    """Add two stretches of a source, weighted alike, to a line."""
+    a, b, w = np.uint64(at[0]), np.uint64(at[1]), np.float32(weight)
+    for n in range(count):
+        k = np.uint64(n)
+        line[k] += w * (source[a + k] + source[b + k])
+
+
+@inner_kernel
+def _filter_stretch(
+    line: Floats, source: Floats, start: int, step: int, count: int, taps: Floats
+) -> None:
+    """Filter a stretch of numbers; a tap's neighbours are `step` numbers away."""
+    middle = taps.size // 2
+    at, w = np.uint64(start), taps[middle]
+    for n in range(count):
+        k = np.uint64(n)
+        line[k] = w * source[at + k]
+    for tap in range(1, middle + 1):
+        places = start - tap * step, start + tap * step
+        _add_pair(line, source, places, count, taps[middle + tap])
+
+
+@kernel
+def _filter_rows(
+    flat: Floats, shape: tuple[int, int, int], taps: Floats, rows: tuple[int, int], result: Floats
+) -> None:
+    """Filter some rows of a grid, columns first, to where all taps meet the grid."""
+    _, columns, channels = shape
+    width, margin = columns * channels, taps.size // 2
+    tall = np.empty(width, np.float32)
+    inner = width - 2 * margin * channels
+    for row in range(rows[0], rows[1]):
+        for first in range(0, width, BLOCK):
+            count = min(BLOCK, width - first)
+            start = (row + margin) * width + first
+            _filter_stretch(tall[first:], flat, start, width, count, taps)
+        for first in range(0, inner, BLOCK):
+            count = min(BLOCK, inner - first)
+            start = margin * channels + first
+            _filter_stretch(result[row * inner + first :], tall, start, channels, count, taps)
+
+
+@packed_kernel
+def filter_plate(
+    counter: Counter, flat: Floats, shape: tuple[int, int, int], taps: Floats, result: Floats
+) -> None:
+    """Filter a grid along both axes.
+
+    Parameters
+    ----------
+    flat
+        Rows × columns × channels, as `shape` has them.
+    taps
+        (K,), K odd, symmetric.
+    result
+        As `flat`, with K // 2 rows and columns less on each side, and as many numbers more as its
+        owner likes.
+    """
+    height = shape[0] - 2 * (taps.size // 2)
+    for rows in bands(counter, height, BAND):
+        _filter_rows(flat, shape, taps, rows, result)

@@ -1,0 +1,312 @@
+"""The loop over pixels that look at a grid: what each covers there, in boxes, and their mean.
+
+A pixel covers about a parallelogram of the grid. A box whose second moments are the parallelogram's
+gives the same mean of what varies slowly, up to fourth order; a pixel in which the grid varies too
+much for that is cut into parts. A parallelogram along the grid's axes is such a box itself.
+
+Where a pixel lies is the application's, which plays the role `seen_at`.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, tasks
+from resample.engine.roles import role
+from resample.engine.windows.boxes import (
+    Integral,
+    Plate,
+    Rect,
+    add_mean,
+    room_for,
+)
+from resample.engine.windows.edges import TRANSPARENT, folded
+from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
+from resample.types import Doubles, Floats, Single
+
+Integers = NDArray[np.int64]
+Look = Any  # a bundle of the application's, whose class settles where pixels lie
+
+LEAN = 0.04  # samples², of a part's mixed moment times 12, from which on two boxes stand for it
+LEANEST = 0.5  # samples², of the mixed moment of one side of a part
+MOST_PARTS = 64.0  # of a pixel along an axis
+AT_EDGES = 8  # parts of a pixel along an axis where an edge of the grid runs through it
+FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
+NEARLY = 1e-7  # samples, or share of a pixel, that count as nothing
+
+
+class Seen(NamedTuple):
+    """What a pixel covers: a parallelogram in source coordinates."""
+
+    u: float  # its middle; NaN: nothing is seen
+    v: float
+    along_x: tuple[float, float]  # steps (u, v) of a pixel to the right, and down
+    along_y: tuple[float, float]
+
+
+class View(NamedTuple):
+    """A grid and how pixels take it."""
+
+    plate: Plate
+    integral: Integral
+    size: tuple[int, int]  # (height, width) of the source, of which the grid has a part and margins
+    edge: int
+    margin: float  # samples around the source to which places are folded; inf: they are not
+    finest: float  # samples², to which pixels are cut; see `parts_of`
+
+
+class Room(NamedTuple):
+    """Room for the work on one pixel."""
+
+    weights: Floats  # see `boxes.room_for`
+    total: Floats  # (C,)
+    polygon: Doubles  # (MOST_CORNERS, 2)
+    spare: Doubles
+
+
+@role
+def seen_at(look: Look, row: int, column: int) -> Seen:
+    """What a pixel covers."""
+    raise NotImplementedError
+
+
+@inner_step
+def is_box(seen: Seen, finest: float) -> bool:
+    """Whether a box, or two, stand well enough for a pixel; see `parts_of`."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    leans = max(abs(ux * vx), abs(uy * vy)) <= LEANEST * finest
+    return bool(leans and max(abs(ux * uy), abs(vx * vy)) <= finest)
+
+
+@inner_kernel
+def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
+    """Parts of a pixel along x and y that are boxes up to a fourth moment.
+
+    Along u, that of a parallelogram differs from a box's by (a b)² / 60, with a and b its sides'
+    extents, which falls with the square of the number of parts. What leans is two boxes, which
+    stand for no more than a sample or so along a diagonal.
+    """
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    parts, leanest = max(abs(ux * uy), abs(vx * vy)) / finest, LEANEST * finest
+    count_x = max(1.0, math.ceil(math.sqrt(abs(ux * vx) / leanest)))
+    count_y = max(1.0, math.ceil(math.sqrt(abs(uy * vy) / leanest)))
+    if parts > count_x * count_y:
+        longer = math.hypot(uy, vy) / max(math.hypot(ux, vx), 1e-30)
+        count_x = max(count_x, math.ceil(min(math.sqrt(parts / longer), MOST_PARTS)))
+        count_y = max(count_y, math.ceil(min(parts / count_x, MOST_PARTS)))
+    return int(min(count_x, MOST_PARTS)), int(min(count_y, MOST_PARTS))
+
+
+@inner_step
+def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
+    """Add a parallelogram as a box, or as two that are as far apart as it leans."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
+    u, v = seen.u - view.plate.left, seen.v - view.plate.top
+    boxes = 1
+    apart_u = apart_v = 0.0
+    if abs(uv) > LEAN:
+        boxes, share, ratio = 2, np.float32(0.5) * share, math.sqrt(uu / vv)
+        apart_u = math.sqrt(abs(uv) * ratio / 12.0)
+        apart_v = math.copysign(math.sqrt(abs(uv) / ratio / 12.0), uv)
+        uu, vv = max(uu - abs(uv) * ratio, 0.0), max(vv - abs(uv) / ratio, 0.0)
+    wide, high = math.sqrt(uu), math.sqrt(vv)
+    for _ in range(boxes):
+        box = Rect(u + apart_u, v + apart_v, wide, high)
+        add_mean(view.plate, view.integral, box, share, room.weights, room.total)
+        apart_u, apart_v = -apart_u, -apart_v
+
+
+@inner_kernel
+def _part(seen: Seen, counts: tuple[int, int], n: int) -> Seen:
+    """The n-th of a pixel's parts."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    x = (n % counts[0] + 0.5) / counts[0] - 0.5
+    y = (n // counts[0] + 0.5) / counts[1] - 0.5
+    return Seen(
+        seen.u + x * ux + y * uy,
+        seen.v + x * vx + y * vy,
+        (ux / counts[0], vx / counts[0]),
+        (uy / counts[1], vy / counts[1]),
+    )
+
+
+@inner_kernel
+def _add_parts(view: View, seen: Seen, room: Room) -> None:
+    """Add a pixel part by part."""
+    counts = parts_of(seen, view.finest)
+    each = np.float32(1.0 / (counts[0] * counts[1]))
+    for n in range(counts[0] * counts[1]):
+        _add_part(view, _part(seen, counts, n), each, room)
+
+
+@inner_step
+def _place(view: View, seen: Seen) -> Seen:
+    """A pixel moved to where the same stands within the grid."""
+    if view.margin == math.inf:
+        return seen
+    u, turn_u = folded(seen.u, float(view.size[1]), view.edge, view.margin)
+    v, turn_v = folded(seen.v, float(view.size[0]), view.edge, view.margin)
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    return Seen(u, v, (turn_u * ux, turn_v * vx), (turn_u * uy, turn_v * vy))
+
+
+@inner_step
+def _is_within(view: View, seen: Seen) -> bool:
+    """Whether no edge of the source runs through a pixel, or what is beyond it is seen too."""
+    if view.edge != TRANSPARENT:
+        return True
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)) - NEARLY, 0.5 * (abs(vx) + abs(vy)) - NEARLY
+    across = seen.u >= reach_u and seen.u + reach_u <= view.size[1]
+    return bool(across and seen.v >= reach_v and seen.v + reach_v <= view.size[0])
+
+
+@inner_kernel
+def _share_within(view: View, seen: Seen, room: Room) -> float:
+    """Share of a pixel that sees the source."""
+    height, width = float(view.size[0]), float(view.size[1])
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
+    is_outside = seen.u + reach_u <= 0.0 or seen.u - reach_u >= width
+    if is_outside or seen.v + reach_v <= 0.0 or seen.v - reach_v >= height:
+        return 0.0
+    polygon = room.polygon
+    for k in range(4):
+        x, y = -0.5 if k in (1, 2) else 0.5, -0.5 if k > 1 else 0.5
+        polygon[k, 0], polygon[k, 1] = seen.u + x * ux + y * uy, seen.v + x * vx + y * vy
+    whole = area(polygon, 4)
+    if whole <= 0.0:
+        return 1.0 if 0.0 <= seen.u <= width and 0.0 <= seen.v <= height else 0.0
+    count = cut_to(polygon, room.spare, 4, (0.0, 0.0, width, height))
+    share = area(polygon, count) / whole
+    return 0.0 if share < NEARLY else 1.0 if share > 1.0 - NEARLY else share
+
+
+@inner_kernel
+def _look_within(view: View, seen: Seen, room: Room) -> float:
+    """Mean over what of a pixel sees the source, where an edge runs through; and that share."""
+    share = _share_within(view, seen, room)
+    if share <= 0.0:
+        return 0.0
+    height, width = float(view.size[0]), float(view.size[1])
+    counts, inside = parts_of(seen, view.finest), 0
+    counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
+    for n in range(counts[0] * counts[1]):
+        part = _part(seen, counts, n)
+        if 0.0 <= part.u <= width and 0.0 <= part.v <= height:
+            _add_part(view, part, np.float32(1), room)
+            inside += 1
+    if inside == 0:
+        part = _part(seen, counts, 0)
+        u, v = min(max(seen.u, 0.0), width), min(max(seen.v, 0.0), height)
+        _add_part(view, Seen(u, v, part.along_x, part.along_y), np.float32(1), room)
+    each = np.float32(1.0 / max(inside, 1))
+    for c in range(room.total.size):
+        room.total[c] *= each
+    return share
+
+
+@inner_step
+def _look(view: View, seen: Seen, room: Room) -> float:
+    """Mean of what a pixel sees; gives its coverage."""
+    for c in range(room.total.size):
+        room.total[c] = np.float32(0)
+    if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
+        return 0.0
+    if not _is_within(view, seen):
+        return _look_within(view, seen, room)
+    placed = _place(view, seen)
+    if is_box(placed, view.finest):
+        _add_part(view, placed, np.float32(1), room)
+    else:
+        _add_parts(view, placed, room)
+    return 1.0
+
+
+@inner_kernel
+def _fill_tile(
+    look: Look, view: View, tile: Integers, image: Floats, covered: Floats, room: Room
+) -> None:
+    """Fill one tile of the target."""
+    for row in range(tile[TOP], tile[BOTTOM]):
+        for column in range(tile[LEFT], tile[RIGHT]):
+            coverage = np.float32(_look(view, seen_at(look, row, column), room))
+            covered[row, column] = coverage
+            for c in range(image.shape[2]):
+                image[row, column, c] = coverage * room.total[c]
+
+
+@kernel
+def look_from_tiles(
+    counter: Counter, look: Look, view: View, tiles: Integers, image: Floats, covered: Floats
+) -> None:
+    """Fill tiles (T, 4) of a picture; for an application's packed kernel.
+
+    Parameters
+    ----------
+    image
+        (height, width, C), multiplied by coverage.
+    covered
+        (height, width) coverage.
+    """
+    channels = image.shape[2]
+    polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
+    weights, total = np.empty(room_for(channels), np.float32), np.empty(channels, np.float32)
+    room = Room(weights, total, polygon, spare)
+    for n in tasks(counter, tiles.shape[0]):
+        _fill_tile(look, view, tiles[n], image, covered, room)
+
+
+class Extent(NamedTuple):
+    """What tiles see."""
+
+    bounds: Doubles  # (T, 4) left, top, right and bottom in source coordinates; left > right: none
+    work: Doubles  # (T,) boxes of the pixel with most, weighted by how many samples they meet;
+    # less a quarter for each sample that it covers, as these would all have to be projected
+    span: Doubles  # (T,) samples that a pixel covers along u or v, at most
+
+
+@inner_kernel
+def _measure(seen: Seen, view: View, n: int, extent: Extent) -> float:
+    """Widen what a tile sees by a pixel; gives the work on it."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
+    bounds = extent.bounds[n]
+    bounds[LEFT] = min(bounds[LEFT], seen.u - reach_u)
+    bounds[RIGHT] = max(bounds[RIGHT], seen.u + reach_u)
+    bounds[TOP] = min(bounds[TOP], seen.v - reach_v)
+    bounds[BOTTOM] = max(bounds[BOTTOM], seen.v + reach_v)
+    parts_x, parts_y = parts_of(seen, 1.0)  # whatever the quality, so that more of it is better
+    wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
+    extent.span[n] = max(extent.span[n], 2.0 * reach_u, 2.0 * reach_v)
+    taps = view.integral.taps
+    samples = (taps + wide / parts_x) * (taps + high / parts_y)
+    covered = abs(ux * vy - uy * vx)
+    return parts_x * parts_y * (1.0 + samples * view.plate.channels / 256.0) - 0.25 * covered
+
+
+@kernel
+def measure_tiles(
+    counter: Counter, look: Look, tiles: Integers, step: int, view: View, extent: Extent
+) -> None:
+    """Find out what tiles see, by pixels `step` apart; for an application's parallel kernel.
+
+    A tile that has places only in part is endless work, unless all its pixels are looked at.
+    """
+    for n in tasks(counter, tiles.shape[0]):
+        extent.bounds[n, :2], extent.bounds[n, 2:] = math.inf, -math.inf
+        work, extent.span[n], count, missing = 0.0, 0.0, 0, 0
+        for row in range(tiles[n, TOP], tiles[n, BOTTOM] + step - 1, step):
+            for column in range(tiles[n, LEFT], tiles[n, RIGHT] + step - 1, step):
+                at = min(row, tiles[n, BOTTOM] - 1), min(column, tiles[n, RIGHT] - 1)
+                seen = seen_at(look, at[0], at[1])
+                if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
+                    missing += 1
+                    continue
+                work = max(work, _measure(seen, view, n, extent))
+                count += 1
+        extent.work[n] = math.inf if step > 1 and missing > 0 and count > 0 else work

@@ -1,0 +1,51 @@
+"""Convex polygons as arrays of corners (N, 2): cut by upright lines, measured."""
+
+import numpy as np
+
+from resample.engine.jit import inner_kernel
+from resample.types import Doubles
+
+MOST_CORNERS = 8  # of a quadrilateral that is cut to a rectangle
+
+
+@inner_kernel
+def halve(
+    polygon: Doubles, spare: Doubles, count: int, axis: int, bound: float, sign: float
+) -> int:
+    """Keep what of a convex polygon is beyond a bound, times the sign; returns its corners."""
+    kept = 0
+    for k in range(count):
+        m = (k + 1) % count
+        here, there = sign * (polygon[k, axis] - bound), sign * (polygon[m, axis] - bound)
+        if here >= 0.0:
+            spare[kept, 0], spare[kept, 1] = polygon[k, 0], polygon[k, 1]
+            kept += 1
+        if (here >= 0.0) != (there >= 0.0):
+            share = here / (here - there)
+            for c in range(2):
+                spare[kept, c] = polygon[k, c] + share * (polygon[m, c] - polygon[k, c])
+            kept += 1
+    for k in range(kept):
+        polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
+    return kept
+
+
+@inner_kernel
+def cut_to(
+    polygon: Doubles, spare: Doubles, count: int, rectangle: tuple[float, float, float, float]
+) -> int:
+    """Keep what of a convex polygon is within left, top, right, bottom; returns its corners."""
+    count = halve(polygon, spare, count, 0, rectangle[0], 1.0)
+    count = halve(polygon, spare, count, 1, rectangle[1], 1.0)
+    count = halve(polygon, spare, count, 0, rectangle[2], -1.0)
+    return halve(polygon, spare, count, 1, rectangle[3], -1.0)
+
+
+@inner_kernel
+def area(polygon: Doubles, count: int) -> float:
+    """Area of the first `count` corners, whichever way round they go."""
+    total = 0.0
+    for k in range(count):
+        m = (k + 1) % count
+        total += polygon[k, 0] * polygon[m, 1] - polygon[m, 0] * polygon[k, 1]
+    return float(0.5 * np.abs(total))

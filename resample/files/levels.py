@@ -1,0 +1,105 @@
+"""Values as files hold them: whole numbers, levels of light, and words for what is missing."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import to_srgb
+from resample.types import Floats
+
+
+def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
+    """Numbers rounded to integers of a type, within its range; what is missing is 0."""
+    limits = np.iinfo(form)
+    rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
+    return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
+
+
+def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:
+    """Integers of a type, as pictures have them.
+
+    Parameters
+    ----------
+    data
+        (H, W, C) linear light, premultiplied; what is missing becomes 0.
+    form
+        Unsigned type, whose largest number is 1.
+    has_alpha
+        The last channel is opacity. The others are divided by it.
+    is_light
+        The sRGB curve encodes all but opacity; otherwise values are shares, as they are.
+    """
+    data = np.nan_to_num(data, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    if not is_light:
+        planes = np.clip(data, 0.0, 1.0)
+    elif has_alpha:
+        alpha = data[..., -1:]
+        color = np.divide(
+            data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0
+        )
+        planes = np.concatenate([_curve(color), np.clip(alpha, 0.0, 1.0)], axis=2)
+    else:
+        planes = _curve(data)
+    made: NDArray[Any] = np.floor(planes * np.iinfo(form).max + 0.5).astype(form)
+    return made
+
+
+def fits(missing: float | None, form: str) -> bool:
+    """Whether a type of values has the one that means a missing one."""
+    if missing is None:
+        return False
+    if form == "float32":
+        return True
+    limits = np.iinfo(form)
+    return missing.is_integer() and limits.min <= missing <= limits.max
+
+
+def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
+    """Where values are missing, each for itself or all of a pixel.
+
+    Parameters
+    ----------
+    data
+        (H, W, C).
+    missing
+        What stands for a missing value.
+    as_whole
+        A pixel, (H, W, 1), is missing if all its values are.
+    """
+    gaps: NDArray[np.bool] = np.isclose(data, np.float32(missing), rtol=1e-6, atol=0.0)
+    return np.asarray(gaps.all(axis=2, keepdims=True)) if as_whole else gaps
+
+
+def with_word(
+    data: NDArray[Any], values: Floats, missing: float, *, as_whole: bool
+) -> NDArray[Any]:
+    """Stored values with the word for missing ones, which no other value is.
+
+    Parameters
+    ----------
+    data
+        (H, W, C) as stored.
+    values
+        The same before, not a number where one is missing.
+    missing, as_whole
+        As of `gaps_of`.
+    """
+    gap, word = np.isnan(values), data.dtype.type(missing)
+    taken = ~gap & (data == word)
+    if as_whole:
+        taken &= taken.all(axis=2, keepdims=True)
+    if not gap.any() and not taken.any():
+        return data
+    return np.where(gap, word, np.where(taken, _neighbour(word), data))
+
+
+def _neighbour(word: Any) -> Any:
+    """Value beside one."""
+    if word.dtype.kind == "f":
+        return np.nextafter(word, np.float32(0.0 if word else 1.0))
+    return word - 1 if word == np.iinfo(word.dtype).max else word + 1
+
+
+def _curve(color: Floats) -> Floats:
+    return np.asarray(to_srgb(np.clip(color, 0.0, 1.0)), np.float32)

@@ -1,0 +1,293 @@
+"""What a picture's file tells besides its pixels: camera, color profile, place, which way is up.
+
+Exif blocks travel as they are, tag by tag, since OpenImageIO forgets what it does not know. What a
+warp makes untrue is left out: thumbnails, sizes, and areas in pixels.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.geotiff import TAGS, Geo, geo_of, tags_of
+from resample.files.tags import (
+    LONG,
+    SHORT,
+    Directory,
+    Tag,
+    add_tags,
+    block_of,
+    block_tags,
+    read_tags,
+    text,
+)
+from resample.types import Doubles
+
+JPEG, TIFF, PNG = (".jpg", ".jpeg"), (".tif", ".tiff"), (".png",)
+REDUCED, SUBFILE, ORIENTATION, DESCRIPTION = 1, 254, 274, 270
+# Description, maker, model, software, date, artist, computer, rating, copyright.
+CAMERA = (DESCRIPTION, 271, 272, 305, 306, 315, 316, 18246, 18249, 33432)
+EXIF, GPS = 34665, 34853
+NESTED = {EXIF: None, GPS: None}
+WIDTH, HEIGHT, MAKERS_NOTES = 0xA002, 0xA003, 0x927C
+UNTRUE = (WIDTH, HEIGHT, 0xA005, 0x9214, 0xA214)  # when warped; the pointer to another directory
+SAMPLE_FORMAT = 339
+AS_FLOATS = ("int32", "uint32")  # what OpenImageIO does not write, but as bits that pass for floats
+PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # how many channels of color a profile speaks about
+MARKS = (*range(0xE0, 0xF0), 0xFE)  # of a JPEG's segments that hold no pixels
+LONGEST_SEGMENT = 65_533 - 6  # bytes of Exif in a JPEG
+TURNS = {  # rows and columns exchanged, then rows turned round, then columns
+    1: (False, False, False), 2: (False, False, True), 3: (False, True, True),
+    4: (False, True, False), 5: (True, False, False), 6: (True, False, True),
+    7: (True, True, True), 8: (True, True, False),
+}  # fmt: skip
+# As OpenImageIO calls it, for EXR.
+SPOKEN = (
+    *("Make", "Model", "DateTime", "Artist", "Copyright", "ImageDescription", "ExposureTime"),
+    *("FNumber", "chromaticities"),
+)
+
+
+class About(NamedTuple):
+    """What a file tells besides its pixels and channels."""
+
+    camera: Directory = MappingProxyType({})  # Exif's tags
+    profile: bytes = b""  # ICC's, of the encoded values
+    geo: Geo | None = None
+    spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value by OpenImageIO
+    number: str = ""  # the integers that values are, as they are stored; nothing: light or floats
+
+
+def page_tags(path: Path) -> list[Directory]:
+    """Tags of interest of all pages of a TIFF file; none of other files."""
+    wanted = (*TAGS, *CAMERA, SUBFILE, ORIENTATION)
+    return list(read_tags(path, wanted, NESTED))
+
+
+def about_file(path: Path, spec: Any, tags: Directory) -> About:
+    """What a file tells.
+
+    Parameters
+    ----------
+    path
+        File.
+    spec
+        Its header, by OpenImageIO.
+    tags
+        Of its page, if it is a TIFF file.
+    """
+    camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
+    profile = spec.getattribute("ICCProfile")
+    spoken = tuple(
+        (entry.name, entry.type, entry.value)
+        for entry in spec.extra_attribs
+        if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
+    )
+    return About(
+        _true(camera),
+        b"" if profile is None else np.asarray(profile, np.uint8).tobytes(),
+        geo_of(tags),
+        spoken,
+    )
+
+
+def upright(data: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Picture (H, W, ...) turned the way its file says."""
+    is_crossed, rows, columns = TURNS.get(orientation, TURNS[1])
+    data = data.swapaxes(0, 1) if is_crossed else data
+    return data[:: -1 if rows else 1, :: -1 if columns else 1]
+
+
+def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
+    """Matrix (3, 3) of `upright` for a picture (height, width), px from the corners."""
+    is_crossed, rows, columns = TURNS.get(orientation, TURNS[1])
+    height, width = shape[::-1] if is_crossed else shape
+    crossing = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]]) if is_crossed else np.eye(3)
+    x, y = (-1 if columns else 1), (-1 if rows else 1)
+    flips = np.array([[x, 0, width * columns], [0, y, height * rows], [0, 0, 1]], np.float64)
+    return np.asarray(flips @ crossing, np.float64)
+
+
+def describe(spec: Any, about: About, suffix: str, *, is_encoded: bool, colors: int) -> bool:
+    """Tell OpenImageIO what it can write itself; returns whether there is a color profile.
+
+    Parameters
+    ----------
+    spec
+        Of the file to be written.
+    about
+        What is known.
+    suffix
+        Of the file, in small letters.
+    is_encoded
+        The file holds encoded values, as the source did.
+    colors
+        How many channels of color it has.
+    """
+    if suffix == ".exr" or not about.camera:
+        for name, kind, value in about.spoken:
+            if name not in ("Exif:ColorSpace", "Exif:PixelXDimension", "Exif:PixelYDimension"):
+                spec.attribute(name, kind, value)
+    fits = is_encoded and PROFILE_SPACES.get(about.profile[16:20]) == colors
+    if fits and suffix != ".exr":
+        values = np.frombuffer(about.profile, np.uint8)
+        spec.attribute("ICCProfile", f"uint8[{values.size}]", values)
+        return True
+    return False
+
+
+class Stored(NamedTuple):
+    """A page that is written."""
+
+    about: About
+    shape: tuple[int, ...]  # height, width and channels
+    form: str  # type of its values
+
+
+def complete(path: Path, pages: list[Stored]) -> None:
+    """Add to a written file what OpenImageIO cannot: Exif and, to TIFF, the place on Earth."""
+    suffix = path.suffix.lower()
+    if suffix in TIFF:
+        additions = [_page_tags(page) for page in pages]
+        if any(additions):
+            add_tags(path, additions)
+        return
+    about, shape, _ = pages[0]
+    tags = {**_sized(about.camera, shape), ORIENTATION: _short(1)}
+    if suffix in PNG and (about.camera or about.profile):
+        _put_into_png(path, block_of(tags) if about.camera else b"")
+    elif suffix in JPEG and about.camera:
+        block = block_of(tags)
+        _put_into_jpeg(path, block if len(block) <= LONGEST_SEGMENT else block_of(_shorter(tags)))
+
+
+def _true(tags: Directory) -> Directory:
+    """Tags about the camera that are still true when the picture was warped."""
+    found: dict[int, Tag | Directory] = {
+        tag: value for tag, value in tags.items() if tag in (*CAMERA, EXIF, GPS)
+    }
+    if "<OME" in text(found.get(DESCRIPTION)):  # which tells the sizes of all pages
+        del found[DESCRIPTION]
+    inner = found.get(EXIF)
+    if isinstance(inner, Mapping):
+        found[EXIF] = {tag: value for tag, value in inner.items() if tag not in UNTRUE}
+    return found
+
+
+def _page_tags(page: Stored) -> Directory:
+    tags = dict(_sized(page.about.camera, page.shape))
+    tags.update(tags_of(page.about.geo) if page.about.geo else {})
+    if page.form in AS_FLOATS:
+        kind = 1 if page.form == "uint32" else 2
+        tags[SAMPLE_FORMAT] = Tag(SHORT, np.full(page.shape[2], kind, np.uint16))
+    return tags
+
+
+def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
+    """Tags of a picture (height, width, ...)."""
+    inner = tags.get(EXIF)
+    if not isinstance(inner, Mapping):
+        return tags
+    height, width = (Tag(LONG, np.array([side], np.uint32)) for side in shape[:2])
+    return {**tags, EXIF: {**inner, WIDTH: width, HEIGHT: height}}
+
+
+def _shorter(tags: Directory) -> Directory:
+    """Tags without the camera maker's own, which are long."""
+    inner = tags.get(EXIF)
+    if not isinstance(inner, Mapping):
+        return {}
+    return {**tags, EXIF: {tag: inner[tag] for tag in inner if tag != MAKERS_NOTES}}
+
+
+def _short(number: int) -> Tag:
+    return Tag(SHORT, np.array([number], np.uint16))
+
+
+def _exif_block(path: Path) -> bytes:
+    """Exif of a JPEG, PNG or WebP file; nothing if there is none, or the file is damaged."""
+    with path.open("rb") as file:
+        start = file.read(12)
+        blocks: Iterator[bytes]
+        try:
+            if start[:2] == b"\xff\xd8":
+                blocks = (block for block in _segments(file) if block[:6] == b"Exif\0\0")
+            elif start[:8] == b"\x89PNG\r\n\x1a\n":
+                blocks = _chunks(file, 8, b"eXIf", ">I4s", 4)
+            elif start[:4] == b"RIFF" and start[8:] == b"WEBP":
+                blocks = _chunks(file, 12, b"EXIF", "<4sI", 0)
+            else:
+                return b""
+            block = next(blocks, b"")
+        except struct.error:
+            return b""
+    return block.removeprefix(b"Exif\0\0")
+
+
+def is_animated_png(path: Path) -> bool:
+    """Whether a file is a PNG that says it is animated."""
+    with path.open("rb") as file:
+        is_png = file.read(8) == b"\x89PNG\r\n\x1a\n"
+        return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
+
+
+def _segments(file: BinaryIO) -> Iterator[bytes]:
+    """What the segments of a JPEG file hold, up to its pixels."""
+    file.seek(2)
+    while True:
+        lead, marker, size = struct.unpack(">BBH", file.read(4))
+        if lead != 0xFF or marker == 0xDA or size < 2:
+            return
+        yield file.read(size - 2)
+
+
+def _chunks(file: BinaryIO, place: int, wanted: bytes, form: str, tail: int) -> Iterator[bytes]:
+    """What chunks of one name hold, of a file that is made of chunks."""
+    end = file.seek(0, 2)
+    while place + 8 <= end:
+        file.seek(place)
+        head = struct.unpack(form, file.read(8))
+        name, size = head if isinstance(head[0], bytes) else head[::-1]
+        if name == wanted:
+            yield file.read(size)
+        place += 8 + size + tail + (size % 2 if tail == 0 else 0)
+
+
+def _put_into_png(path: Path, block: bytes) -> None:
+    """Put an Exif chunk, unless it is empty, behind the header of a PNG file.
+
+    If it has a color profile, what OpenImageIO says about the color beside it goes.
+    """
+    data = path.read_bytes()
+    chunks, place = [], 8
+    while place < len(data):
+        size = 12 + int(struct.unpack(">I", data[place : place + 4])[0])
+        chunks.append(data[place : place + size])
+        place += size
+    has_profile = any(chunk[4:8] == b"iCCP" for chunk in chunks)
+    left_out = (b"eXIf", *((b"sRGB", b"gAMA", b"cHRM") if has_profile else ()))
+    header, *others = [chunk for chunk in chunks if chunk[4:8] not in left_out]
+    named = b"eXIf" + block
+    fresh = struct.pack(">I", len(block)) + named + struct.pack(">I", zlib.crc32(named))
+    path.write_bytes(data[:8] + header + (fresh if block else b"") + b"".join(others))
+
+
+def _put_into_jpeg(path: Path, block: bytes) -> None:
+    """Put an Exif segment into a JPEG file, in place of the one that is there."""
+    data = path.read_bytes()
+    place, before, after = 2, b"", b""
+    while data[place + 1] in MARKS:
+        size = 2 + int(struct.unpack(">H", data[place + 2 : place + 4])[0])
+        segment = data[place : place + size]
+        if segment[1] == 0xE0:
+            before += segment
+        elif segment[4:10] != b"Exif\0\0":
+            after += segment
+        place += size
+    exif = b"\xff\xe1" + struct.pack(">H", len(block) + 8) + b"Exif\0\0" + block
+    path.write_bytes(data[:2] + before + exif + after + data[place:])

@@ -1,0 +1,350 @@
+"""Files of several pictures, read and written one by one: pages, animated pictures, films.
+
+Pillow reads and writes animated pictures, PyAV films; how long each frame is shown is kept.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb
+from resample.command.console import say
+from resample.files.animations import Stored
+from resample.files.films import film_picture, new_film, new_stream
+from resample.files.levels import levels
+from resample.files.metadata import TIFF, is_animated_png, page_tags
+from resample.files.pictures import (
+    Kind,
+    Look,
+    Picture,
+    check_output,
+    flattened,
+    read_picture,
+    write_pages,
+)
+from resample.files.tags import Directory, Tag
+from resample.files.writing import replacing
+
+ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well
+FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg")
+WRITTEN = (".gif", ".webp", ".apng", ".mp4")
+SUBFILE, SMALLER, MASK = 254, 1, 4  # a tag of TIFF, and what its bits say
+USUAL = 1.0 / 24.0  # s that a picture is shown where nothing is said
+WEBP_ALPHA = 0x10  # in the flags of a WebP file
+TICKS = 90_000  # per second, that times of films are counted in
+
+
+class Frames(NamedTuple):
+    """Pictures of a file, which are read when they are wanted."""
+
+    path: Path
+    seconds: tuple[float, ...]  # that each is shown
+    pages: tuple[int, ...] | None = None  # of a TIFF: which of its directories are pictures
+
+    def read(self) -> Iterator[Picture]:
+        """Pictures one after the other.
+
+        Raises
+        ------
+        OSError
+            The file is damaged.
+        """
+        if self.pages is not None:
+            return (read_picture(self.path, page, as_data=True) for page in self.pages)
+        is_film = self.path.suffix.lower() in FILMS
+        return _film_frames(self.path) if is_film else _animated_frames(self.path)
+
+
+def frames_of(path: Path) -> Frames | None:
+    """Pictures of a file, if it is one of several; None if it holds one, or is none.
+
+    Raises
+    ------
+    OSError
+        The file is damaged.
+    """
+    if not path.is_file():
+        return None
+    suffix = path.suffix.lower()
+    if suffix in FILMS:
+        return Frames(path, _film_times(path))
+    if suffix in ANIMATED and (suffix not in (".png", ".apng") or is_animated_png(path)):
+        seconds = _animated_times(path)
+        return Frames(path, seconds) if len(seconds) > 1 else None
+    pages = _pages(path, page_tags(path)) if suffix in TIFF else ()
+    return Frames(path, (USUAL,) * len(pages), pages) if len(pages) > 1 else None
+
+
+def check_frames(path: Path, frames: Frames, look: Look) -> None:
+    """Refuse a target that `write_frames` would refuse, before any work is done.
+
+    Raises
+    ------
+    ValueError
+        The suffix is none of several pictures, or has not so many bits.
+    """
+    suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
+    if suffix in TIFF:
+        check_output(path, look, transparent=False)
+    elif suffix not in WRITTEN and not (suffix == ".png" and is_animated):
+        known = ", ".join((*TIFF[:1], *WRITTEN))
+        count = len(frames.seconds)
+        raise ValueError(f"{path}: the {count} pictures of {frames.path} are written as {known}")
+    elif look.bits not in (None, 8):
+        raise ValueError(f"{path}: animations have 8 bits per channel, not {look.bits}")
+
+
+def write_frames(
+    path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: Look
+) -> None:
+    """Write pictures to one file, taken one by one.
+
+    Parameters
+    ----------
+    path
+        Target: TIFF of several pages, GIF, animated PNG or WebP, or a film.
+    pictures
+        Of one size, but for TIFF.
+    seconds
+        How long each is shown.
+    look
+        How they are written.
+
+    Raises
+    ------
+    ValueError
+        The format cannot hold them.
+    OSError
+        The file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix in TIFF:
+        write_pages(path, pictures, look)
+        return
+    screens = (_screen(path, picture, look) for picture in pictures)
+    shades = itertools.islice(screens, len(seconds))
+    with replacing(path) as temporary:
+        _WRITERS[suffix](temporary, shades, seconds)
+
+
+def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
+    """Directories of a TIFF that are pictures: neither smaller copies of others nor masks."""
+    kinds = [page.get(SUBFILE) for page in pages]
+    bits = [int(kind.values[0]) if isinstance(kind, Tag) else 0 for kind in kinds]
+    if any(bit & MASK for bit in bits):
+        say(f"{path.name}: its masks are not read")
+    return tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
+
+
+def _animated_times(path: Path) -> tuple[float, ...]:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            count = getattr(image, "n_frames", 1)
+            seconds = []
+            for n in range(count if count > 1 else 0):
+                image.seek(n)
+                image.load()
+                seconds.append(float(image.info.get("duration", 0.0)) / 1000.0 or USUAL)
+        if path.suffix.lower() == ".gif" and not path.read_bytes().rstrip(b"\0").endswith(b";"):
+            say(f"{path.name} is cut off: it has no end after {max(count, 1)} frames")
+    except (OSError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
+        raise OSError(f"{path} is not a picture that can be read: {error}") from None
+    return tuple(seconds)
+
+
+def _animated_frames(path: Path) -> Iterator[Picture]:
+    from PIL import Image
+
+    with Image.open(path) as image:
+        for n in range(getattr(image, "n_frames", 1)):
+            image.seek(n)
+            yield _shades(np.asarray(image.convert("RGBA")))
+
+
+def _shades(levels: NDArray[np.uint8]) -> Picture:
+    """Picture of levels (H, W, 3 or 4); without alpha where all is opaque."""
+    light = from_srgb((np.arange(256) / 255.0).astype(np.float32))
+    kind = Kind(("R", "G", "B"), 8, is_encoded=True)
+    color = np.asarray(light[levels[..., :3]], np.float32)
+    if levels.shape[2] == 3 or bool((levels[..., 3] == 255).all()):
+        return Picture(color, kind)
+    alpha = levels[..., 3:].astype(np.float32) / np.float32(255.0)
+    data = np.concatenate([color * alpha, alpha], axis=2)
+    return Picture(data, kind._replace(channels=("R", "G", "B", "A")))
+
+
+def _film_times(path: Path) -> tuple[float, ...]:
+    """Seconds that the frames of a film are shown, as far as its packets tell."""
+    import av
+
+    try:
+        with av.open(str(path)) as film:
+            if not film.streams.video:
+                raise OSError(f"{path} is not a film that can be read: it has no pictures")
+            stream = film.streams.video[0]
+            if film.streams.audio:
+                say(f"{path.name}: its sound is left out")
+            rate, base = stream.average_rate, stream.time_base or Fraction(1, TICKS)
+            times = [
+                packet.dts if packet.pts is None else packet.pts
+                for packet in film.demux(stream)
+                if packet.size
+            ]
+    except av.FFmpegError as error:
+        raise OSError(f"{path} is not a film that can be read: {error.strerror}") from None
+    last = float(1 / rate) if rate else USUAL
+    known = sorted(float(time * base) for time in times if time is not None)
+    if len(known) < len(times):
+        return (last,) * len(times)
+    return tuple(float(gap) for gap in np.diff(known)) + (last,) * bool(known)
+
+
+def _film_frames(path: Path) -> Iterator[Picture]:
+    import av
+
+    try:
+        with av.open(str(path)) as film:
+            stream = film.streams.video[0]
+            stream.thread_type = "AUTO"
+            for frame in film.decode(stream):
+                levels = frame.to_ndarray(format="rgb24", **_colors_of(frame))
+                yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
+    except av.FFmpegError as error:
+        raise OSError(f"{path} is damaged: {error.strerror}") from None
+
+
+def _colors_of(frame: Any) -> dict[str, Any]:
+    """How a frame's colors are coded, where it does not say so: large ones are as of television."""
+    from av.video.reformatter import Colorspace
+
+    known = {int(space) for space in (Colorspace.ITU709, Colorspace.ITU601, Colorspace.SMPTE240M)}
+    if int(frame.colorspace) in known:
+        return {"src_colorspace": int(frame.colorspace)}
+    return {"src_colorspace": Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601}
+
+
+def _screen(path: Path, picture: Picture, look: Look) -> NDArray[np.uint8]:
+    """Levels (H, W, 3 or 4) of a picture, as screens take them."""
+    if look.background is not None:
+        picture = flattened(picture, look.background)
+    if path.suffix.lower() == ".mp4" and picture.kind.has_alpha:
+        raise ValueError(f"{path}: films have no transparency; give --background black")
+    colors = len(picture.kind.channels) - picture.kind.has_alpha
+    if colors not in (1, 3) or picture.about.number:
+        raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
+    shades = levels(picture.data, "uint8", has_alpha=picture.kind.has_alpha, is_light=look.is_light)
+    if colors == 1:
+        shades = shades[..., [0, 0, 0, 1][: 3 + picture.kind.has_alpha]]
+    return np.ascontiguousarray(shades, np.uint8)
+
+
+def _write_gif(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+    times = [10 * max(2, round(100.0 * second)) for second in seconds]
+    images = map(_with_palette, frames)
+    choices = {"duration": times, "disposal": 2, "optimize": False}
+    next(images).save(path, save_all=True, loop=0, append_images=images, **choices)
+
+
+def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+    """Write an animated WebP.
+
+    The encoder cuts off what is clear around a frame, and then may say that nothing is clear.
+    """
+    clear = []
+
+    def images() -> Iterator[Any]:
+        for frame in frames:
+            clear.append(frame.shape[2] == 4)
+            yield _image(frame)
+
+    times, all_images = [round(1000.0 * second) for second in seconds], images()
+    choices = {"duration": times, "quality": 90}
+    next(all_images).save(path, save_all=True, loop=0, append_images=all_images, **choices)
+    if any(clear):
+        with path.open("r+b") as file:
+            head = file.read(21)
+            if head[12:16] == b"VP8X":
+                file.seek(20)
+                file.write(bytes([head[20] | WEBP_ALPHA]))
+
+
+def _write_apng(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+    """Write an animated PNG, whose frames pillow wants to look at twice."""
+    with TemporaryDirectory() as folder:
+        kept = []
+        for n, levels in enumerate(frames):
+            kept.append(Path(folder) / f"{n}.png")
+            _image(levels).save(kept[-1], compress_level=1)
+        times = [1000.0 * second for second in seconds]
+        stored = Stored(kept)
+        first, others = next(iter(stored)), Stored(kept[1:])
+        choices = {"duration": times, "disposal": 1, "blend": 0}
+        first.save(path, format="PNG", save_all=True, loop=0, append_images=others, **choices)
+
+
+def _image(levels: NDArray[np.uint8]) -> Any:
+    from PIL import Image
+
+    return Image.fromarray(levels)
+
+
+def _with_palette(levels: NDArray[np.uint8]) -> Any:
+    """Image for a GIF, whose pixels are opaque or not there."""
+    from PIL import Image
+
+    if levels.shape[2] == 3:
+        return Image.fromarray(levels)
+    is_clear = levels[..., 3] < 128
+    image = Image.fromarray(levels[..., :3]).quantize(255)
+    indices = np.where(is_clear, np.uint8(255), np.asarray(image))
+    shown = Image.fromarray(indices).convert("P")
+    palette = (image.getpalette() or [])[:765]
+    shown.putpalette(palette + [0] * (768 - len(palette)))
+    shown.info["transparency"] = 255
+    return shown
+
+
+def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+    """Encode frames that begin one after the other."""
+    first, rest = _peeked(frames)
+    begins = np.concatenate([[0.0], np.cumsum(seconds)])
+    with new_film(path) as film:
+        stream = new_stream(film, _rate(seconds), first.shape[:2])
+        stream.codec_context.time_base = Fraction(1, TICKS)
+        for n, levels in enumerate(rest):
+            picture = film_picture(levels, stream)
+            picture.pts, picture.time_base = round(float(begins[n]) * TICKS), Fraction(1, TICKS)
+            film.mux(stream.encode(picture))
+        film.mux(stream.encode(None))
+
+
+def _peeked(
+    frames: Iterable[NDArray[np.uint8]],
+) -> tuple[NDArray[np.uint8], Iterator[NDArray[np.uint8]]]:
+    """The first of some frames, and all of them."""
+    iterator = iter(frames)
+    first = next(iterator)
+    return first, itertools.chain([first], iterator)
+
+
+def _rate(seconds: Sequence[float]) -> float:
+    """Frames per second, on average."""
+    total = float(sum(seconds))
+    return min(1000.0, len(seconds) / total) if total > 0.0 else 1.0 / USUAL
+
+
+_WRITERS = {
+    ".gif": _write_gif,
+    ".webp": _write_webp,
+    ".apng": _write_apng,
+    ".png": _write_apng,
+    ".mp4": _write_film,
+}

@@ -1,0 +1,190 @@
+"""What the command line keeps of a photo's file: which way is up, color profile, camera."""
+
+from functools import cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO
+import pytest
+from PIL import Image, ImageCms, ImageOps
+
+from resample.files.images import read_channels
+from resample.files.metadata import turn, upright
+from resample.files.pictures import read_picture
+from resample.files.tags import Tag, add_tags
+from resample_texture.command import cli
+from tests import commands
+
+SAME = ["--matrix", "1,0,0,0,1,0"]
+HALF = ["--matrix", "0.5,0,0,0,0.5,0", "--size", "12x8"]
+ended = partial(commands.ended, cli.app)
+EXIF, GPS = 0x8769, 0x8825
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
+
+
+@cache
+def profile() -> bytes:
+    return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+def exif(orientation: int) -> Image.Exif:
+    tags = Image.Exif()
+    tags[271], tags[272], tags[306], tags[274] = (
+        "Maker",
+        "Model",
+        "2020:01:02 03:04:05",
+        orientation,
+    )
+    inner = tags.get_ifd(EXIF)
+    inner[0x829A], inner[0xA434], inner[0x9003] = 0.004, "Lens 50 mm", "2020:01:02 03:04:05"
+    inner[0x927C], inner[0xA002], inner[0xA003] = b"maker's notes", 24, 16
+    place = tags.get_ifd(GPS)
+    place[1], place[2] = "N", (50.0, 5.0, 12.5)
+    return tags
+
+
+def photo(name: str, orientation: int, shape: tuple[int, ...] = (16, 24, 3)) -> None:
+    levels = np.random.default_rng(5).integers(0, 256, shape, np.uint8)
+    kept = {"exif": exif(orientation).tobytes(), "icc_profile": profile()}
+    choices = {"jpg": {"quality": 95, "subsampling": 0}, "webp": {"lossless": True}}
+    Image.fromarray(levels).save(name, **kept, **choices.get(name.rpartition(".")[2], {}))
+
+
+def shown(name: str) -> np.ndarray:
+    with Image.open(name) as image:
+        return np.array(ImageOps.exif_transpose(image))
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_sideways_photo_is_read_upright_and_written_so(orientation):
+    photo("in.png", orientation)
+    assert ended("warp", "in.png", "-o", "out.png", *SAME) == 0
+    assert np.array_equal(shown("out.png"), shown("in.png"))
+    with Image.open("out.png") as image:
+        assert image.getexif().get(274, 1) == 1
+        assert image.size == shown("in.png").shape[1::-1]
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "webp", "tif"])
+def test_all_formats_that_tell_are_turned(suffix):
+    photo(f"in.{suffix}", 6)
+    assert ended("warp", f"in.{suffix}", "-o", "out.png", *SAME) == 0
+    assert np.abs(shown("out.png").astype(int) - shown(f"in.{suffix}")).max() <= 2  # JPEG decoders
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_matrix_of_a_turn_leads_where_the_turn_does(orientation):
+    data = np.arange(35).reshape(5, 7)
+    turned, matrix = upright(data, orientation), turn(orientation, (5, 7))
+    for row, column in np.ndindex(5, 7):
+        x, y, _ = matrix @ (column + 0.5, row + 0.5, 1.0)
+        assert turned[int(y), int(x)] == data[row, column]
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tif"])
+@pytest.mark.parametrize("source", ["jpg", "png", "webp", "tif"])
+def test_camera_and_profile_are_kept(source, suffix):
+    photo(f"in.{source}", 8)
+    assert ended("warp", f"in.{source}", "-o", f"out.{suffix}", *HALF, "--edge", "clamp") == 0
+    with Image.open(f"out.{suffix}") as image:
+        tags = image.getexif()
+        assert (tags[271], tags[272], tags[306]) == ("Maker", "Model", "2020:01:02 03:04:05")
+        assert tags.get(274, 1) == 1
+        inner = tags.get_ifd(EXIF)
+        assert inner[0x829A] == pytest.approx(0.004)
+        assert (inner[0xA434], inner[0x9003]) == ("Lens 50 mm", "2020:01:02 03:04:05")
+        assert inner[0x927C] == b"maker's notes"
+        assert (inner[0xA002], inner[0xA003]) == (12, 8)
+        assert tags.get_ifd(GPS)[2] == (50.0, 5.0, 12.5)
+        assert image.info["icc_profile"] == profile()
+
+
+def test_a_png_with_a_profile_does_not_say_srgb_as_well():
+    photo("in.jpg", 1)
+    assert ended("warp", "in.jpg", "-o", "out.png", *SAME) == 0
+    with Image.open("out.png") as image:
+        assert image.info["icc_profile"] == profile()
+        assert "srgb" not in image.info
+        assert "gamma" not in image.info
+
+
+def test_exr_keeps_the_camera_and_no_profile_of_encoded_values():
+    photo("in.jpg", 1)
+    assert ended("warp", "in.jpg", "-o", "out.exr", *SAME) == 0
+    spec = OpenImageIO.ImageInput.open("out.exr").spec()
+    assert spec.get_string_attribute("Make") == "Maker"
+    assert spec.get_string_attribute("Exif:DateTimeOriginal") == "2020:01:02 03:04:05"
+    assert spec.getattribute("ICCProfile") is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"), [((16, 24), ["--background", "red"]), ((16, 24, 3), ["--bits", "32"])]
+)
+def test_a_profile_that_is_not_true_any_more_is_dropped(shape, words):
+    photo("in.png", 1, shape)
+    assert ended("warp", "in.png", "-o", "out.tif", *HALF, *words) == 0
+    assert OpenImageIO.ImageInput.open("out.tif").spec().getattribute("ICCProfile") is None
+
+
+def test_rectified_pages_keep_the_camera():
+    photo("in.jpg", 6)
+    corners = ["--corners", "1,1 15,2 14,22 2,23"]
+    assert ended("rectify", "in.jpg", "-o", "out.jpg", *corners) == 0
+    with Image.open("out.jpg") as image:
+        assert image.getexif()[271] == "Maker"
+
+
+def test_makers_notes_too_long_for_jpeg_are_left_out():
+    tags = exif(1)
+    tags.get_ifd(EXIF)[0x927C] = bytes(70_000)
+    Image.new("RGB", (24, 16)).save("in.png", exif=tags)
+    assert ended("warp", "in.png", "-o", "out.jpg", *SAME) == 0
+    with Image.open("out.jpg") as image:
+        assert image.getexif()[271] == "Maker"
+        assert 0x927C not in image.getexif().get_ifd(EXIF)
+
+
+def test_a_damaged_exif_block_does_no_harm():
+    photo("in.png", 1)
+    with Image.open("in.png") as image:
+        image.save("bad.png", exif=b"Exif\0\0MM\0*\0\0\xff\xff")
+    assert ended("warp", "bad.png", "-o", "out.png", *SAME) == 0
+    assert np.array_equal(cv2.imread("bad.png"), cv2.imread("out.png"))
+
+
+@pytest.mark.parametrize("kind", ["int16", "int32", "uint32", "int8"])
+def test_numbers_of_other_integers_stay_what_they_are(kind):
+    limits = np.iinfo(kind)
+    largest = min(limits.max, 1 << 24)  # float32 holds no larger whole numbers
+    values = np.random.default_rng(3).integers(
+        max(limits.min, -largest), largest, (16, 24, 1), kind, endpoint=True
+    )
+    cv2.imwrite("in.tif", values)
+    if kind == "uint32":  # which OpenCV writes for signed ones only
+        add_tags(Path("in.tif"), [{339: Tag(3, np.array([1], np.uint16))}])
+    assert np.array_equal(read_picture("in.tif", as_data=True).data, values)
+    assert ended("warp", "in.tif", "-o", "out.tif", *SAME) == 0
+    source = OpenImageIO.ImageInput.open("out.tif")
+    name = kind.removesuffix("32")  # as OpenImageIO calls it
+    assert str(source.spec().format) == name
+    assert np.array_equal(source.read_image(name), values)
+
+
+def test_numbers_that_a_format_has_no_room_for_are_refused(capsys):
+    target = OpenImageIO.ImageOutput.create("in.tif")
+    target.open("in.tif", OpenImageIO.ImageSpec(24, 16, 1, "int16"))
+    target.write_image(np.full((16, 24, 1), -7, np.int16))
+    target.close()
+    refused = partial(commands.refused, cli.app)
+    error = refused(capsys, "warp", "in.tif", "-o", "out.png", *SAME)
+    assert "numbers of int16 do not fit into .png; take .tif or .exr" in error
+    error = refused(capsys, "warp", "in.tif", "-o", "out.tif", *SAME, "--bits", "8")
+    assert "numbers of int16 are not written in 8 bits" in error
+    assert ended("warp", "in.tif", "-o", "out.exr", *SAME) == 0
+    assert (read_channels("out.exr")["Y"] == -7).all()
