@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample.types import Doubles, Floats
-from resample_texture.texels.pyramid import Pyramid, pyramid
+from resample_texture.mesh.covers import Alpha, Cover, alpha_halvings, halvings
+from resample_texture.texels.pyramid import Pyramid
 
 Ints = NDArray[np.int64]
 
@@ -41,12 +42,14 @@ class Mesh:
         (V, 2) texture coordinates: u to the right, v upward, 0..1 over the texture, which goes on
         periodically beyond, to ±1e6.
     textures
-        Pictures (H, W, 3), linear light.
+        Pictures (H, W, 3) or (H, W, 4), linear light, not multiplied by their alpha.
     texture
         (T,) which of them covers a triangle, −1 where vertex colors do; left out, it is the first,
         or vertex colors where there are no textures.
     color
         (V, 3) linear light.
+    covers
+        How each texture is laid on; left out, they repeat and are opaque.
 
     Raises
     ------
@@ -61,6 +64,7 @@ class Mesh:
     textures: tuple[Floats, ...] = ()
     texture: Ints = _LEFT_OUT
     color: Floats = _LEFT_OUT
+    covers: tuple[Cover, ...] = ()
 
     def __post_init__(self) -> None:
         position = _array("position", self.position, (None, 3), np.float64)
@@ -79,20 +83,34 @@ class Mesh:
         count = len(position)
         uv = np.zeros((count, 2)) if self.uv is None else _places(self.uv, count)
         color = np.ones((count, 3)) if self.color is None else self.color
-        pictures = [_array("texture", one, (None, None, 3), np.float32) for one in self.textures]
-        if not all(one.size for one in pictures):
-            raise ValueError("a texture has no texels; give at least one")
+        covers = tuple(self.covers) or (Cover(),) * len(self.textures)
+        if len(covers) != len(self.textures):
+            raise ValueError(
+                f"{len(covers)} covers for {len(self.textures)} textures; give as many"
+            )
+        pictures = [_picture(*one) for one in zip(self.textures, covers, strict=True)]
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "triangle", triangle)
         object.__setattr__(self, "uv", uv)
         object.__setattr__(self, "textures", tuple(pictures))
+        object.__setattr__(self, "covers", covers)
         object.__setattr__(self, "texture", chosen)
         object.__setattr__(self, "color", _array("color", color, (count, 3), np.float32))
 
     @cached_property
     def pyramids(self) -> tuple[Pyramid, ...]:
-        """Textures with their halvings, made when they are first needed."""
-        return tuple(pyramid(texture) for texture in self.textures)
+        """Colors of textures with their halvings, made when they are first needed.
+
+        They are multiplied by what is seen of a texture, but for the largest level of a mask.
+        """
+        return tuple(halvings(*one) for one in zip(self.textures, self.covers, strict=True))
+
+    @cached_property
+    def alphas(self) -> tuple[Pyramid, ...]:
+        """Likewise their alphas, or what is seen of masks; nothing if all are opaque."""
+        if all(texture.shape[2] == 3 for texture in self.textures):
+            return ()
+        return tuple(alpha_halvings(*one) for one in zip(self.textures, self.covers, strict=True))
 
 
 def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> Mesh:
@@ -148,6 +166,17 @@ def _array(
     if not np.isfinite(array).all():
         raise ValueError(f"{name} holds numbers that are not finite; remove or repair them")
     return array
+
+
+def _picture(given: Any, cover: Cover) -> Floats:
+    """A texture, with an alpha if that does anything."""
+    channels = 4 if np.ndim(given) == 3 and np.shape(given)[2] == 4 else 3
+    picture: Floats = _array("texture", given, (None, None, channels), np.float32)
+    if not picture.size:
+        raise ValueError("a texture has no texels; give at least one")
+    if cover.alpha is Alpha.OPAQUE:
+        return np.ascontiguousarray(picture[..., :3])
+    return picture
 
 
 def _places(given: Any, count: int) -> Doubles:
