@@ -98,9 +98,16 @@ def at_texel(interpolation, step):
     return weight(interpolation, step + (np.arange(1000) + 0.5) / 1000 - 0.5).mean()
 
 
-def interpolated(texture, u, t, interpolation):
-    """Colors at places of a texture that repeats."""
-    height, width, _ = texture.shape
+EDGES = {
+    "wrap": lambda index, size: index % size,
+    "clamp": lambda index, size: np.clip(index, 0, size - 1),
+    "mirror": lambda index, size: np.minimum(index % (2 * size), 2 * size - 1 - index % (2 * size)),
+}
+
+
+def interpolated(texture, u, t, interpolation, along_u="wrap", along_t="wrap"):
+    """Colors at places of a texture; one that does not repeat is its own coefficients."""
+    height, width, channels = texture.shape
     coefficient = texture.astype(float)
     for axis, size in enumerate((height, width)):
         at_texels = np.zeros(size)
@@ -112,13 +119,14 @@ def interpolated(texture, u, t, interpolation):
         shape[axis] = size
         spectrum = np.fft.fft(coefficient, axis=axis) / response.reshape(shape)
         coefficient = np.fft.ifft(spectrum, axis=axis).real
-    color, total = np.zeros((u.size, 3)), 0.0
+    color, total = np.zeros((u.size, channels)), 0.0
+    row_of, column_of = EDGES[along_t], EDGES[along_u]
     x, y = u * width - 0.5, t * height - 0.5
     for n in reach:
         for m in reach:
             line, place = np.floor(y).astype(int) + n, np.floor(x).astype(int) + m
             share = weight(interpolation, y - line) * weight(interpolation, x - place)
-            color += share[:, None] * coefficient[line % height, place % width]
+            color += share[:, None] * coefficient[row_of(line, height), column_of(place, width)]
             total = total + share[:, None]
     return color / total
 
@@ -130,18 +138,32 @@ def weight(interpolation, distance):
 
 def naive_mesh(mesh, camera, size, rays=8):
     """Any mesh with textures, by rays through a grid in every pixel that ask every triangle."""
-    shown, uv = seen_by_rays(mesh, camera, size, rays)
-    image = np.zeros((shown.size, 4))
-    for n in np.unique(mesh.texture):
-        hit = np.flatnonzero((shown.ravel() >= 0) & (mesh.texture[shown.ravel()] == n))
-        u, v = uv.reshape(-1, 2)[hit].T
-        image[hit, :3] = interpolated(mesh.textures[n], u, 1 - v, CatmullRom())
-        image[hit, 3] = 1
+    image = np.zeros(((size * rays) ** 2, 4))
+    for hits in layers_of_rays(mesh, camera, size, rays):
+        color = np.zeros_like(image)
+        for n in range(len(mesh.textures)):
+            hit = np.flatnonzero((hits[0] >= 0) & (mesh.texture[hits[0]] == n))
+            color[hit] = covering(mesh.textures[n], mesh.covers[n], *hits[1][hit].T)
+        image += (1 - image[:, 3:]) * color
     return image.reshape(size, rays, size, rays, 4).mean(axis=(1, 3))
 
 
-def seen_by_rays(mesh, camera, size, rays):
-    """Which triangle each ray meets first, and its texture coordinates there."""
+def covering(texture, cover, u, v):
+    """Premultiplied colors of a texture, and what is seen of it."""
+    edges = cover.along_u, cover.along_v
+    color = interpolated(texture[..., :3], u, 1 - v, CatmullRom(), *edges)
+    alpha = np.ones((u.size, 1))
+    if texture.shape[2] == 4 and cover.alpha == "mask":
+        alpha = interpolated(texture[..., 3:], u, 1 - v, CatmullRom(), *edges) >= cover.cutoff
+    elif texture.shape[2] == 4:
+        alpha = np.clip(interpolated(texture[..., 3:], u, 1 - v, CatmullRom(), *edges), 0, 1)
+        premultiplied = texture[..., :3] * texture[..., 3:]
+        return np.hstack([interpolated(premultiplied, u, 1 - v, CatmullRom(), *edges), alpha])
+    return np.hstack([color * alpha, alpha])
+
+
+def layers_of_rays(mesh, camera, size, rays):
+    """Which triangle each ray meets first, second and so on, and its texture coordinates there."""
     view, n = camera.view(), size * rays
     place = mesh.position @ view.rotation.T + view.translation
     w = place[:, 2] if view.perspective else np.ones(len(place))
@@ -150,14 +172,17 @@ def seen_by_rays(mesh, camera, size, rays):
     )
     row, column = (np.mgrid[0:n, 0:n] + 0.5) / rays
     ray = np.stack([column.ravel(), row.ravel(), np.ones(n * n)])
-    nearest, shown, uv = np.full(n * n, np.inf), np.full(n * n, -1), np.zeros((n * n, 2))
-    for k, triangle in enumerate(mesh.triangle):
-        share = np.linalg.solve(corner[triangle].T, ray)
-        depth = place[triangle, 2] @ share / share.sum(axis=0)
-        hit = (share >= 0).all(axis=0) & (depth < nearest)
-        nearest[hit], shown[hit] = depth[hit], k
-        uv[hit] = (share[:, hit] / share[:, hit].sum(axis=0)).T @ mesh.uv[triangle]
-    return shown.reshape(n, n), uv.reshape(n, n, 2)
+    before = np.full(n * n, -np.inf)
+    while np.isfinite(before).any() or (before < 0).all():
+        nearest, shown, uv = np.full(n * n, np.inf), np.full(n * n, -1), np.zeros((n * n, 2))
+        for k, triangle in enumerate(mesh.triangle):
+            share = np.linalg.solve(corner[triangle].T, ray)
+            depth = place[triangle, 2] @ share / share.sum(axis=0)
+            hit = (share >= 0).all(axis=0) & (depth < nearest) & (depth > before + 1e-9)
+            nearest[hit], shown[hit] = depth[hit], k
+            uv[hit] = (share[:, hit] / share[:, hit].sum(axis=0)).T @ mesh.uv[triangle]
+        yield shown, uv
+        before = nearest
 
 
 def areas(polygon, size):

@@ -1,98 +1,32 @@
-"""Textured meshes and the files they come from, read by trimesh.
+"""Files of textured meshes, read by trimesh.
 
 trimesh drops what it cannot find without a word: a texture that a material names is looked for
 here, so that a mesh is never gray for want of a file.
 """
 
 import errno
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.images import read_image
-from resample.types import Doubles, Floats
-from resample_texture.texels.pyramid import Pyramid, pyramid
-
-Ints = NDArray[np.int64]
-
-FARTHEST = 1e6  # textures; float32 files cannot tell places within one that lies beyond
-
-_LEFT_OUT: Any = None
+from resample.types import Floats
+from resample_texture.mesh.gltf import WHITE, Described, described, texture_files
+from resample_texture.mesh.shapes import Mesh, checked_array
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles with textures, or with colors at their vertices.
+class _Source(NamedTuple):
+    """A file, and what is known of it before its meshes are read."""
 
-    Parameters
-    ----------
-    position
-        (V, 3) scene units.
-    triangle
-        (T, 3) vertices; seen from outside they go around counterclockwise.
-    uv
-        (V, 2) texture coordinates: u to the right, v upward, 0..1 over the texture, which goes on
-        periodically beyond, to ±1e6.
-    textures
-        Pictures (H, W, 3), linear light.
-    texture
-        (T,) which of them covers a triangle, −1 where vertex colors do; left out, it is the first,
-        or vertex colors where there are no textures.
-    color
-        (V, 3) linear light.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, a number is not finite or too large, a triangle names a vertex or texture
-        that is not there, or nothing says what color the triangles have.
-    """
-
-    position: Doubles
-    triangle: Ints
-    uv: Doubles = _LEFT_OUT
-    textures: tuple[Floats, ...] = ()
-    texture: Ints = _LEFT_OUT
-    color: Floats = _LEFT_OUT
-
-    def __post_init__(self) -> None:
-        position = _array("position", self.position, (None, 3), np.float64)
-        triangle = _array("triangle", self.triangle, (None, 3), np.int64)
-        if not triangle.size:
-            raise ValueError("a mesh without triangles shows nothing; give at least one")
-        _check_range("vertex", triangle, 0, len(position))
-        chosen = np.full(len(triangle), 0 if self.textures else -1)
-        if self.texture is not None:
-            chosen = _array("texture", self.texture, (len(triangle),), np.int64)
-        _check_range("texture", chosen, -1, len(self.textures))
-        if (chosen >= 0).any() and self.uv is None:
-            raise ValueError("has no texture coordinates; a texture cannot be laid on it")
-        if (chosen < 0).any() and self.color is None:
-            raise ValueError("has neither a texture nor vertex colors; give one of them")
-        count = len(position)
-        uv = np.zeros((count, 2)) if self.uv is None else _places(self.uv, count)
-        color = np.ones((count, 3)) if self.color is None else self.color
-        pictures = [_array("texture", one, (None, None, 3), np.float32) for one in self.textures]
-        if not all(one.size for one in pictures):
-            raise ValueError("a texture has no texels; give at least one")
-        object.__setattr__(self, "position", position)
-        object.__setattr__(self, "triangle", triangle)
-        object.__setattr__(self, "uv", uv)
-        object.__setattr__(self, "textures", tuple(pictures))
-        object.__setattr__(self, "texture", chosen)
-        object.__setattr__(self, "color", _array("color", color, (count, 3), np.float32))
-
-    @cached_property
-    def pyramids(self) -> tuple[Pyramid, ...]:
-        """Textures with their halvings, made when they are first needed."""
-        return tuple(pyramid(texture) for texture in self.textures)
+    path: Path
+    named: list[Path]  # files that it names as its textures
+    given: Floats | None  # texture to use in their place
+    gltf: Described | None
 
 
 def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> Mesh:
@@ -108,13 +42,14 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
 
     Returns
     -------
-    The mesh in the file's own space. Transparency of textures is ignored; a material's color
-    multiplies the texture in glTF, and is used where there is no texture in all formats.
+    The mesh in the file's own space. Parts without a texture, or without places on it, have their
+    material's color. A glTF material's color multiplies the texture; its alpha mode and the edges
+    of its texture hold. In other formats textures repeat and are opaque.
 
     Raises
     ------
     ValueError
-        The file is no mesh, has no triangles, or has neither texture coordinates nor vertex colors.
+        The file is no mesh, has no triangles, or does not say what color they have.
     OSError
         The file or a texture it names is missing or damaged.
     """
@@ -127,68 +62,66 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
         if not file.is_file():
             message = f"is missing; {source.name} names it as its texture, or give another"
             raise FileNotFoundError(errno.ENOENT, message, str(file))
-    pieces = [_piece(one, source, named, given) for one in _geometries(source, named)]
     try:
-        return _joined(pieces)
+        opened = _Source(source, named, given, described(source))
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise ValueError(f"{source.name} cannot be read as a mesh: {_line(error)}") from None
+    geometries = _geometries(opened)
+    try:
+        if given is not None and all(_uv(one) is None for one in geometries):
+            raise ValueError("has no texture coordinates; a texture cannot be laid on it")
+        return _joined([_piece(one, opened) for one in geometries])
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
 
 
-def _array(
-    name: str, given: Any, shape: tuple[int | None, ...], kind: type[np.generic]
-) -> NDArray[Any]:
-    """Contiguous array of a shape, checked; None in the shape stands for any size."""
-    array = np.ascontiguousarray(given, kind)
-    fits = len(shape) == array.ndim
-    if not fits or any(
-        want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
-    ):
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise ValueError(f"{name} has the shape {array.shape}; it must be ({wanted})")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds numbers that are not finite; remove or repair them")
-    return array
+def _line(error: Exception) -> str:
+    """What an error says, in one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
-def _places(given: Any, count: int) -> Doubles:
-    """Texture coordinates (count, 2), checked."""
-    uv = _array("uv", given, (count, 2), np.float64)
-    farthest = float(np.abs(uv).max(initial=0.0))
-    if farthest > FARTHEST:
-        raise ValueError(
-            f"a texture coordinate of {farthest:g}; {FARTHEST:g} is the limit: textures repeat, so "
-            "subtract whole numbers"
-        )
-    return uv
-
-
-def _check_range(name: str, index: Ints, least: int, count: int) -> None:
-    low, high = int(index.min()), int(index.max())
-    if low < least or high >= count:
-        raise ValueError(f"{name} {low if low < least else high} is named, but there are {count}")
-
-
-def _geometries(source: Path, named: list[Path]) -> list[Any]:
-    """All of a file's meshes in their places, as trimesh has them."""
+def _scene(source: _Source) -> Any:
     import trimesh
 
+    path = source.path
+    if source.gltf is None:
+        return trimesh.load_scene(path, process=False)
+    return trimesh.load_scene(
+        BytesIO(source.gltf.content),
+        file_type=path.suffix.lower()[1:],
+        resolver=trimesh.resolvers.FilePathResolver(path),
+        process=False,
+    )
+
+
+def _geometries(source: _Source) -> list[Any]:
+    """All of a file's meshes in their places, as trimesh has them."""
+    name = source.path.name
     try:
-        scene = trimesh.load_scene(source, process=False)
+        scene = _scene(source)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
+        for one in found:
+            _keep_colors(one, scene.geometry[one.metadata["name"]])
     except Exception as error:  # trimesh and its parsers raise anything at all
-        for file in named:
+        for file in source.named:
             read_image(file)  # says which one cannot be read
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ValueError(f"{source.name} cannot be read as a mesh: {reason}") from None
+        raise ValueError(f"{name} cannot be read as a mesh: {_line(error)}") from None
     if not found:
-        raise ValueError(f"{source.name} holds no triangles; a mesh with texture is needed")
+        raise ValueError(f"{name} holds no triangles; a mesh with texture is needed")
     return found
+
+
+def _keep_colors(copied: Any, original: Any) -> None:
+    """Give a copy the colors at vertices that a material has besides; trimesh forgets them."""
+    held = getattr(original.visual, "vertex_attributes", {})
+    if copied.visual.kind == "texture" and "color" in held:
+        copied.visual.vertex_attributes["color"] = held["color"]
 
 
 def _given_texture(texture: str | Path | Floats) -> Floats:
     if isinstance(texture, str | Path):
         return _three_channels(read_image(texture), str(texture))
-    return _array("texture", texture, (None, None, 3), np.float32)
+    return checked_array("texture", texture, (None, None, 3), np.float32)
 
 
 def _three_channels(picture: Floats, name: str) -> Floats:
@@ -218,7 +151,7 @@ def _named_textures(source: Path) -> Iterator[Path]:
             if words[:2] == ["comment", "TextureFile"] and len(words) == 3:
                 yield source.parent / words[2].strip()
     elif kind == ".gltf":
-        yield from _gltf_textures(source)
+        yield from texture_files(source)
 
 
 def _material_textures(library: Path, source: Path) -> list[str]:
@@ -237,68 +170,97 @@ def _values(file: Path, key: str) -> list[str]:
     return [value.strip().replace("\\", "/") for value in found]
 
 
-def _gltf_textures(source: Path) -> list[Path]:
-    from urllib.parse import unquote
-
-    try:
-        content = json.loads(source.read_text(encoding="utf-8"))
-        names = [image.get("uri", "data:") for image in content.get("images", [])]
-    except (ValueError, AttributeError):
-        return []  # trimesh says what is wrong with it
-    return [source.parent / unquote(name) for name in names if not name.startswith("data:")]
+def _uv(geometry: Any) -> Any:
+    """Texture coordinates of one of trimesh's meshes; None if it has none."""
+    uv: Any = getattr(geometry.visual, "uv", None)
+    return None if uv is None or not len(uv) else uv
 
 
-def _piece(geometry: Any, source: Path, named: list[Path], given: Floats | None) -> Mesh:
+def _piece(geometry: Any, source: _Source) -> Mesh:
     """One of trimesh's meshes."""
     position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
     visual = geometry.visual
-    uv: Any = getattr(visual, "uv", None)
-    try:
-        if given is not None:
-            return Mesh(position, triangle, uv, (given,))
-        if visual.kind == "vertex":
-            return Mesh(position, triangle, color=_linear(visual.vertex_colors))
-        if visual.kind == "face":
-            color = np.repeat(_linear(visual.face_colors), 3, axis=0)
-            corner = np.arange(triangle.size).reshape(-1, 3)
-            return Mesh(position[triangle.ravel()], corner, color=color)
-        return Mesh(position, triangle, uv, (_own_texture(visual, source, named),))
-    except ValueError as error:
-        raise ValueError(f"{source.name}: {error}") from None
+    uv = _uv(geometry)
+    if source.given is not None and (uv is not None or source.gltf is None):
+        return Mesh(position, triangle, uv, (source.given,))
+    if visual.kind == "face":
+        color = np.repeat(_linear(visual.face_colors), 3, axis=0)
+        corner = np.arange(triangle.size).reshape(-1, 3)
+        return Mesh(position[triangle.ravel()], corner, color=color)
+    if source.gltf is not None:
+        return _gltf_piece(geometry, uv, source, source.gltf)
+    if visual.kind == "vertex":
+        return Mesh(position, triangle, color=_linear(visual.vertex_colors))
+    texture = _own_texture(visual, uv, source)
+    return Mesh(position, triangle, _or_zeros(uv, position), (texture,))
 
 
-def _own_texture(visual: Any, source: Path, named: list[Path]) -> Floats:
-    """Picture of a material; one texel where it has a color only."""
-    uv: Any = getattr(visual, "uv", None)
+def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mesh:
+    """A part of a glTF file, under its texture, the colors of its vertices or its material's."""
+    position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
+    visual, look = geometry.visual, WHITE
+    if visual.kind == "vertex":
+        return Mesh(position, triangle, color=_levels(visual.vertex_colors)[:, :3])
+    if visual.kind == "texture":
+        look = gltf.materials[int(visual.material.name)]
+    if look.has_texture and uv is not None:
+        texture = _material_picture(visual.material, source)
+        return Mesh(position, triangle, uv, (texture * look.factor,), covers=(look.cover,))
+    colors: Any = getattr(visual, "vertex_attributes", {}).get("color")
+    if colors is not None:
+        return Mesh(position, triangle, color=_levels(colors)[:, :3] * look.factor[:3])
+    texture = look.factor[None, None]
+    return Mesh(position, triangle, _or_zeros(None, position), (texture,), covers=(look.cover,))
+
+
+def _or_zeros(uv: Any, position: NDArray[Any]) -> Any:
+    """Texture coordinates, or any for a texture of one color."""
+    return np.zeros((len(position), 2)) if uv is None else uv
+
+
+def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
+    """Picture of a material of an OBJ or a PLY; one texel where it has a color only."""
     material: Any = getattr(visual, "material", None)
-    if uv is None or not len(uv):
-        raise ValueError("has no texture coordinates and no vertex colors; export it with them")
-    if not named and source.suffix.lower() in (".obj", ".ply"):  # trimesh makes up a gray one
+    is_colored = "kd" in (getattr(material, "kwargs", None) or {})
+    if uv is None and not is_colored:
+        raise ValueError("has no texture coordinates and no colors; export it with them")
+    is_bare = not source.named and source.path.suffix.lower() in (".obj", ".ply")
+    if is_bare and not is_colored:  # trimesh makes up a gray one
         raise ValueError("names no texture for its texture coordinates; give one")
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if image is not None:
-        return _material_picture(material, image, source)
-    if source.suffix.lower() == ".ply" and named:
-        return _three_channels(read_image(named[0]), str(named[0]))
-    for file in named:
+    if image is not None and uv is not None:
+        return _material_picture(material, source)[..., :3]
+    if source.path.suffix.lower() == ".ply" and source.named:
+        return _three_channels(read_image(source.named[0]), str(source.named[0]))
+    for file in source.named:
         read_image(file)  # says which one cannot be read
     return _linear(np.asarray(material.main_color)[None, None])
 
 
-def _material_picture(material: Any, image: Any, source: Path) -> Floats:
+def _material_picture(material: Any, source: _Source) -> Floats:
+    """Linear red, green, blue and alpha of a material's texture (H, W, 4)."""
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if image is None:
+        for file in source.named:
+            read_image(file)  # says which one cannot be read
+        raise OSError(f"a texture of {source.path.name} is missing or damaged")
     try:
-        picture = np.asarray(image.convert("RGB"))
+        picture = np.asarray(image.convert("RGBA"))
     except (OSError, ValueError, SyntaxError) as error:
-        raise OSError(f"a texture of {source.name} is damaged: {error}") from None
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is None:
-        return _linear(picture)
-    return _linear(picture) * (np.asarray(factor, np.float32)[:3] / np.float32(255))
+        raise OSError(f"a texture of {source.path.name} is damaged: {error}") from None
+    return np.concatenate([_linear(picture), _levels(picture)[..., 3:]], axis=2)
 
 
 def _linear(levels: NDArray[Any]) -> Floats:
     """Linear light of the first three channels of sRGB values 0..255."""
     return from_srgb(np.asarray(levels, np.float32)[..., :3] / np.float32(255))
+
+
+def _levels(numbers: Any) -> Floats:
+    """Numbers 0..1, which files hold as they are or as whole numbers up to 255 or 65535."""
+    array = np.asarray(numbers)
+    whole = np.iinfo(array.dtype).max if array.dtype.kind in "iu" else 1
+    return array.astype(np.float32) / np.float32(whole)
 
 
 def _joined(pieces: list[Mesh]) -> Mesh:
@@ -317,4 +279,5 @@ def _joined(pieces: list[Mesh]) -> Mesh:
         tuple(one for piece in pieces for one in piece.textures),
         np.concatenate(texture),
         np.concatenate([piece.color for piece in pieces]),
+        tuple(one for piece in pieces for one in piece.covers),
     )

@@ -18,10 +18,11 @@ from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
 from resample.types import Doubles, Frame, Screen, View
-from resample_texture.mesh.files import Mesh, load_mesh
+from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
 from resample_texture.mesh.kernels.surfaces import BOUNDS, Faces, Lens, Triangles, see
 from resample_texture.mesh.kernels.tiles import Grid
+from resample_texture.mesh.shapes import Mesh
 from resample_texture.mesh.skin import skin
 
 __all__ = [
@@ -148,7 +149,7 @@ def render_mesh(
     Parameters
     ----------
     mesh
-        Triangles with textures or vertex colors; both sides are seen. Transparency is not drawn.
+        Triangles with textures or vertex colors; both sides are seen.
     camera
         Any camera.
     height, width

@@ -7,22 +7,38 @@ from numpy.typing import NDArray
 
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Doubles, Floats, View
-from resample_texture.mesh.files import Mesh
-from resample_texture.mesh.kernels.color import Skin
+from resample_texture.mesh.covers import Alpha, Cover
+from resample_texture.mesh.kernels.color import BLEND, MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import Ints
-from resample_texture.texels.forward import filtered, tap_table
+from resample_texture.mesh.shapes import Mesh
+from resample_texture.texels.forward import EDGES, filtered, tap_table
 from resample_texture.texels.pyramid import Pyramid
 from resample_texture.types import Edge
 
+MODES = {Alpha.OPAQUE: OPAQUE, Alpha.MASK: MASK, Alpha.BLEND: BLEND}
 CREASE = 40.0  # degrees; beyond, triangles that meet are lit as separate faces
 
 
 def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool) -> Skin:
     """All that gives triangles their colors."""
     light = headlight(mesh, view) if shading else np.zeros((0, 3), np.float32)
-    texel, level, levels = _packed([coefficients(one, interpolation) for one in mesh.pyramids])
-    color, taps = mesh.color[mesh.triangle], tap_table(interpolation)
-    return Skin(corner_places(mesh), color, light, mesh.texture, texel, level, levels, taps)
+    edges = [(cover.along_u, cover.along_v) for cover in mesh.covers]
+    texel, level, levels = _packed(_ready(mesh.pyramids, edges, interpolation))
+    alpha = _packed(_ready(mesh.alphas, edges, interpolation))[0]
+    return Skin(
+        corner_places(mesh),
+        mesh.color[mesh.triangle],
+        light,
+        mesh.texture,
+        texel,
+        level,
+        levels,
+        tap_table(interpolation),
+        np.array([[EDGES[edge] for edge in both] for both in edges], np.int64).reshape(-1, 2),
+        np.array([_mode(*one) for one in zip(mesh.textures, mesh.covers, strict=True)], np.int64),
+        np.array([cover.cutoff for cover in mesh.covers], np.float32),
+        alpha,
+    )
 
 
 def corner_places(mesh: Mesh) -> Doubles:
@@ -32,16 +48,32 @@ def corner_places(mesh: Mesh) -> Doubles:
     return uv
 
 
-def coefficients(pyramid: Pyramid, interpolation: Interpolation) -> Pyramid:
+def _mode(texture: Floats, cover: Cover) -> int:
+    return MODES[cover.alpha] if texture.shape[2] == 4 else OPAQUE
+
+
+def _ready(
+    pyramids: tuple[Pyramid, ...], edges: list[tuple[Edge, Edge]], interpolation: Interpolation
+) -> list[Pyramid]:
+    return [
+        coefficients(*one, interpolation=interpolation)
+        for one in zip(pyramids, edges[: len(pyramids)], strict=True)
+    ]
+
+
+def coefficients(
+    pyramid: Pyramid, edges: tuple[Edge, Edge], interpolation: Interpolation
+) -> Pyramid:
     """Levels for which an interpolation's kernel passes through the texels; as given if it does."""
-    weights = prefilter(interpolation)
+    weights, one = prefilter(interpolation), np.ones(1, np.float32)
     if weights.size == 1:
         return pyramid
     texel = np.empty_like(pyramid.texel)
-    for first, height, width in pyramid.levels:
-        part = slice(first, first + 3 * height * width)
-        level = pyramid.texel[part].reshape(height, width, 3)
-        texel[part] = filtered(level, weights, weights, Edge.WRAP).ravel()
+    ends = [*pyramid.levels[1:, 0], texel.size]
+    for (first, height, width), end in zip(pyramid.levels, ends, strict=True):
+        level = pyramid.texel[first:end].reshape(height, width, -1)
+        across = filtered(level, weights, one, edges[0])
+        texel[first:end] = filtered(across, one, weights, edges[1]).ravel()
     return Pyramid(texel, pyramid.levels)
 
 

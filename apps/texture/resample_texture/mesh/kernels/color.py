@@ -6,6 +6,7 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.engine.vectors import dot
+from resample.engine.windows.edges import WRAP, mapped
 from resample.types import Doubles, Floats
 from resample_texture.mesh.kernels.surfaces import (
     Ints,
@@ -13,6 +14,8 @@ from resample_texture.mesh.kernels.surfaces import (
     Triangles,
     barycentric,
 )
+
+OPAQUE, MASK, BLEND = range(3)
 
 
 class Skin(NamedTuple):
@@ -26,6 +29,12 @@ class Skin(NamedTuple):
     level: Ints  # (P, L, 3) where a level begins in `texel`, its height and its width
     levels: Ints  # (P,)
     taps: Floats  # (K, R) of the interpolation, see `texels.phase`
+    edge: Ints  # (P, 2) what lies beyond a texture's edges along u and t, see `texels.mapped`
+    mode: Ints  # (P,) OPAQUE, MASK or BLEND
+    cutoff: Floats  # (P,) least alpha that is seen of a mask
+    # (N / 3,) beside `texel`, whose colors are multiplied by it but for a mask's largest level; a
+    # mask's other levels are those of what is seen. Empty if all is opaque.
+    alpha: Floats
 
 
 @kernel
@@ -58,22 +67,31 @@ def fill_line(
     row, first = start
     base = skin.level[texture, level, 0]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
-    texel, half = skin.texel, skin.taps.shape[0] // 2
+    edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
+    half = skin.taps.shape[0] // 2
     for m in range(length):
         line[m] = np.float32(0)
     for k in range(-half, half + 1):
         weight = skin.taps[half + k, part]
         if weight == np.float32(0):
             continue
-        begin = base + ((row + k) % height) * width * 3
-        column, done = first % width, 0
+        begin, done = base + mapped(row + k, height, edge_t) * width * 3, 0
         while done < length:
-            run = min(length - done, 3 * (width - column))
+            column, run = _run(first + done // 3, width, edge_u)
+            run = min(length - done, 3 * run)
             source, target = np.uint64(begin + 3 * column), np.uint64(done)
             for m in range(run):
-                line[target + np.uint64(m)] += weight * texel[source + np.uint64(m)]
+                line[target + np.uint64(m)] += weight * skin.texel[source + np.uint64(m)]
             done += run
-            column = 0
+
+
+@kernel
+def _run(index: int, size: int, edge: int) -> tuple[int, int]:
+    """Texel that stands at an index, and how many from it on follow in their order."""
+    at = mapped(index, size, edge)
+    if edge == WRAP or at == index:
+        return at, size - at
+    return at, 1
 
 
 @kernel

@@ -9,8 +9,9 @@ import math
 import numpy as np
 
 from resample.engine.jit import kernel
-from resample.engine.vectors import Matrix, Vector, column, dot, multiply
-from resample_texture.mesh.kernels.color import Skin
+from resample.engine.vectors import Matrix, column, dot, multiply
+from resample.engine.windows.edges import WRAP, mapped
+from resample_texture.mesh.kernels.color import MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import (
     Place,
     Triangles,
@@ -20,38 +21,52 @@ from resample_texture.mesh.kernels.surfaces import (
 )
 from resample_texture.texels.kernels.texels import DENSE, phase
 
+Layer = tuple[float, float, float, float]  # red, green and blue, multiplied by alpha, and that
+
 MOST_LOOKS = 64.0  # per sub-pixel; a texture drawn out more than that is taken from a smaller level
+MASKED_LOOKS = 4.0  # per sub-pixel, at least, where a mask cuts
+ROUNDING = 1e-5  # of an even alpha, interpolated
 TOO_MANY_TEXELS = 1e15  # per sub-pixel; beyond, a texture is its mean
 DENSITY = 2.0  # looks per texel
 GOLDEN = 0.6180339887498949  # steps of it fill an interval evenly
 
 
 @kernel
-def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Vector:
-    """Interpolated color of a texture's level."""
-    base = skin.level[texture, level, 0]
+def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
+    """Interpolated color of a texture's level, multiplied by its alpha, and that."""
+    base, mode = skin.level[texture, level, 0], skin.mode[texture]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
-    texel, part_u = _nearest(place[0], width)
-    row, part_t = _nearest(place[1], height)
+    edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
+    column, part_u = _nearest(place[0], width, edge_u)
+    row, part_t = _nearest(place[1], height, edge_t)
     half = skin.taps.shape[0] // 2
-    red, green, blue = 0.0, 0.0, 0.0
+    red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(-half, half + 1):
-        line = base + ((row + k) % height) * width * 3
+        line = base + mapped(row + k, height, edge_t) * width * 3
         for m in range(-half, half + 1):
-            at = line + ((texel + m) % width) * 3
+            at = line + mapped(column + m, width, edge_u) * 3
             weight = skin.taps[half + k, part_t] * skin.taps[half + m, part_u]
             red += weight * skin.texel[at]
             green += weight * skin.texel[at + 1]
             blue += weight * skin.texel[at + 2]
-    return red, green, blue
+            if mode != OPAQUE:
+                alpha += weight * skin.alpha[at // 3]
+    if mode == OPAQUE:
+        return red, green, blue, 1.0
+    if mode == MASK and level == 0:
+        is_seen = alpha + ROUNDING >= skin.cutoff[texture]
+        return (red, green, blue, 1.0) if is_seen else (0.0, 0.0, 0.0, 0.0)
+    return red, green, blue, max(0.0, min(1.0, alpha))
 
 
 @kernel
-def _nearest(place: float, size: int) -> tuple[int, int]:
+def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
     """Texel at a texture coordinate, and the row of taps for the place within it."""
-    along = (place - float(np.floor(place))) * size
+    turn = float(np.floor(place))
+    along = (place - turn) * size
     texel = min(int(along), size - 1)
-    return texel, phase(min(int((along - texel) * DENSE), DENSE - 1), DENSE)
+    part = phase(min(int((along - texel) * DENSE), DENSE - 1), DENSE)
+    return (texel if edge == WRAP else texel + int(turn) * size), part
 
 
 @kernel
@@ -95,13 +110,14 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
             break
         level, texel = level + 1, 2.0 * texel
     looks = min(MOST_LOOKS, math.ceil(DENSITY * most / texel * max(1.0, fewest / texel)))
-    return level, max(1, int(looks))
+    least = MASKED_LOOKS if skin.mode[texture] == MASK else 1.0
+    return level, int(max(least, looks))
 
 
 @kernel
 def evaluate(
     triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
-) -> Vector:
+) -> Layer:
     """Color of a triangle over a sub-pixel with a corner and a size, px, seen at a place in it."""
     texture = skin.texture[n]
     if texture < 0:
@@ -110,15 +126,16 @@ def evaluate(
             dot(weight, (skin.color[n, 0, 0], skin.color[n, 1, 0], skin.color[n, 2, 0])),
             dot(weight, (skin.color[n, 0, 1], skin.color[n, 1, 1], skin.color[n, 2, 1])),
             dot(weight, (skin.color[n, 0, 2], skin.color[n, 1, 2], skin.color[n, 2, 2])),
+            1.0,
         )
     reach = _reach(triangles, skin, n, place, fine)
     level, looks = _level_and_looks(skin, texture, reach)
     if looks == 1:
         return _look_up(skin, texture, level, texture_place(triangles, skin.uv, n, place))
-    red, green, blue = 0.0, 0.0, 0.0
+    red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(looks):
         x, y = (k + 0.5) / looks, (k * GOLDEN + 0.5) % 1.0
         at = texture_place(triangles, skin.uv, n, (corner[0] + x * fine, corner[1] + y * fine))
-        r, g, b = _look_up(skin, texture, level, at)
-        red, green, blue = red + r, green + g, blue + b
-    return red / looks, green / looks, blue / looks
+        r, g, b, a = _look_up(skin, texture, level, at)
+        red, green, blue, alpha = red + r, green + g, blue + b, alpha + a
+    return red / looks, green / looks, blue / looks, alpha / looks

@@ -3,8 +3,8 @@
 Every sub-pixel has one sample of visibility inside it (`visibility`), at outlines many points that
 tell how much of it is covered (`outlines`). Triangles that are seen are diced into cells of their
 texture (`dicing`), which are projected and added to sub-pixels (`cells`); a sub-pixel that no cell
-reached is looked up in the texture (`looking`). Filtering to pixels comes last. The loop over tiles
-is the engine's.
+reached is looked up in the texture (`looking`), as is all that one can see through, layer by layer
+(`shading`). Filtering to pixels comes last. The loop over tiles is the engine's.
 """
 
 from typing import NamedTuple
@@ -25,20 +25,19 @@ from resample.engine.surfaces.painting import (
 )
 from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.color import Skin, lit
+from resample_texture.mesh.kernels.color import Skin
 from resample_texture.mesh.kernels.dicing import dice
-from resample_texture.mesh.kernels.looking import evaluate
 from resample_texture.mesh.kernels.outlines import (
     close_outline,
-    covered,
     open_outline,
     take_points,
 )
+from resample_texture.mesh.kernels.shading import finish, is_looked_up, put_behind, shade
 from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
-from resample_texture.mesh.kernels.tiles import Block, Grid, new_block, sample
+from resample_texture.mesh.kernels.tiles import Block, Grid, new_block
 from resample_texture.mesh.kernels.visibility import may_show, show
 
-LEAST_WEIGHT = 1e-2  # sub-pixels²; a sub-pixel that got less is looked up
+MOST_LAYERS = 64  # of translucent triangles one behind the other
 
 
 class MeshScene(NamedTuple):
@@ -68,9 +67,9 @@ def _begun(
     tiles: Tiles,
     tile: int,
     size: tuple[int, int],
-    surfaces: Surfaces,  # noqa: ARG001
+    surfaces: Surfaces,
 ) -> Block:
-    return new_block(tile, tiles, size, scene.grid, scene.tally[tile])
+    return new_block(tile, tiles, size, scene.grid, scene.tally[tile], surfaces.most > 1)
 
 
 @plays(claim, MeshScene)
@@ -89,7 +88,7 @@ def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
 @plays(add, MeshScene)
 def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
-    if skin.texture[member] < 0 or triangles.determinant[member] == 0.0:
+    if is_looked_up(triangles, skin, member):
         return
     if may_show(triangles, member, block, lens):
         points, seen = dice(block, member, triangles, skin, lens, scene.grid)
@@ -98,38 +97,13 @@ def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
 
 
 @plays(composed, MeshScene)
-def _shade(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> bool:  # noqa: ARG001
-    """Turn sums into colors and coverage, and nearness into depth."""
-    triangles, skin, lens = scene.triangles, scene.skin, scene.lens
-    sums, fine, margin = block.sums, 1.0 / block.samples, block.margin * block.samples
-    rows, columns = block.owner.shape
-    for row in range(rows):
-        for column in range(columns):
-            n = block.owner[row, column]
-            if n < 0:
-                block.nearness[row, column] = np.inf
-                continue
-            place, weight = sample(block, row, column), sums[row, column, 3]
-            is_reached = weight > LEAST_WEIGHT
-            if is_reached:
-                color = (
-                    sums[row, column, 0] / weight,
-                    sums[row, column, 1] / weight,
-                    sums[row, column, 2] / weight,
-                )
-            else:
-                corner = (block.left + column * fine, block.top + row * fine)
-                color = evaluate(triangles, skin, n, place, corner, fine)
-            cover = covered(block, row, column)
-            light = cover * lit(triangles, skin, n, place)
-            for c in range(3):
-                sums[row, column, c] = light * color[c]
-            sums[row, column, 3] = cover
-            nearness = block.nearness[row, column]
-            block.nearness[row, column] = 1.0 / nearness if lens.perspective else -nearness
-            if margin <= row < rows - margin and margin <= column < columns - margin:
-                block.tally[2] += 1
-                block.tally[3] += not is_reached and skin.texture[n] >= 0
+def _composed(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> bool:
+    if surfaces.most == 1:
+        shade(scene.triangles, scene.skin, scene.lens, block)
+        return False
+    if put_behind(scene.triangles, scene.skin, block) and surface + 1 < surfaces.most:
+        return True
+    finish(scene.lens, block)
     return False
 
 
@@ -174,6 +148,7 @@ def paint(counter: Counter, scene: MeshScene, tiles: Tiles, picture: MeshPicture
     picture
         Filled; transparent before, with infinite depths.
     """
-    surfaces = Surfaces(1, scene.grid.samples, 1, 4)
+    layers = MOST_LAYERS if len(scene.skin.alpha) > 0 else 1
+    surfaces = Surfaces(layers, scene.grid.samples, 1, 4)
     for tile in tasks(counter, tiles.start.size - 1):
         paint_tile(scene, tiles, tile, picture.depth.shape, surfaces, picture)

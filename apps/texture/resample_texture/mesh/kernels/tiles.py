@@ -30,6 +30,11 @@ class Block(NamedTuple):
     nearness: Doubles  # (R, C) in the end depths, infinite where nothing is
     sums: Floats  # (R, C, 4) weighted red, green, blue and weight; in the end means and coverage
     taken: NDArray[np.uint64]  # (R, C) which of its points are covered, a bit for each
+    # (R, C) nearness beyond which the next layer is looked for, infinite at first; empty, like the
+    # next two, where one surface is all that is seen.
+    limit: Doubles
+    seen: Floats  # (R, C, 4) red, green, blue and alpha of the layers in front
+    front: Doubles  # (R, C) nearness of the first of them
     tally: Ints  # (4,) see `MeshScene`
     edge: Doubles  # (4, 5) of the triangle at hand: a point, a direction, the side that is inside
     polygon: Doubles  # (8, 2) px, the part of a triangle at hand
@@ -39,12 +44,15 @@ class Block(NamedTuple):
 
 
 @kernel
-def new_block(tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally: Ints) -> Block:
+def new_block(
+    tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally: Ints, is_layered: bool
+) -> Block:
     """An empty tile of a frame (height, width), without what lies beyond that and its margin."""
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top = column * tiles.size, row * tiles.size
     rows = (min(tiles.size, size[0] - top) + 2 * grid.margin) * grid.samples
     columns = (min(tiles.size, size[1] - left) + 2 * grid.margin) * grid.samples
+    layered = (rows, columns) if is_layered else (0, 0)
     return Block(
         float(left - grid.margin),
         float(top - grid.margin),
@@ -54,6 +62,9 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally:
         np.full((rows, columns), -np.inf),
         np.zeros((rows, columns, 4), np.float32),
         np.empty((rows, columns), np.uint64),
+        np.full(layered, np.inf),
+        np.zeros((layered[0], layered[1], 4), np.float32),
+        np.full(layered, -np.inf),
         tally,
         np.empty((4, 5)),
         np.empty((8, 2)),

@@ -84,7 +84,7 @@ def show(triangles: Triangles, n: int, block: Block) -> None:
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
     set_edges(triangles, n, edge)
     first, last, start, end = span(triangles, n, block)
-    is_wide = end - start > WIDE
+    is_wide, is_layered = end - start > WIDE, len(block.limit) > 0
     for row in range(first, last + 1):
         if is_wide:
             start, end = row_span(edge, count, block, row)
@@ -93,7 +93,9 @@ def show(triangles: Triangles, n: int, block: Block) -> None:
             if not _is_inside(edge, count, place):
                 continue
             nearness = nearness_at(plane, limit, place)
-            if nearness > block.nearness[row, column]:
+            if nearness > block.nearness[row, column] and (
+                not is_layered or nearness < block.limit[row, column]
+            ):
                 block.nearness[row, column] = nearness
                 block.owner[row, column] = n
 

@@ -1,0 +1,148 @@
+"""Textured meshes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_texture.mesh.covers import Alpha, Cover, alpha_halvings, halvings
+from resample_texture.texels.pyramid import Pyramid
+
+Ints = NDArray[np.int64]
+
+FARTHEST = 1e6  # textures; float32 files cannot tell places within one that lies beyond
+
+_LEFT_OUT: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles with textures, or with colors at their vertices.
+
+    Parameters
+    ----------
+    position
+        (V, 3) scene units.
+    triangle
+        (T, 3) vertices; seen from outside they go around counterclockwise.
+    uv
+        (V, 2) texture coordinates: u to the right, v upward, 0..1 over the texture, which goes on
+        periodically beyond, to ±1e6.
+    textures
+        Pictures (H, W, 3) or (H, W, 4), linear light, not multiplied by their alpha.
+    texture
+        (T,) which of them covers a triangle, −1 where vertex colors do; left out, it is the first,
+        or vertex colors where there are no textures.
+    color
+        (V, 3) linear light.
+    covers
+        How each texture is laid on; left out, they repeat and are opaque.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, a number is not finite or too large, a triangle names a vertex or texture
+        that is not there, or nothing says what color the triangles have.
+    """
+
+    position: Doubles
+    triangle: Ints
+    uv: Doubles = _LEFT_OUT
+    textures: tuple[Floats, ...] = ()
+    texture: Ints = _LEFT_OUT
+    color: Floats = _LEFT_OUT
+    covers: tuple[Cover, ...] = ()
+
+    def __post_init__(self) -> None:
+        position = checked_array("position", self.position, (None, 3), np.float64)
+        triangle = checked_array("triangle", self.triangle, (None, 3), np.int64)
+        if not triangle.size:
+            raise ValueError("a mesh without triangles shows nothing; give at least one")
+        _check_range("vertex", triangle, 0, len(position))
+        chosen = np.full(len(triangle), 0 if self.textures else -1)
+        if self.texture is not None:
+            chosen = checked_array("texture", self.texture, (len(triangle),), np.int64)
+        _check_range("texture", chosen, -1, len(self.textures))
+        if (chosen >= 0).any() and self.uv is None:
+            raise ValueError("has no texture coordinates; a texture cannot be laid on it")
+        if (chosen < 0).any() and self.color is None:
+            raise ValueError("has neither a texture nor vertex colors; give one of them")
+        count = len(position)
+        uv = np.zeros((count, 2)) if self.uv is None else _places(self.uv, count)
+        color = np.ones((count, 3)) if self.color is None else self.color
+        covers = tuple(self.covers) or (Cover(),) * len(self.textures)
+        if len(covers) != len(self.textures):
+            raise ValueError(
+                f"{len(covers)} covers for {len(self.textures)} textures; give as many"
+            )
+        pictures = [_picture(*one) for one in zip(self.textures, covers, strict=True)]
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "triangle", triangle)
+        object.__setattr__(self, "uv", uv)
+        object.__setattr__(self, "textures", tuple(pictures))
+        object.__setattr__(self, "covers", covers)
+        object.__setattr__(self, "texture", chosen)
+        object.__setattr__(self, "color", checked_array("color", color, (count, 3), np.float32))
+
+    @cached_property
+    def pyramids(self) -> tuple[Pyramid, ...]:
+        """Colors of textures with their halvings, made when they are first needed.
+
+        They are multiplied by what is seen of a texture, but for the largest level of a mask.
+        """
+        return tuple(halvings(*one) for one in zip(self.textures, self.covers, strict=True))
+
+    @cached_property
+    def alphas(self) -> tuple[Pyramid, ...]:
+        """Likewise their alphas, or what is seen of masks; nothing if all are opaque."""
+        if all(texture.shape[2] == 3 for texture in self.textures):
+            return ()
+        return tuple(alpha_halvings(*one) for one in zip(self.textures, self.covers, strict=True))
+
+
+def checked_array(
+    name: str, given: Any, shape: tuple[int | None, ...], kind: type[np.generic]
+) -> NDArray[Any]:
+    """Contiguous array of a shape, checked; None in the shape stands for any size."""
+    array = np.ascontiguousarray(given, kind)
+    fits = len(shape) == array.ndim
+    if not fits or any(
+        want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    ):
+        wanted = ", ".join("any" if size is None else str(size) for size in shape)
+        raise ValueError(f"{name} has the shape {array.shape}; it must be ({wanted})")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds numbers that are not finite; remove or repair them")
+    return array
+
+
+def _picture(given: Any, cover: Cover) -> Floats:
+    """A texture, with an alpha if that does anything."""
+    channels = 4 if np.ndim(given) == 3 and np.shape(given)[2] == 4 else 3
+    picture: Floats = checked_array("texture", given, (None, None, channels), np.float32)
+    if not picture.size:
+        raise ValueError("a texture has no texels; give at least one")
+    if cover.alpha is Alpha.OPAQUE:
+        return np.ascontiguousarray(picture[..., :3])
+    return picture
+
+
+def _places(given: Any, count: int) -> Doubles:
+    """Texture coordinates (count, 2), checked."""
+    uv = checked_array("uv", given, (count, 2), np.float64)
+    farthest = float(np.abs(uv).max(initial=0.0))
+    if farthest > FARTHEST:
+        raise ValueError(
+            f"a texture coordinate of {farthest:g}; {FARTHEST:g} is the limit: textures repeat, so "
+            "subtract whole numbers"
+        )
+    return uv
+
+
+def _check_range(name: str, index: Ints, least: int, count: int) -> None:
+    low, high = int(index.min()), int(index.max())
+    if low < least or high >= count:
+        raise ValueError(f"{name} {low if low < least else high} is named, but there are {count}")
