@@ -36,6 +36,7 @@ FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg")
 WRITTEN = (".gif", ".webp", ".apng", ".mp4")
 SUBFILE, SMALLER, MASK = 254, 1, 4  # a tag of TIFF, and what its bits say
 USUAL = 1.0 / 24.0  # s that a picture is shown where nothing is said
+SHORTEST = 0.001  # s between two frames of a film, though their times be equal
 WEBP_ALPHA = 0x10  # in the flags of a WebP file
 TICKS = 90_000  # per second, that times of films are counted in
 
@@ -204,7 +205,8 @@ def _film_times(path: Path) -> tuple[float, ...]:
     known = sorted(float(time * base) for time in times if time is not None)
     if len(known) < len(times):
         return (last,) * len(times)
-    return tuple(float(gap) for gap in np.diff(known)) + (last,) * bool(known)
+    gaps = np.maximum(np.diff(known), SHORTEST)
+    return tuple(float(gap) for gap in gaps) + (last,) * bool(known)
 
 
 def _film_frames(path: Path) -> Iterator[Picture]:
@@ -215,7 +217,9 @@ def _film_frames(path: Path) -> Iterator[Picture]:
             stream = film.streams.video[0]
             stream.thread_type = "AUTO"
             for frame in film.decode(stream):
-                levels = frame.to_ndarray(format="rgb24", **_colors_of(frame))
+                has_alpha = any(part.is_alpha for part in frame.format.components)
+                form = "rgba" if has_alpha else "rgb24"
+                levels = frame.to_ndarray(format=form, **_colors_of(frame))
                 yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
     except av.FFmpegError as error:
         raise OSError(f"{path} is damaged: {error.strerror}") from None

@@ -181,6 +181,36 @@ def test_films_that_do_not_tell_their_colors_are_as_of_old_television():
         assert np.abs(levels[12, 26, :3].astype(int) - color).max() <= 4
 
 
+def test_what_a_film_does_not_show_stays_clear():
+    levels = np.full((24, 32, 4), (200, 30, 60, 255), np.uint8)
+    levels[:, 16:, 3] = 0
+    with av.open("in.mov", "w") as target:
+        stream = target.add_stream("qtrle", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 32, 24, "argb"
+        for _ in range(2):
+            target.mux(stream.encode(av.VideoFrame.from_ndarray(levels, format="rgba")))
+        target.mux(stream.encode(None))
+    assert ended("warp", "in.mov", "-o", "out.tif", *SAME) == 0
+    alpha = read_channels("out.tif", 1)["A"]
+    assert (alpha[:, :16] == 1).all()
+    assert not alpha[:, 16:].any()
+
+
+def test_sound_is_left_out_and_it_is_said(capsys):
+    with av.open("in.mp4", "w") as target:
+        stream, sound = target.add_stream("libx264", rate=10), target.add_stream("aac", rate=8000)
+        stream.width, stream.height, stream.pix_fmt = 32, 24, "yuv420p"
+        for image in frames():
+            target.mux(stream.encode(av.VideoFrame.from_image(image)))
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+        silence.sample_rate = 8000
+        target.mux(sound.encode(silence))
+        target.mux(stream.encode(None))
+        target.mux(sound.encode(None))
+    assert ended("warp", "in.mp4", "-o", "out.mp4", *SAME) == 0
+    assert capsys.readouterr().err == "resample: in.mp4: its sound is left out\n"
+
+
 @pytest.mark.parametrize("rotation", [90, 180, 270])
 def test_a_sideways_film_is_turned(rotation):
     film("in.mp4", rotation=rotation)
