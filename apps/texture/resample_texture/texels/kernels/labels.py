@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.tiles import bands
 from resample.engine.jit import Counter, kernel, parallel_kernel
+from resample.engine.windows.edges import MIRROR, TRANSPARENT, WRAP
 from resample.types import Doubles, Floats, Indices
-from resample_texture.texels.kernels.texels import MIRROR, TRANSPARENT, WRAP
 
 BAND = 16  # rows that a thread takes at a time
 MOST_CORNERS = 24  # of a part: four, and at most two more for each line that cuts it
