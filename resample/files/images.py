@@ -168,16 +168,20 @@ def read_image(path: str | Path, page: int = 0) -> Floats:
     return _linear(_read(path, page))
 
 
-def read_numbers(path: str | Path, page: int = 0) -> Floats:
+def read_numbers(path: str | Path, page: int = 0) -> NDArray[Any]:
     """Read all channels (H, W, C) of a picture as the whole numbers that are stored.
+
+    Those of 32 bits are float64, which holds them all.
 
     Raises
     ------
     OSError
         The file is missing or damaged.
     """
-    source, header = _open(path, page)
-    return _pixels(path, source, header, str(source.spec().format)).data
+    source, _ = _open(path, page)
+    form = str(source.spec().format)
+    stored = _stored(path, source, form)
+    return stored.astype(np.float64 if form in ("int", "uint") else np.float32)
 
 
 def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int], Iterator[Floats]]:
@@ -298,18 +302,22 @@ def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
 
 
 def _read(path: str | Path, page: int = 0) -> _ImageHeader:
-    return _pixels(path, *_open(path, page), "float")
+    return _pixels(path, *_open(path, page))
 
 
-def _pixels(path: str | Path, source: Any, header: _ImageHeader, form: str) -> _ImageHeader:
-    """Header with its pixels, read as values of OpenImageIO's type `form`."""
+def _pixels(path: str | Path, source: Any, header: _ImageHeader) -> _ImageHeader:
+    return header._replace(data=_stored(path, source, "float"))
+
+
+def _stored(path: str | Path, source: Any, form: str) -> NDArray[Any]:
+    """Pixels (H, W, C), read as values of OpenImageIO's type `form`."""
     data = source.read_image(form)
     complaint, spec = source.geterror(), source.spec()
     source.close()
     if data is None or complaint:
         raise OSError(f"{path} is damaged: {_first_line(complaint)}")
     shape = spec.height, spec.width, spec.nchannels
-    return header._replace(data=np.asarray(data, np.float32).reshape(shape))
+    return np.asarray(data).reshape(shape)
 
 
 def _write(

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from resample.colors import to_srgb
 from resample.types import Floats
 
+EVEN = {4: 1e-6, 8: 1e-12}  # what numbers of so many bytes may differ by and are the same
+
 
 def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
     """Numbers rounded to integers of a type, within its range; what is missing is 0."""
@@ -67,7 +69,9 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
     as_whole
         A pixel, (H, W, 1), is missing if all its values are.
     """
-    gaps: NDArray[np.bool] = np.isclose(data, np.float32(missing), rtol=1e-6, atol=0.0)
+    gaps: NDArray[np.bool] = np.isclose(
+        data, data.dtype.type(missing), rtol=EVEN[data.dtype.itemsize], atol=0.0
+    )
     return np.asarray(gaps.all(axis=2, keepdims=True)) if as_whole else gaps
 
 

@@ -58,7 +58,7 @@ class Kind(NamedTuple):
 class Picture(NamedTuple):
     """A picture in linear light, premultiplied; or numbers, if `about` says so."""
 
-    data: Floats  # (H, W, C); what is missing is not a number
+    data: Floats  # (H, W, C), float64 of numbers of 32 bits; what is missing is not a number
     kind: Kind
     about: About = About()
 
@@ -302,9 +302,11 @@ def check_source(path: Path, picture: Picture, look: Look) -> None:
 
 
 def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
-    """Whether a file has a word for missing values, and the picture uses it."""
+    """Whether a file has a word for missing values, and the picture uses it; numbers always do."""
     if look.background is not None or picture.kind.has_alpha:
         return False
+    if picture.about.number:
+        return True
     form = _form(path.suffix.lower(), picture, look)
     geo = picture.about.geo
     if path.suffix.lower() in TIFF and geo is not None and fits(geo.missing, form):

@@ -161,9 +161,8 @@ def test_a_damaged_exif_block_does_no_harm():
 @pytest.mark.parametrize("kind", ["int16", "int32", "uint32", "int8"])
 def test_numbers_of_other_integers_stay_what_they_are(kind):
     limits = np.iinfo(kind)
-    largest = min(limits.max, 1 << 24)  # float32 holds no larger whole numbers
     values = np.random.default_rng(3).integers(
-        max(limits.min, -largest), largest, (16, 24, 1), kind, endpoint=True
+        limits.min, limits.max, (16, 24, 1), kind, endpoint=True
     )
     cv2.imwrite("in.tif", values)
     if kind == "uint32":  # which OpenCV writes for signed ones only
@@ -188,3 +187,32 @@ def test_numbers_that_a_format_has_no_room_for_are_refused(capsys):
     assert "numbers of int16 are not written in 8 bits" in error
     assert ended("warp", "in.tif", "-o", "out.exr", *SAME) == 0
     assert (read_channels("out.exr")["Y"] == -7).all()
+
+
+def test_numbers_without_a_word_for_missing_ones_are_0_beyond_the_picture(capsys):
+    cv2.imwrite("in.tif", np.full((16, 24), -700, np.int16))
+    assert ended("warp", "in.tif", "-o", "out.tif", *HALF[:2]) == 0
+    assert capsys.readouterr().err == (
+        "resample: out.tif has no word for missing values: what is not covered is 0\n"
+    )
+    values = cv2.imread("out.tif", cv2.IMREAD_UNCHANGED)
+    assert values.dtype == np.int16
+    assert (values[:7, :11] == -700).all()
+    assert not values[9:].any()
+    assert ended("warp", "in.tif", "-o", "out.exr", *HALF[:2]) == 0
+    assert np.isnan(read_channels("out.exr")["Y"][9:]).all()
+    assert capsys.readouterr().err == ""
+
+
+def test_large_numbers_keep_their_digits_when_they_are_mixed():
+    cv2.imwrite("in.tif", np.full((16, 24), 2_000_000_001, np.int32))
+    assert ended("warp", "in.tif", "-o", "out.tif", *HALF, "--edge", "clamp") == 0
+    assert (cv2.imread("out.tif", cv2.IMREAD_UNCHANGED) == 2_000_000_001).all()
+
+
+@pytest.mark.parametrize("method", ["nearest", "majority"])
+def test_labels_of_32_bits_are_copied(method):
+    labels = np.random.default_rng(8).integers(1, 1 << 31, (8, 12), np.int32)
+    cv2.imwrite("in.tif", np.repeat(np.repeat(labels, 2, axis=0), 2, axis=1))
+    assert ended("warp", "in.tif", "-o", "out.tif", *HALF, "--method", method) == 0
+    assert np.array_equal(cv2.imread("out.tif", cv2.IMREAD_UNCHANGED), labels)

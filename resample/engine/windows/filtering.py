@@ -41,17 +41,19 @@ def _filter_rows(
     """Filter some rows of a grid, columns first, to where all taps meet the grid."""
     _, columns, channels = shape
     width, margin = columns * channels, taps.size // 2
-    tall = np.empty(width, np.float32)
-    inner = width - 2 * margin * channels
-    for row in range(rows[0], rows[1]):
-        for first in range(0, width, BLOCK):
-            count = min(BLOCK, width - first)
-            start = (row + margin) * width + first
-            _filter_stretch(tall[first:], flat, start, width, count, taps)
+    inner, count = width - 2 * margin * channels, rows[1] - rows[0]
+    tall = np.empty((count, width), np.float32)
+    for first in range(0, width, BLOCK):  # the rows of a block stay in the cache
+        size = min(BLOCK, width - first)
+        for row in range(count):
+            start = (rows[0] + row + margin) * width + first
+            _filter_stretch(tall[row, first:], flat, start, width, size, taps)
+    for row in range(count):
+        line = result[(rows[0] + row) * inner :]
         for first in range(0, inner, BLOCK):
-            count = min(BLOCK, inner - first)
             start = margin * channels + first
-            _filter_stretch(result[row * inner + first :], tall, start, channels, count, taps)
+            size = min(BLOCK, inner - first)
+            _filter_stretch(line[first:], tall[row], start, channels, size, taps)
 
 
 @packed_kernel

@@ -33,9 +33,9 @@ Look = Any  # a bundle of the application's, whose class settles where pixels li
 LEAN = 0.04  # samples², of a part's mixed moment times 12, from which on two boxes stand for it
 LEANEST = 0.5  # samples², of the mixed moment of one side of a part
 MOST_PARTS = 64.0  # of a pixel along an axis
-AT_EDGES = 8  # parts of a pixel along an axis where an edge of the grid runs through it
+AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid runs through it
 FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
-NEARLY = 1e-7  # samples, or share of a pixel, that count as nothing
+NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 
 
 class Seen(NamedTuple):

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from resample.command.console import Progress, progress_bar, say
 from resample.command.session import Session
 from resample.files.batches import batch_of
-from resample.files.geotiff import Geo
 from resample.files.pictures import (
     Look,
     Picture,
@@ -156,7 +157,7 @@ def _warp_picture(
         target = job.target(picture)
     job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
-    _say_lost(picture.about.geo, result.about.geo)
+    _say_lost(picture, result, output)
     with session.stage("write"):
         write_picture(output, result, job.look)
         if coverage is not None:
@@ -175,12 +176,17 @@ def _warped_frames(
             targets[shape] = job.target(picture)
         result, _ = job.warped(session, picture, targets[shape], output, None)
         if n == 0:
-            _say_lost(picture.about.geo, result.about.geo)
+            _say_lost(picture, result, output)
         if progress is not None:
             progress(min(1.0, (n + 1) / len(frames.seconds)))
         yield result
 
 
-def _say_lost(before: Geo | None, after: Geo | None) -> None:
+def _say_lost(picture: Picture, result: Picture, output: Path) -> None:
+    """Say what of a picture cannot be told any more by its warped one."""
+    before, after = picture.about.geo, result.about.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):
         say("the place on Earth is left out: the warp is not affine")
+    has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)
+    if result.about.number and not has_word and np.isnan(result.data).any():
+        say(f"{output.name} has no word for missing values: what is not covered is 0")

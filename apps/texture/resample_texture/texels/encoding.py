@@ -189,14 +189,18 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
     has_alpha
         The fourth channel does not.
     """
+    from resample.engine.levels import look_up
+
     if planes.dtype.name not in LEVELS:
         with np.errstate(over="ignore", invalid="ignore"):
             return np.ascontiguousarray(planes, np.float32)
     table = _lights(planes.dtype.name, is_encoded)
-    values = np.take(table, np.ascontiguousarray(planes))
+    levels = np.ascontiguousarray(planes)
+    values = np.empty(levels.shape, np.float32)
+    look_up(table, levels.reshape(-1), values.reshape(-1))
     if is_encoded and has_alpha:
         values[..., 3] = _lights(planes.dtype.name, False)[planes[..., 3]]
-    return np.asarray(values, np.float32)
+    return values
 
 
 @cache
@@ -210,20 +214,32 @@ def _lights(dtype: str, is_encoded: bool) -> Floats:
 def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
     """Integers of values 0..1, rounded."""
     largest = np.iinfo(encoding.dtype).max
+    if largest == 255:
+        return _eight_bit_levels(image, encoding)
     image = np.clip(image, 0.0, 1.0)
     if not encoding.is_encoded:
         return np.rint(image * largest).astype(encoding.dtype)
     count = 3 if encoding.is_straight else image.shape[2]
     levels = np.empty(image.shape, encoding.dtype)
     levels[..., count:] = np.rint(image[..., count:] * largest)
-    if largest == 255:
-        levels[..., :count] = _eight_bits()[(image[..., :count] * STEPS + 0.5).astype(np.uint16)]
-    else:
-        levels[..., :count] = np.rint(to_srgb(image[..., :count]) * largest)
+    levels[..., :count] = np.rint(to_srgb(image[..., :count]) * largest)
+    return levels
+
+
+def _eight_bit_levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
+    """As `_levels`, of 8 bits."""
+    from resample.engine.levels import put_levels
+
+    image = np.ascontiguousarray(image, np.float32)
+    levels = np.empty(image.shape, np.uint8)
+    put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
+    if encoding.is_encoded and encoding.is_straight:
+        levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
     return levels
 
 
 @cache
-def _eight_bits() -> NDArray[np.uint8]:
-    """sRGB-encoded levels of equal steps of light."""
-    return np.asarray(np.rint(to_srgb(np.arange(STEPS + 1) / STEPS) * 255), np.uint8)
+def _eight_bits(is_encoded: bool) -> NDArray[np.uint8]:
+    """Levels, encoded by sRGB's curve or not, of equal steps of light."""
+    light = np.arange(STEPS + 1) / STEPS
+    return np.asarray(np.rint((to_srgb(light) if is_encoded else light) * 255), np.uint8)
