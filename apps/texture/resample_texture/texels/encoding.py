@@ -195,7 +195,7 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
         with np.errstate(over="ignore", invalid="ignore"):
             return np.ascontiguousarray(planes, np.float32)
     table = _lights(planes.dtype.name, is_encoded)
-    levels = np.ascontiguousarray(planes)
+    levels = np.require(planes, planes.dtype.newbyteorder("="), ["C", "W"])
     values = np.empty(levels.shape, np.float32)
     look_up(table, levels.reshape(-1), values.reshape(-1))
     if is_encoded and has_alpha:

@@ -19,6 +19,7 @@ BAND = 16  # rows that a thread takes at a time
 MOST_CORNERS = 24  # of a part: four, and at most two more for each line that cuts it
 NOTHING = 1e-9  # of a pixel; areas that differ by no more are equal, and parts so small are none
 MOST_CELLS = 1 << 22  # texels beyond the edges that a pixel's label is counted from
+MOST_ALIKE = 256.0  # texels that are looked at to find that they have one label
 FRONT = 1e-12  # of the largest third coordinate; what has less is at the horizon
 
 
@@ -270,10 +271,41 @@ def _largest(tally: Tally, met: int) -> tuple[int, float]:
 
 
 @kernel
+def _single(labels: Labels, rows: Doubles) -> int:
+    """A texel that a pixel sees, if all that it may see have one label; less than 0 if not."""
+    height, width = labels.code.shape
+    left = top = np.inf
+    right = bottom = -np.inf
+    for n in range(4):
+        x, y = 0.5 if n in (1, 2) else -0.5, 0.5 if n >= 2 else -0.5
+        w = rows[2, 0] * x + rows[2, 1] * y + rows[2, 2]
+        if w <= 0.0:
+            return -1
+        u = (rows[0, 0] * x + rows[0, 1] * y + rows[0, 2]) / w
+        v = (rows[1, 0] * x + rows[1, 1] * y + rows[1, 2]) / w
+        left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
+    is_within = left >= 0.0 and top >= 0.0 and right <= width and bottom <= height
+    if not is_within or (right - left) * (bottom - top) > MOST_ALIKE:
+        return -1
+    first_row, last_row = _cells(top, bottom, height, TRANSPARENT)
+    first, last = _cells(left, right, width, TRANSPARENT)
+    code = labels.code[first_row, first]
+    for row in range(first_row, last_row + 1):
+        for column in range(first, last + 1):
+            if labels.code[row, column] != code:
+                return -1
+    return first_row * width + first if code >= 0 else -1
+
+
+@kernel
 def _find_row(look: Lookup, labels: Labels, found: Found, tally: Tally, row: int) -> None:
     """Find the labels of a row of pixels."""
     for column in range(found.texel.shape[1]):
         if not _look(look, row, column, tally.rows):
+            continue
+        alike = _single(labels, tally.rows)
+        if alike >= 0:
+            found.texel[row, column], found.coverage[row, column] = alike, np.float32(1.0)
             continue
         met = _add_pixel(labels, tally)
         if met < 0 and labels.common >= 0:
