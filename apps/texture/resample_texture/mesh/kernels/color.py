@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel
 from resample.engine.vectors import dot
 from resample.engine.windows.edges import WRAP, mapped
 from resample.types import Doubles, Floats
@@ -37,7 +37,7 @@ class Skin(NamedTuple):
     alpha: Floats
 
 
-@kernel
+@inner_kernel
 def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float) -> int:
     """The smallest level whose texels are at most `widest` where u and t have that size."""
     found = 0
@@ -49,7 +49,7 @@ def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float
     return found
 
 
-@kernel
+@inner_kernel
 def fill_line(
     skin: Skin,
     texture: int,
@@ -68,33 +68,45 @@ def fill_line(
     base = skin.level[texture, level, 0]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
-    half = skin.taps.shape[0] // 2
+    texel, half = skin.texel, skin.taps.shape[0] // 2
     for m in range(length):
         line[m] = np.float32(0)
     for k in range(-half, half + 1):
         weight = skin.taps[half + k, part]
         if weight == np.float32(0):
             continue
-        begin, done = base + mapped(row + k, height, edge_t) * width * 3, 0
+        begin = base + mapped(row + k, height, edge_t) * width * 3
+        if edge_u != WRAP:
+            _fill_by_texels(line, length, texel, begin, (first, width, edge_u), weight)
+            continue
+        column, done = first % width, 0
         while done < length:
-            column, run = _run(first + done // 3, width, edge_u)
-            run = min(length - done, 3 * run)
+            run = min(length - done, 3 * (width - column))
             source, target = np.uint64(begin + 3 * column), np.uint64(done)
             for m in range(run):
-                line[target + np.uint64(m)] += weight * skin.texel[source + np.uint64(m)]
+                line[target + np.uint64(m)] += weight * texel[source + np.uint64(m)]
             done += run
+            column = 0
 
 
-@kernel
-def _run(index: int, size: int, edge: int) -> tuple[int, int]:
-    """Texel that stands at an index, and how many from it on follow in their order."""
-    at = mapped(index, size, edge)
-    if edge == WRAP or at == index:
-        return at, size - at
-    return at, 1
+@inner_kernel
+def _fill_by_texels(
+    line: Floats,
+    length: int,
+    texel: Floats,
+    begin: int,
+    across: tuple[int, int, int],
+    weight: float,
+) -> None:
+    """Add a row that begins at a number, from a column on, of a width, beyond its edges."""
+    first, width, edge = across
+    for m in range(0, length, 3):
+        at = begin + 3 * mapped(first + m // 3, width, edge)
+        for c in range(3):
+            line[m + c] += weight * texel[at + c]
 
 
-@kernel
+@inner_kernel
 def lit(triangles: Triangles, skin: Skin, n: int, place: Place) -> float:
     """How bright a triangle is at a place on screen."""
     if len(skin.light) == 0:

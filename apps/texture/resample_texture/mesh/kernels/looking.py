@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Matrix, column, dot, multiply
 from resample.engine.windows.edges import WRAP, mapped
 from resample_texture.mesh.kernels.color import MASK, OPAQUE, Skin
@@ -31,7 +31,7 @@ DENSITY = 2.0  # looks per texel
 GOLDEN = 0.6180339887498949  # steps of it fill an interval evenly
 
 
-@kernel
+@inner_kernel
 def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
     """Interpolated color of a texture's level, multiplied by its alpha, and that."""
     base, mode = skin.level[texture, level, 0], skin.mode[texture]
@@ -59,7 +59,7 @@ def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
     return red, green, blue, max(0.0, min(1.0, alpha))
 
 
-@kernel
+@inner_kernel
 def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
     """Texel at a texture coordinate, and the row of taps for the place within it."""
     turn = float(np.floor(place))
@@ -69,7 +69,7 @@ def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
     return (texel if edge == WRAP else texel + int(turn) * size), part
 
 
-@kernel
+@inner_kernel
 def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place:
     """How u or t, `value` at a place, changes with x and y there, times the weights' sum."""
     corner = (
@@ -80,7 +80,7 @@ def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place
     return dot(corner, column(matrix, 0)), dot(corner, column(matrix, 1))
 
 
-@kernel
+@inner_kernel
 def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
     """Most and fewest texels that a sub-pixel of that size (px) reaches over, in two directions."""
     matrix = matrix_at(triangles.weight, n)
@@ -98,7 +98,7 @@ def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) 
     return most, (area / most if most > 0.0 else 0.0)
 
 
-@kernel
+@inner_kernel
 def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     """Level for a sub-pixel that reaches over so many texels, and how often it is looked up."""
     most, fewest = reach
@@ -114,7 +114,7 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     return level, int(max(least, looks))
 
 
-@kernel
+@inner_kernel
 def evaluate(
     triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
 ) -> Layer:

@@ -7,7 +7,7 @@ well, take those that they cover, and an outline is as exact as the share of poi
 
 import numpy as np
 
-from resample.engine.jit import kernel, making_kernel
+from resample.engine.jit import inner_kernel, making_kernel
 from resample.types import Doubles
 from resample_texture.mesh.kernels.surfaces import Place, Triangles, plane_at
 from resample_texture.mesh.kernels.tiles import Block, sample, span
@@ -41,7 +41,7 @@ def open_outline(block: Block) -> None:
         taken[row, 0] = taken[row, columns - 1] = NONE
 
 
-@kernel
+@inner_kernel
 def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
     """Points of a sub-pixel on the inner side of one edge."""
     across, down = edge[k, 2] * fine, edge[k, 3] * fine
@@ -56,7 +56,7 @@ def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
     return points if edge[k, 4] > 0.0 else ~points
 
 
-@kernel
+@inner_kernel
 def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.uint64:
     """Points of a sub-pixel that a polygon covers; one on an edge belongs to one side of it."""
     points = ALL
@@ -67,7 +67,7 @@ def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.
     return points
 
 
-@kernel
+@inner_kernel
 def take_points(triangles: Triangles, n: int, block: Block) -> None:
     """Give a triangle the points that it covers where outlines may be."""
     edge, count, taken = block.edge, triangles.corners[n], block.taken
@@ -94,7 +94,7 @@ def take_points(triangles: Triangles, n: int, block: Block) -> None:
                     block.owner[row, column] = BEHIND - n
 
 
-@kernel
+@inner_kernel
 def close_outline(block: Block) -> None:
     """Show what covers points of a sub-pixel but not its sample."""
     owner = block.owner
@@ -104,7 +104,7 @@ def close_outline(block: Block) -> None:
             owner[row, column] = n if n >= NOTHING else BEHIND - n
 
 
-@kernel
+@inner_kernel
 def covered(block: Block, row: int, column: int) -> float:
     """Share of a sub-pixel that triangles cover."""
     points, count = block.taken[row, column], 0

@@ -32,7 +32,7 @@ from resample_texture.mesh.kernels.outlines import (
     open_outline,
     take_points,
 )
-from resample_texture.mesh.kernels.shading import finish, is_looked_up, put_behind, shade
+from resample_texture.mesh.kernels.shading import count, finish, is_looked_up, put_behind, shade
 from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
 from resample_texture.mesh.kernels.tiles import Block, Grid, new_block
 from resample_texture.mesh.kernels.visibility import may_show, show
@@ -98,6 +98,7 @@ def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
 
 @plays(composed, MeshScene)
 def _composed(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> bool:
+    count(scene.skin, block)
     if surfaces.most == 1:
         shade(scene.triangles, scene.skin, scene.lens, block)
         return False

@@ -6,7 +6,7 @@ What one can see through is taken layer by layer, front to back, whatever the or
 
 import numpy as np
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel
 from resample_texture.mesh.kernels.color import OPAQUE, Skin, lit
 from resample_texture.mesh.kernels.looking import Layer, evaluate
 from resample_texture.mesh.kernels.outlines import NOTHING, covered
@@ -17,73 +17,100 @@ LEAST_WEIGHT = 1e-2  # sub-pixels²; a sub-pixel that got less is looked up
 FULL = 1.0 - 1e-3  # alpha beyond which nothing shows through
 
 
-@kernel
+@inner_kernel
 def is_looked_up(triangles: Triangles, skin: Skin, n: int) -> bool:
     """Whether a triangle has no cells: its texture has no area, or one may see through it."""
     texture = skin.texture[n]
     return bool(texture < 0 or triangles.determinant[n] == 0.0 or skin.mode[texture] != OPAQUE)
 
 
-@kernel
-def _color(triangles: Triangles, skin: Skin, block: Block, row: int, column: int) -> Layer:
-    """Color and alpha of the triangle that a sub-pixel shows."""
-    n, sums, fine = block.owner[row, column], block.sums, 1.0 / block.samples
-    place, weight = sample(block, row, column), sums[row, column, 3]
-    texture = skin.texture[n]
-    is_reached = weight > LEAST_WEIGHT and (texture < 0 or skin.mode[texture] == OPAQUE)
-    if is_reached:
-        red, green, blue = (
-            sums[row, column, 0] / weight,
-            sums[row, column, 1] / weight,
-            sums[row, column, 2] / weight,
-        )
-        alpha = 1.0
-    else:
-        corner = (block.left + column * fine, block.top + row * fine)
-        red, green, blue, alpha = evaluate(triangles, skin, n, place, corner, fine)
-    light = lit(triangles, skin, n, place)
-    rows, columns = block.owner.shape
-    margin = block.margin * block.samples
-    if margin <= row < rows - margin and margin <= column < columns - margin:
-        block.tally[2] += 1
-        block.tally[3] += not is_reached and texture >= 0
-    return light * red, light * green, light * blue, alpha
+@inner_kernel
+def _is_reached(skin: Skin, block: Block, row: int, column: int) -> bool:
+    """Whether cells left a sub-pixel its color."""
+    texture = skin.texture[block.owner[row, column]]
+    is_opaque = texture < 0 or skin.mode[texture] == OPAQUE
+    return bool(is_opaque and block.sums[row, column, 3] > LEAST_WEIGHT)
 
 
-@kernel
+@inner_kernel
+def _looked_up(triangles: Triangles, skin: Skin, block: Block, row: int, column: int) -> Layer:
+    """Color and alpha of the triangle that a sub-pixel shows, from its texture."""
+    n, fine = block.owner[row, column], 1.0 / block.samples
+    corner = (block.left + column * fine, block.top + row * fine)
+    return evaluate(triangles, skin, n, sample(block, row, column), corner, fine)
+
+
+@inner_kernel
+def _mean(block: Block, row: int, column: int) -> Layer:
+    """What cells left."""
+    sums, weight = block.sums, block.sums[row, column, 3]
+    return (
+        sums[row, column, 0] / weight,
+        sums[row, column, 1] / weight,
+        sums[row, column, 2] / weight,
+        1.0,
+    )
+
+
+@inner_kernel
+def count(skin: Skin, block: Block) -> None:
+    """Note how many sub-pixels of the tile's own show a triangle, and how many no cell reached."""
+    margin, shown, missed = block.margin * block.samples, 0, 0
+    for row in range(margin, block.owner.shape[0] - margin):
+        for column in range(margin, block.owner.shape[1] - margin):
+            n = block.owner[row, column]
+            if n >= 0:
+                shown += 1
+                missed += skin.texture[n] >= 0 and not _is_reached(skin, block, row, column)
+    block.tally[2] += shown
+    block.tally[3] += missed
+
+
+@inner_kernel
 def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
     """Turn sums into colors and coverage, and nearness into depth, where nothing shows through."""
     sums = block.sums
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
-            if block.owner[row, column] < 0:
+            n = block.owner[row, column]
+            if n < 0:
                 block.nearness[row, column] = np.inf
                 continue
-            color, cover = _color(triangles, skin, block, row, column), covered(block, row, column)
-            sums[row, column, 0] = cover * color[0]
-            sums[row, column, 1] = cover * color[1]
-            sums[row, column, 2] = cover * color[2]
+            if sums[row, column, 3] > LEAST_WEIGHT:
+                color = _mean(block, row, column)
+            else:
+                color = _looked_up(triangles, skin, block, row, column)
+            cover = covered(block, row, column)
+            light = cover * lit(triangles, skin, n, sample(block, row, column))
+            sums[row, column, 0] = light * color[0]
+            sums[row, column, 1] = light * color[1]
+            sums[row, column, 2] = light * color[2]
             sums[row, column, 3] = cover
             nearness = block.nearness[row, column]
             block.nearness[row, column] = 1.0 / nearness if lens.perspective else -nearness
 
 
-@kernel
+@inner_kernel
 def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
     """Put the layer at hand behind those before; gives whether another may show through."""
     seen, again = block.seen, False
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
-            if block.owner[row, column] < 0:
+            n = block.owner[row, column]
+            if n < 0:
                 block.limit[row, column] = -np.inf
                 continue
-            color = _color(triangles, skin, block, row, column)
+            if _is_reached(skin, block, row, column):
+                color = _mean(block, row, column)
+            else:
+                color = _looked_up(triangles, skin, block, row, column)
             rest, nearness = 1.0 - seen[row, column, 3], block.nearness[row, column]
             if color[3] > 0.0 and seen[row, column, 3] == np.float32(0):
                 block.front[row, column] = nearness
-            seen[row, column, 0] += rest * color[0]
-            seen[row, column, 1] += rest * color[1]
-            seen[row, column, 2] += rest * color[2]
+            light = rest * lit(triangles, skin, n, sample(block, row, column))
+            seen[row, column, 0] += light * color[0]
+            seen[row, column, 1] += light * color[1]
+            seen[row, column, 2] += light * color[2]
             seen[row, column, 3] += rest * color[3]
             is_through = seen[row, column, 3] < FULL
             again = again or is_through
@@ -95,7 +122,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
     return again
 
 
-@kernel
+@inner_kernel
 def finish(lens: Lens, block: Block) -> None:
     """Put what is seen of all layers in the place of the last one's sums and nearness."""
     sums, seen = block.sums, block.seen

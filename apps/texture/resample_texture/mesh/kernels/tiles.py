@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel, kernel
 from resample.engine.surfaces.blocks import whole_within
 from resample.types import Doubles, Floats, Tiles
 from resample_texture.mesh.kernels.surfaces import Ints, Place, Triangles
@@ -74,7 +74,7 @@ def new_block(
     )
 
 
-@kernel
+@inner_kernel
 def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
     """First and last column of the sub-pixels between two places, px."""
     last = block.owner.shape[1] - 1
@@ -84,7 +84,7 @@ def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
     )
 
 
-@kernel
+@inner_kernel
 def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int]:
     """First and last row, first and last column of the sub-pixels that a triangle may touch."""
     bounds = triangles.bounds[n]
@@ -99,7 +99,7 @@ def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int
     )
 
 
-@kernel
+@inner_kernel
 def sample(block: Block, row: int, column: int) -> Place:
     """Where on screen a sub-pixel is tested for visibility.
 

@@ -2,7 +2,7 @@
 
 import math
 
-from resample.engine.jit import kernel
+from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Vector, dot
 from resample.types import Doubles
 from resample_texture.mesh.kernels.surfaces import Lens, Place, Triangles, plane_at
@@ -11,7 +11,7 @@ from resample_texture.mesh.kernels.tiles import Block, columns_within, sample, s
 WIDE = 8  # sub-pixels; rows of wider triangles are narrowed down before they are tested
 
 
-@kernel
+@inner_kernel
 def set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
     """Edges of a polygon, each from its smaller to its greater end.
 
@@ -30,7 +30,7 @@ def set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
         edge[k, 4] = side
 
 
-@kernel
+@inner_kernel
 def _is_inside(edge: Doubles, count: int, place: Place) -> bool:
     for k in range(count):
         value = edge[k, 2] * (place[1] - edge[k, 1]) - edge[k, 3] * (place[0] - edge[k, 0])
@@ -42,7 +42,7 @@ def _is_inside(edge: Doubles, count: int, place: Place) -> bool:
     return True
 
 
-@kernel
+@inner_kernel
 def _between(edge: Doubles, count: int, top: float, bottom: float) -> tuple[float, float]:
     """Least and greatest x of a polygon between two heights, but for rounding."""
     left, right = math.inf, -math.inf
@@ -61,7 +61,7 @@ def _between(edge: Doubles, count: int, top: float, bottom: float) -> tuple[floa
     return left, right
 
 
-@kernel
+@inner_kernel
 def row_span(edge: Doubles, count: int, block: Block, row: int) -> tuple[int, int]:
     """First and last column of a row's sub-pixels that a polygon may touch."""
     fine = 1.0 / block.samples
@@ -70,14 +70,14 @@ def row_span(edge: Doubles, count: int, block: Block, row: int) -> tuple[int, in
     return columns_within(block, left - fine, right + fine)
 
 
-@kernel
+@inner_kernel
 def nearness_at(plane: Vector, limit: tuple[float, float], place: Place) -> float:
     """How near a triangle is at a place, within its own limits."""
     value = dot(plane, (place[0], place[1], 1.0))
     return max(limit[0], min(limit[1], value))
 
 
-@kernel
+@inner_kernel
 def show(triangles: Triangles, n: int, block: Block) -> None:
     """Give a triangle the sub-pixels whose sample it covers before all others so far."""
     edge, count = block.edge, triangles.corners[n]
@@ -100,7 +100,7 @@ def show(triangles: Triangles, n: int, block: Block) -> None:
                 block.owner[row, column] = n
 
 
-@kernel
+@inner_kernel
 def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens) -> bool:
     """Whether two triangles that face the same way are one surface at a place."""
     if triangles.facing[n] != triangles.facing[other]:
@@ -110,7 +110,7 @@ def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens
     return abs(own - its) <= lens.tolerance * (abs(own) if lens.perspective else 1.0)
 
 
-@kernel
+@inner_kernel
 def may_show(triangles: Triangles, n: int, block: Block, lens: Lens) -> bool:
     """Whether a triangle is seen, or may be part of the visible surface between its samples."""
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
