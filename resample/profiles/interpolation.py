@@ -258,7 +258,7 @@ class Integrals(NamedTuple):
     `before` + p / phases and to one sample less each, `taps` in all, then `ones` zeros.
     """
 
-    table: Floats  # ((phases + 1) × stride,)
+    table: Floats  # ((phases + 1) × stride + ones,), the last ones to spare
     stride: int
     taps: int
     before: int
@@ -287,7 +287,8 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     for n in range(taps):
         table[:, ones + n] = np.interp(before - n + phase, fine, integral, 0.0, 1.0)
     stride = table.shape[1]
-    return Integrals(table.ravel(), stride, taps, before, 0.5 if is_whole else 0.0)
+    flat = np.append(table, np.zeros(ones, np.float32))
+    return Integrals(flat, stride, taps, before, 0.5 if is_whole else 0.0)
 
 
 @remembered
