@@ -1,5 +1,7 @@
 """Symmetric filters along both axes of a grid, band by band."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from resample.engine.cells.tiles import bands
@@ -34,44 +36,59 @@ def _filter_stretch(
         _add_pair(line, source, places, count, taps[middle + tap])
 
 
+class Filters(NamedTuple):
+    """Symmetric taps (K,), K odd, along both axes of a plate."""
+
+    across: Floats
+    down: Floats
+
+
 @kernel
 def _filter_rows(
-    flat: Floats, shape: tuple[int, int, int], taps: Floats, rows: tuple[int, int], result: Floats
+    flat: Floats,
+    shape: tuple[int, int, int],
+    filters: Filters,
+    rows: tuple[int, int],
+    result: Floats,
 ) -> None:
-    """Filter some rows of a grid, columns first, to where all taps meet the grid."""
+    """Filter some rows of a plate, columns first, to where all taps meet the plate."""
     _, columns, channels = shape
-    width, margin = columns * channels, taps.size // 2
+    width, margin = columns * channels, filters.across.size // 2
     inner, count = width - 2 * margin * channels, rows[1] - rows[0]
     tall = np.empty((count, width), np.float32)
     for first in range(0, width, BLOCK):  # the rows of a block stay in the cache
         size = min(BLOCK, width - first)
         for row in range(count):
-            start = (rows[0] + row + margin) * width + first
-            _filter_stretch(tall[row, first:], flat, start, width, size, taps)
+            start = (rows[0] + row + filters.down.size // 2) * width + first
+            _filter_stretch(tall[row, first:], flat, start, width, size, filters.down)
     for row in range(count):
         line = result[(rows[0] + row) * inner :]
         for first in range(0, inner, BLOCK):
             start = margin * channels + first
             size = min(BLOCK, inner - first)
-            _filter_stretch(line[first:], tall[row], start, channels, size, taps)
+            _filter_stretch(line[first:], tall[row], start, channels, size, filters.across)
 
 
 @packed_kernel
 def filter_plate(
-    counter: Counter, flat: Floats, shape: tuple[int, int, int], taps: Floats, result: Floats
+    counter: Counter,
+    flat: Floats,
+    shape: tuple[int, int, int],
+    filters: Filters,
+    result: Floats,
 ) -> None:
-    """Filter a grid along both axes.
+    """Filter a plate along both axes.
 
     Parameters
     ----------
     flat
         Rows × columns × channels, as `shape` has them.
-    taps
-        (K,), K odd, symmetric.
+    filters
+        Of K and L taps, across and down.
     result
-        As `flat`, with K // 2 rows and columns less on each side, and as many numbers more as its
-        owner likes.
+        As `flat`, with L // 2 rows and K // 2 columns less on each side, and as many numbers more
+        as its owner likes.
     """
-    height = shape[0] - 2 * (taps.size // 2)
+    height = shape[0] - 2 * (filters.down.size // 2)
     for rows in bands(counter, height, BAND):
-        _filter_rows(flat, shape, taps, rows, result)
+        _filter_rows(flat, shape, filters, rows, result)

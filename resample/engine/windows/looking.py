@@ -286,7 +286,7 @@ def _measure(seen: Seen, view: View, n: int, extent: Extent) -> float:
     taps = view.integral.taps
     samples = (taps + wide / parts_x) * (taps + high / parts_y)
     covered = abs(ux * vy - uy * vx)
-    return parts_x * parts_y * (1.0 + samples * view.plate.channels / 256.0) - 0.25 * covered
+    return parts_x * parts_y * (1.0 + samples / 256.0) - 0.25 * covered
 
 
 @kernel

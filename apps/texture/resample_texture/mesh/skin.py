@@ -11,7 +11,8 @@ from resample_texture.mesh.covers import Alpha, Cover
 from resample_texture.mesh.kernels.color import BLEND, MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import Ints
 from resample_texture.mesh.shapes import Mesh
-from resample_texture.texels.forward import EDGES, filtered, tap_table
+from resample_texture.texels.forward import EDGES, tap_table
+from resample_texture.texels.plates import filtered
 from resample_texture.texels.pyramid import Pyramid
 from resample_texture.types import Edge
 

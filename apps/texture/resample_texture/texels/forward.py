@@ -33,6 +33,7 @@ from resample_texture.texels.kernels.blocks import (
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.placing import Placement
 from resample_texture.texels.kernels.texels import DENSE, EXACT
+from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
 FINER = 2.0  # cells per px where one would do for a smooth filter
@@ -134,27 +135,6 @@ def kinds_of(axes: Integers) -> frozenset[int]:
     """Which texels blocks read; see `kind_of`."""
     is_cut = axes[:, :, CUT] > 1
     return frozenset(np.unique(is_cut[:, 0] + 2 * is_cut[:, 1]).tolist())
-
-
-def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
-    """Source (H, W, C) under a separable filter, continued beyond its edges as `edge` says."""
-    import cv2
-
-    border = {Edge.CLAMP: cv2.BORDER_REPLICATE, Edge.WRAP: cv2.BORDER_WRAP}.get(
-        edge, cv2.BORDER_REFLECT
-    )
-    height, width, channels = source.shape
-    result = np.empty_like(source)
-    tall, wide = along_v.size // 2, along_u.size // 2
-    for c in range(channels):
-        plane = np.ascontiguousarray(source[..., c])
-        if border == cv2.BORDER_WRAP:
-            plane = np.pad(plane, ((tall, tall), (wide, wide)), mode="wrap")
-            whole = cv2.sepFilter2D(plane, cv2.CV_32F, along_u, along_v)
-            result[..., c] = whole[tall : tall + height, wide : wide + width]
-        else:
-            result[..., c] = cv2.sepFilter2D(plane, cv2.CV_32F, along_u, along_v, borderType=border)
-    return result
 
 
 def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[Floats, int]:

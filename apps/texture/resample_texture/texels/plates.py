@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import SPARE, Plate
-from resample.engine.windows.filtering import filter_plate
+from resample.engine.windows.filtering import Filters, filter_plate
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.types import Edge
@@ -35,11 +35,22 @@ def plate_of(
     rows, columns = down[1] - down[0], across[1] - across[0]
     if margin > 0:
         shape = rows + 2 * margin, columns + 2 * margin, channels
-        filtered = np.empty(rows * columns * channels + SPARE, np.float32)
-        filter_plate(flat, shape, weights, filtered)
-        filtered[-SPARE:] = 0.0
-        flat = filtered
+        smooth = np.empty(rows * columns * channels + SPARE, np.float32)
+        filter_plate(flat, shape, Filters(weights, weights), smooth)
+        smooth[-SPARE:] = 0.0
+        flat = smooth
     return Plate(flat, float(across[0]), float(down[0]), rows, columns, channels)
+
+
+def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
+    """Source (H, W, C) under a separable filter, continued beyond its edges as `edge` says."""
+    height, width, channels = source.shape
+    left, above = along_u.size // 2, along_v.size // 2
+    flat = _continued(source, (-left, width + left), (-above, height + above), edge)
+    result = np.empty(source.shape, np.float32)
+    shape = height + 2 * above, width + 2 * left, channels
+    filter_plate(flat, shape, Filters(along_u, along_v), result.reshape(-1))
+    return result
 
 
 def _continued(source: Floats, across: Range, down: Range, edge: Edge) -> Floats:

@@ -27,7 +27,6 @@ from resample_texture.texels.forward import (
     Sums,
     borders,
     check_texels,
-    filtered,
     moved,
     oriented,
     seen,
@@ -38,6 +37,7 @@ from resample_texture.texels.kernels.blocks import Integers, sight
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splat_shapes import Shape
 from resample_texture.texels.kernels.splats import Splatted, splat_blocks
+from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
 LEAST_FULL = 0.5  # weight of a pixel that counts as filled where edges are not known
