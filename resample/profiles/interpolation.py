@@ -31,9 +31,8 @@ RAYS = 8  # places in half a part of a sample, for the mean over it
 class Interpolation(Protocol):
     """What an interpolation has; a plugin is a class with these two.
 
-    It may have two more, which are false where they are left out: `is_mean` (samples are means over
-    their extents, see above) and `is_smooth` (it has two derivatives, so that few places tell its
-    mean over a pixel). `resample.testing.check_interpolation` checks the rest.
+    It may have one more, which is false where it is left out: `is_mean` (samples are means over
+    their extents, see above). `resample.testing.check_interpolation` checks the rest.
     """
 
     @property
@@ -89,7 +88,6 @@ class Spline:
     """
 
     degree: int = 3
-    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_degree(self.degree, (2, 3, 4, 5))
@@ -118,7 +116,6 @@ class AreaSpline:
 
     degree: int = 4
     is_mean: ClassVar[bool] = True
-    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_degree(self.degree, (2, 3, 4, 5))
@@ -136,7 +133,6 @@ class Lanczos:
     """Sinc under the middle lobe of one that is `a` times as wide; passes through the samples."""
 
     a: int = 3
-    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.a not in (2, 3, 4, 5):
@@ -161,7 +157,6 @@ class InterpolatingGaussian:
     """
 
     sigma: float = 0.577
-    is_smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 0.3 <= self.sigma <= 1.0:

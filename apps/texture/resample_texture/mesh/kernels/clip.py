@@ -1,32 +1,11 @@
-"""Convex polygons, as arrays of corners: cut to a rectangle, crossed by level lines, measured."""
+"""Triangles cut to a rectangle; convex polygons crossed by level lines, and their bounds."""
 
 import numpy as np
 
 from resample.engine.jit import kernel
+from resample.engine.windows.polygons import cut_to
 from resample.types import Doubles
 from resample_texture.mesh.kernels.surfaces import Triangles
-
-
-@kernel
-def _halve(
-    polygon: Doubles, spare: Doubles, count: int, axis: int, bound: float, sign: float
-) -> int:
-    """Keep what of a convex polygon is beyond a bound, times the sign; returns its corners."""
-    kept = 0
-    for k in range(count):
-        m = (k + 1) % count
-        here, there = sign * (polygon[k, axis] - bound), sign * (polygon[m, axis] - bound)
-        if here >= 0.0:
-            spare[kept, 0], spare[kept, 1] = polygon[k, 0], polygon[k, 1]
-            kept += 1
-        if (here >= 0.0) != (there >= 0.0):
-            share = here / (here - there)
-            for c in range(2):
-                spare[kept, c] = polygon[k, c] + share * (polygon[m, c] - polygon[k, c])
-            kept += 1
-    for k in range(kept):
-        polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
-    return kept
 
 
 @kernel
@@ -44,10 +23,7 @@ def cut_out(
     count = triangles.corners[n]
     for k in range(count):
         polygon[k, 0], polygon[k, 1] = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
-    count = _halve(polygon, spare, count, 0, rectangle[0], 1.0)
-    count = _halve(polygon, spare, count, 1, rectangle[1], 1.0)
-    count = _halve(polygon, spare, count, 0, rectangle[2], -1.0)
-    return _halve(polygon, spare, count, 1, rectangle[3], -1.0)
+    return cut_to(polygon, spare, count, rectangle)
 
 
 @kernel
@@ -65,16 +41,6 @@ def crossing(rim: Doubles, count: int, height: float) -> tuple[float, float]:
             x = rim[upper, 0] + share * (rim[lower, 0] - rim[upper, 0])
             low, high = min(low, x), max(high, x)
     return low, high
-
-
-@kernel
-def area(polygon: Doubles, count: int) -> float:
-    """Area of a polygon (count, 2)."""
-    total = 0.0
-    for k in range(count):
-        m = (k + 1) % count
-        total += polygon[k, 0] * polygon[m, 1] - polygon[m, 0] * polygon[k, 1]
-    return 0.5 * abs(total)
 
 
 @kernel

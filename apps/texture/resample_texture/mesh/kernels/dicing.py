@@ -9,9 +9,10 @@ import math
 import numpy as np
 
 from resample.engine.jit import kernel, making_kernel
+from resample.engine.windows.polygons import area
 from resample.types import Doubles
 from resample_texture.mesh.kernels.cells import Cut, paint_cells
-from resample_texture.mesh.kernels.clip import area, cut_out, reach
+from resample_texture.mesh.kernels.clip import cut_out, reach
 from resample_texture.mesh.kernels.color import Skin, level_for
 from resample_texture.mesh.kernels.surfaces import (
     Lens,
