@@ -253,7 +253,7 @@ class Integrals(NamedTuple):
     `before` + p / phases and to one sample less each, `taps` in all, then `ones` zeros.
     """
 
-    table: Floats  # ((phases + 1) × stride + ones,), the last ones to spare
+    table: Floats  # ((phases + 2) × stride + ones,), the last row and the last ones to spare
     stride: int
     taps: int
     before: int
@@ -276,8 +276,9 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     kernel = kernel / np.append(np.tile(sums[:-1], taps), sums[0])
     integral = np.append(0.0, np.cumsum(0.5 * (kernel[1:] + kernel[:-1])))
     integral /= integral[-1]
-    phase = np.arange(phases + 1) / phases - (0.0 if is_whole else 0.5)
-    table = np.zeros((phases + 1, taps + 2 * ones), np.float32)
+    # A fraction may be rounded to 1, whose row is read together with the next.
+    phase = np.arange(phases + 2) / phases - (0.0 if is_whole else 0.5)
+    table = np.zeros((phases + 2, taps + 2 * ones), np.float32)
     table[:, :ones] = 1.0
     for n in range(taps):
         table[:, ones + n] = np.interp(before - n + phase, fine, integral, 0.0, 1.0)

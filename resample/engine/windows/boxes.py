@@ -26,7 +26,7 @@ Whole = Any  # a number kept in int32, to which a float is turned in one operati
 class Integral(NamedTuple):
     """The integral of an interpolation's kernel as a table."""
 
-    # (PHASES + 1) × stride: a row has for its phase ONES ones, `taps` integrals up to phase −
+    # (PHASES + 2) × stride: a row has for its phase ONES ones, `taps` integrals up to phase −
     # shift + before, and one less each, and ONES zeros.
     table: Floats
     stride: int
