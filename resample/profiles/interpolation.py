@@ -25,14 +25,16 @@ LARGEST_RADIUS = 8
 NEGLIGIBLE = 1e-7  # taps of a prefilter below this share of the middle one are left out
 LONGEST = 512  # samples over which a prefilter is worked out
 FINE = 4096  # steps per sample in which a kernel is integrated
+LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # how much of a peak may be added to it
 RAYS = 8  # places in half a part of a sample, for the mean over it
 
 
 class Interpolation(Protocol):
     """What an interpolation has; a plugin is a class with these two.
 
-    It may have one more, which is false where it is left out: `is_mean` (samples are means over
-    their extents, see above). `resample.testing.check_interpolation` checks the rest.
+    It may have two more: `is_mean` (samples are means over their extents, see above; false where it
+    is left out) and `limit` (a name of `LIMITS`; `none` where it is left out).
+    `resample.testing.check_interpolation` checks the rest.
     """
 
     @property
@@ -88,9 +90,11 @@ class Spline:
     """
 
     degree: int = 3
+    limit: str = "none"  # as `AreaSpline` has it
 
     def __post_init__(self) -> None:
         _check_degree(self.degree, (2, 3, 4, 5))
+        _check_limit(self.limit)
 
     @property
     def radius(self) -> float:
@@ -112,13 +116,19 @@ class AreaSpline:
     degree
         2 to 5. A higher one keeps more of the finest detail when a picture is resampled again and
         again, and rings farther around hard edges.
+    limit
+        What is done about rings: `range` keeps pixels that cover at most two samples within the
+        range of the samples around; `peaks` lets a sample that stands out from its neighbours stand
+        out twice as far, as the scene that it is the mean of may have done; `none` is linear.
     """
 
     degree: int = 4
+    limit: str = "peaks"
     is_mean: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_degree(self.degree, (2, 3, 4, 5))
+        _check_limit(self.limit)
 
     @property
     def radius(self) -> float:
@@ -133,10 +143,12 @@ class Lanczos:
     """Sinc under the middle lobe of one that is `a` times as wide; passes through the samples."""
 
     a: int = 3
+    limit: str = "none"  # as `AreaSpline` has it
 
     def __post_init__(self) -> None:
         if self.a not in (2, 3, 4, 5):
             raise ValueError(f"a is 2, 3, 4 or 5 samples, not {self.a}")
+        _check_limit(self.limit)
 
     @property
     def radius(self) -> float:
@@ -185,6 +197,16 @@ def _check_degree(degree: int, allowed: tuple[int, ...]) -> None:
         raise ValueError(
             f"a spline's degree is one of {', '.join(map(str, allowed))}, not {degree}"
         )
+
+
+def _check_limit(limit: str) -> None:
+    if limit not in LIMITS:
+        raise ValueError(f"limit is one of {', '.join(LIMITS)}, not {limit!r}")
+
+
+def excess(interpolation: Interpolation) -> float:
+    """How much of what a sample stands out may be added to it; below 0: an interpolation rings."""
+    return LIMITS[getattr(interpolation, "limit", "none")]
 
 
 def remembered(function: Callable[..., R]) -> Callable[..., R]:

@@ -109,7 +109,7 @@ def test_beyond_a_continued_edge_all_is_covered(method, edge):
 
 
 # Pixels that look at noise see what cells of the default quality do not tell.
-FINEST = {"hybrid": {"quality": 6.0}}
+FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
 
 
 @pytest.mark.parametrize("method", OURS)
@@ -235,7 +235,7 @@ def test_a_quality_that_is_no_number_is_refused():
 @pytest.mark.parametrize(
     "name",
     [
-        "hybrid:clamp=true",
+        "hybrid:clamp=true,interpolation=lanczos",
         "splats:interpolating=true,clamp=true",
         "hybrid:clamp=true,magnified=splats",
     ],

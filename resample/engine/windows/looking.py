@@ -24,6 +24,16 @@ from resample.engine.windows.boxes import (
     room_for,
 )
 from resample.engine.windows.edges import TRANSPARENT, folded
+from resample.engine.windows.limits import (
+    Corners,
+    Limits,
+    Part,
+    fill_corners,
+    keep_within,
+    part_around,
+    part_of,
+    room_for_corners,
+)
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.types import Doubles, Floats, Single
 
@@ -35,6 +45,7 @@ LEANEST = 0.5  # samples², of the mixed moment of one side of a part
 MOST_PARTS = 64.0  # of a pixel along an axis
 AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid runs through it
 FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
+LIMITED = 2.0  # samples along u and v that a pixel with limits covers at most
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 
 
@@ -56,6 +67,7 @@ class View(NamedTuple):
     edge: int
     margin: float  # samples around the source to which places are folded; inf: they are not
     finest: float  # samples², to which pixels are cut; see `parts_of`
+    limits: Limits
 
 
 class Room(NamedTuple):
@@ -65,6 +77,7 @@ class Room(NamedTuple):
     total: Floats  # (C,)
     polygon: Doubles  # (MOST_CORNERS, 2)
     spare: Doubles
+    corners: Corners
 
 
 @role
@@ -227,14 +240,50 @@ def _look(view: View, seen: Seen, room: Room) -> float:
     return 1.0
 
 
+@inner_step
+def _is_limited(view: View, seen: Seen) -> bool:
+    """Whether a pixel is so small that the samples around its middle tell what it may be."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    is_small = max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED
+    return bool(is_small and view.limits.excess >= 0.0)
+
+
+@inner_kernel
+def _part_around(view: View, seen: Seen, room: Room) -> tuple[Part, float, float]:
+    """Limits around a pixel alone, and its place in them."""
+    placed, plain = _place(view, seen), view.limits.plain
+    u, v = placed.u - plain.left, placed.v - plain.top
+    part = part_around(view.limits, u, v)
+    fill_corners(view.limits, part, room.corners)
+    return part, u, v
+
+
 @inner_kernel
 def _fill_tile(
-    look: Look, view: View, tile: Integers, image: Floats, covered: Floats, room: Room
+    look: Look,
+    view: View,
+    tile: Integers,
+    bounds: Doubles,
+    image: Floats,
+    covered: Floats,
+    room: Room,
 ) -> None:
     """Fill one tile of the target."""
+    part, is_filled = part_of(view.limits, bounds), False
+    is_apart = part.wide == 0 or view.margin < math.inf
+    left, top = view.limits.plain.left, view.limits.plain.top
     for row in range(tile[TOP], tile[BOTTOM]):
         for column in range(tile[LEFT], tile[RIGHT]):
-            coverage = np.float32(_look(view, seen_at(look, row, column), room))
+            seen = seen_at(look, row, column)
+            coverage = np.float32(_look(view, seen, room))
+            if coverage > 0.0 and _is_limited(view, seen):
+                u, v = seen.u - left, seen.v - top
+                if is_apart:
+                    part, u, v = _part_around(view, seen, room)
+                elif not is_filled:
+                    fill_corners(view.limits, part, room.corners)
+                    is_filled = True
+                keep_within(room.corners, part, u, v, room.total)
             covered[row, column] = coverage
             for c in range(image.shape[2]):
                 image[row, column, c] = coverage * room.total[c]
@@ -242,12 +291,20 @@ def _fill_tile(
 
 @kernel
 def look_from_tiles(
-    counter: Counter, look: Look, view: View, tiles: Integers, image: Floats, covered: Floats
+    counter: Counter,
+    look: Look,
+    view: View,
+    tiles: Integers,
+    bounds: Doubles,
+    image: Floats,
+    covered: Floats,
 ) -> None:
     """Fill tiles (T, 4) of a picture; for an application's packed kernel.
 
     Parameters
     ----------
+    bounds
+        (T, 4) of what tiles see, see `Extent`.
     image
         (height, width, C), multiplied by coverage.
     covered
@@ -256,9 +313,9 @@ def look_from_tiles(
     channels = image.shape[2]
     polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
     weights, total = np.empty(room_for(channels), np.float32), np.empty(channels, np.float32)
-    room = Room(weights, total, polygon, spare)
+    room = Room(weights, total, polygon, spare, room_for_corners(channels))
     for n in tasks(counter, tiles.shape[0]):
-        _fill_tile(look, view, tiles[n], image, covered, room)
+        _fill_tile(look, view, tiles[n], bounds[n], image, covered, room)
 
 
 class Extent(NamedTuple):

@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
+from resample.engine.windows.limits import Limits
 from resample.engine.windows.looking import Extent, View
-from resample.profiles.interpolation import Interpolation, integrals, prefilter
+from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
-from resample_texture.texels.plates import plate_of
+from resample_texture.texels.plates import plates_of
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
@@ -62,8 +63,8 @@ def look(
         warped.coverage[top:bottom, left:right] = far.coverage
     if tiles.is_near.any():
         view = _with_plate(source, view, edge, cells.interpolation, tiles)
-        bounds = np.ascontiguousarray(tiles.bounds[tiles.is_near])
-        look_at(places, view, bounds, warped.image, warped.coverage)
+        near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
+        look_at(places, view, near, seen, warped.image, warped.coverage)
     return warped
 
 
@@ -116,7 +117,8 @@ def _with_plate(
         low, high = np.full(2, -beyond), size + beyond
     (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
     across, down = (int(left), int(right)), (int(top), int(bottom))
-    return view._replace(plate=plate_of(source, across, down, edge, interpolation))
+    plate, plain = plates_of(source, across, down, edge, interpolation)
+    return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
 
 
 def _view(source: Floats, edge: Edge, cells: Cells) -> View:
@@ -125,4 +127,5 @@ def _view(source: Floats, edge: Edge, cells: Cells) -> View:
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels)
     finest = 1.5 / cells.quality
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
-    return View(plate, integral, (height, width), EDGES[edge], math.inf, finest)
+    limits = Limits(plate, excess(cells.interpolation))
+    return View(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)

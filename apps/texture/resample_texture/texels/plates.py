@@ -23,23 +23,27 @@ def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     return np.minimum(index, 2 * size - 1 - index)
 
 
-def plate_of(
+def plates_of(
     source: Floats, across: Range, down: Range, edge: Edge, interpolation: Interpolation
-) -> Plate:
-    """Coefficients of a rectangle of the continued plane of a source (H, W, C)."""
+) -> tuple[Plate, Plate]:
+    """Coefficients of a rectangle of the continued plane of a source (H, W, C), and its texels.
+
+    Texels have a margin around them, if not all of them are coefficients.
+    """
     weights = prefilter(interpolation)
     margin = weights.size // 2
     channels = source.shape[2]
     outer = (across[0] - margin, across[1] + margin), (down[0] - margin, down[1] + margin)
     flat = _continued(source, *outer, edge)
     rows, columns = down[1] - down[0], across[1] - across[0]
-    if margin > 0:
-        shape = rows + 2 * margin, columns + 2 * margin, channels
-        smooth = np.empty(rows * columns * channels + SPARE, np.float32)
-        filter_plate(flat, shape, Filters(weights, weights), smooth)
-        smooth[-SPARE:] = 0.0
-        flat = smooth
-    return Plate(flat, float(across[0]), float(down[0]), rows, columns, channels)
+    shape = rows + 2 * margin, columns + 2 * margin, channels
+    plain = Plate(flat, float(outer[0][0]), float(outer[1][0]), *shape)
+    if margin == 0:
+        return plain, plain
+    smooth = np.empty(rows * columns * channels + SPARE, np.float32)
+    filter_plate(flat, shape, Filters(weights, weights), smooth)
+    smooth[-SPARE:] = 0.0
+    return Plate(smooth, float(across[0]), float(down[0]), rows, columns, channels), plain
 
 
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:

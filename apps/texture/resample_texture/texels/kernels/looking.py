@@ -94,10 +94,16 @@ def _seen_by_map(look: Map, row: int, column: int) -> Seen:
 
 @packed_kernel
 def look_at(
-    counter: Counter, look: Plane | Map, view: View, tiles: Integers, image: Floats, covered: Floats
+    counter: Counter,
+    look: Plane | Map,
+    view: View,
+    tiles: Integers,
+    bounds: Doubles,
+    image: Floats,
+    covered: Floats,
 ) -> None:
     """Fill tiles of a picture with what their pixels see; see `look_from_tiles`."""
-    look_from_tiles(counter, look, view, tiles, image, covered)
+    look_from_tiles(counter, look, view, tiles, bounds, image, covered)
 
 
 @parallel_kernel

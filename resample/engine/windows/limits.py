@@ -1,0 +1,155 @@
+"""Limits of an interpolated grid, so that it does not ring at hard edges.
+
+What a kernel with negative lobes interpolates overshoots beside edges, and rings on beyond. At a
+corner of samples the limits are the least and the greatest of the four around; a sample that
+stands out from both its neighbours along an axis widens them by as much, since what it is the mean
+of stands out farther. Between corners limits are bilinear: what they cut off has no seams.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import inner_kernel, inner_step, kernel
+from resample.engine.windows.boxes import Place, Plate, Whole
+from resample.types import Doubles, Floats, Single
+
+MOST = 96 * 96 * 4  # numbers of the corners that a tile may have
+MOST_BESIDE = MOST // 8  # numbers of a row of samples
+RIM = 2  # samples around a corner that tell its limits
+
+
+class Limits(NamedTuple):
+    """The grid that limits, and how it does."""
+
+    plain: Plate  # samples themselves, not coefficients
+    excess: float  # how much of what a sample stands out may be added; below 0: no limits
+
+
+class Part(NamedTuple):
+    """Corners of a plain grid's samples that limits are worked out for."""
+
+    left: int
+    top: int
+    wide: int  # corners; 0: none
+    high: int
+
+
+class Corners(NamedTuple):
+    """Room for limits at the corners of a part of a grid."""
+
+    low: Floats  # rows × columns × channels
+    high: Floats
+    above: Floats  # by how much samples of two rows stand out
+    below: Floats
+
+
+@inner_step
+def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, first: int,
+               corners: Corners) -> None:  # fmt: skip
+    """By how much samples in a row are above, or below, both their neighbours along an axis."""
+    zero, above, below = np.float32(0), corners.above, corners.below
+    across, down, start = steps[0], steps[1], np.uint64(first)
+    for n in range(count):
+        k = at + np.uint64(n)
+        middle = flat[k]
+        left, right = middle - flat[k - across], middle - flat[k + across]
+        up, low = middle - flat[k - down], middle - flat[k + down]
+        above[start + np.uint64(n)] = max(min(left, right), min(up, low), zero)
+        below[start + np.uint64(n)] = max(-min(max(left, right), max(up, low)), zero)
+
+
+@inner_step
+def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, share: Single,
+           first: int, corners: Corners) -> None:  # fmt: skip
+    """Limits at a row of corners, each at the upper left of the sample that it is counted by."""
+    low, high, above, below = corners.low, corners.high, corners.above, corners.below
+    across, down, start = steps[0], steps[1], np.uint64(first)
+    other = np.uint64(above.size >> 1)
+    for n in range(count):
+        k, m = at + np.uint64(n), np.uint64(n) + across
+        a, b = flat[k - down - across], flat[k - down]
+        c, d = flat[k - across], flat[k]
+        over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
+        under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
+        low[start + np.uint64(n)] = min(a, b, c, d) - share * under
+        high[start + np.uint64(n)] = max(a, b, c, d) + share * over
+
+
+@inner_kernel
+def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
+    """Work out the limits at corners that have `RIM` samples around them."""
+    flat, _, _, _, columns, channels = limits.plain
+    left, top, wide, high = part
+    steps = np.uint64(channels), np.uint64(columns * channels)
+    count, half = wide * channels, corners.above.size >> 1
+    share = np.float32(0.25 * limits.excess)
+    for row in range(high + 1):
+        at = np.uint64(((top - 1 + row) * columns + left) * channels)
+        first = (row & 1) * half
+        _stand_out(flat, at - steps[0], steps, count + channels, first, corners)
+        if row > 0:
+            _bound(flat, at, steps, count, share, (row - 1) * count, corners)
+
+
+@inner_kernel
+def part_of(limits: Limits, bounds: Doubles) -> Part:
+    """Corners around what a tile sees; none if they are too many.
+
+    Parameters
+    ----------
+    bounds
+        Left, top, right and bottom in source coordinates.
+    """
+    plain = limits.plain
+    left, top = max(bounds[0] - plain.left, float(RIM)), max(bounds[1] - plain.top, float(RIM))
+    right = min(bounds[2] - plain.left + 1.0, float(plain.columns - RIM))
+    bottom = min(bounds[3] - plain.top + 1.0, float(plain.rows - RIM))
+    wide, high = right - math.floor(left) + 1.0, bottom - math.floor(top) + 1.0
+    is_small = wide * high * plain.channels <= MOST and (wide + 1.0) * plain.channels <= MOST_BESIDE
+    if not (wide >= 2.0 and high >= 2.0 and is_small):  # nor NaN
+        return Part(0, 0, 0, 0)
+    return Part(int(left), int(top), int(wide), int(high))
+
+
+@inner_kernel
+def part_around(limits: Limits, u: float, v: float) -> Part:
+    """The four corners around a place, in coordinates of the plain grid."""
+    left, top = limits.plain.columns - RIM - 1, limits.plain.rows - RIM - 1
+    return Part(min(max(int(u), RIM), left), min(max(int(v), RIM), top), 2, 2)
+
+
+@inner_step
+def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y: Single) -> Single:
+    """Bilinear between four corners."""
+    below = at + steps[1]
+    upper = values[at] + x * (values[at + steps[0]] - values[at])
+    lower = values[below] + x * (values[below + steps[0]] - values[below])
+    return upper + y * (lower - upper)
+
+
+@inner_step
+def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats) -> None:
+    """Keep a pixel's channels within the limits at a place, in coordinates of the plain grid."""
+    x, y = np.float32(u - part.left), np.float32(v - part.top)
+    zero, wide, high = np.float32(0), np.float32(part.wide - 1), np.float32(part.high - 1)
+    x, y = min(max(x, zero), wide), min(max(y, zero), high)
+    column: Whole = np.int32(min(x, wide - np.float32(1)))
+    row: Whole = np.int32(min(y, high - np.float32(1)))
+    x, y = x - np.float32(column), y - np.float32(row)
+    at = np.uint64((row * part.wide + column) * total.size)
+    steps = np.uint64(total.size), np.uint64(part.wide * total.size)
+    for c in range(total.size):
+        k = at + np.uint64(c)
+        low = _between(corners.low, k, steps, x, y)
+        total[c] = min(max(total[c], low), _between(corners.high, k, steps, x, y))
+
+
+@kernel
+def room_for_corners(channels: int) -> Corners:
+    """Room for the corners of a tile."""
+    most, beside = max(MOST, 4 * channels), max(MOST_BESIDE, 3 * channels)
+    low, high = np.empty(most, np.float32), np.empty(most, np.float32)
+    above, below = np.empty(2 * beside, np.float32), np.empty(2 * beside, np.float32)
+    return Corners(low, high, above, below)

@@ -1,0 +1,186 @@
+"""Limits of overshoot, against their definition in NumPy."""
+
+import numpy as np
+import pytest
+
+from resample.profiles.interpolation import AreaSpline, Lanczos, Spline
+from resample_texture import BackwardMap, warp
+from resample_texture.geometry.mappings import Homography, source_coordinates
+from tests.bits import assert_threads_change_nothing
+
+SHAPE = (40, 44)
+EXCESS = {"range": 0.0, "peaks": 1.0}
+MODES = {"mirror": "symmetric", "clamp": "edge", "wrap": "wrap", "transparent": "symmetric"}
+BEYOND = 70  # texels of the continued plane
+
+
+def noise(height=21, width=24, channels=3):
+    return np.random.default_rng(3).random((height, width, channels)).astype(np.float32)
+
+
+def about(angle, scale, tilt=0.0):
+    turn = np.radians(angle)
+    cosine, sine = scale * np.cos(turn), scale * np.sin(turn)
+    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [tilt, 0.5 * tilt, 1.0]])
+    there = np.array([[1.0, 0.0, SHAPE[1] / 2], [0.0, 1.0, SHAPE[0] / 2], [0.0, 0.0, 1.0]])
+    back = np.array([[1.0, 0.0, -12.0], [0.0, 1.0, -10.5], [0.0, 0.0, 1.0]])
+    return there @ matrix @ back
+
+
+def limits(source, u, v, edge, excess):
+    """Least and greatest values (N, C) at places, from samples of the continued plane."""
+    plane = np.pad(source.astype(float), ((BEYOND,) * 2, (BEYOND,) * 2, (0, 0)), MODES[edge])
+    middle = plane[1:-1, 1:-1]
+    along_u = middle - plane[1:-1, :-2], middle - plane[1:-1, 2:]
+    along_v = middle - plane[:-2, 1:-1], middle - plane[2:, 1:-1]
+    above = np.maximum(np.maximum(np.minimum(*along_u), np.minimum(*along_v)), 0.0)
+    below = np.maximum(-np.minimum(np.maximum(*along_u), np.maximum(*along_v)), 0.0)
+    corners = [(slice(n, -1 + n or None), slice(m, -1 + m or None)) for n in (0, 1) for m in (0, 1)]
+    low = np.min([middle[at] for at in corners], axis=0)
+    high = np.max([middle[at] for at in corners], axis=0)
+    low = low - excess * np.mean([below[at] for at in corners], axis=0)
+    high = high + excess * np.mean([above[at] for at in corners], axis=0)
+    x, y = u + BEYOND - 2, v + BEYOND - 2  # the first corner is the second sample's last
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    x, y = (x - column)[:, None], (y - row)[:, None]
+
+    def between(values):
+        upper = (1 - x) * values[row, column] + x * values[row, column + 1]
+        lower = (1 - x) * values[row + 1, column] + x * values[row + 1, column + 1]
+        return (1 - y) * upper + y * lower
+
+    return between(low), between(high)
+
+
+VIEWS = {
+    "grown": about(10.0, 3.1, 1e-3),
+    "turned": about(7.0, 1.0),
+    "by 45": about(45.0, 0.8),
+    "small": about(0.0, 0.6),
+}
+
+
+def check(source, matrix, edge, limit, interpolation):
+    kept = warp(source, matrix, SHAPE, edge=edge, interpolation=f"{interpolation}:limit={limit}")
+    free = warp(source, matrix, SHAPE, edge=edge, interpolation=f"{interpolation}:limit=none")
+    u, v = source_coordinates(Homography(matrix), SHAPE, source.shape[:2])
+    near = np.isfinite(u) & (np.abs(u - 12) < BEYOND) & (np.abs(v - 12) < BEYOND)
+    if edge == "transparent":
+        near &= kept.coverage == 1
+        np.testing.assert_array_equal(kept.coverage, free.coverage)
+    low, high = limits(source, u[near], v[near], edge, EXCESS[limit])
+    expected = np.clip(free.image[near], low, high)
+    assert near.mean() > 0.05
+    # Places are kept in float64, but a pixel that leans is cut at its middle to second order.
+    np.testing.assert_allclose(kept.image[near], expected, atol=2e-3)
+    assert np.abs(kept.image[near] - expected).mean() < 1e-5
+
+
+@pytest.mark.parametrize("edge", MODES)
+@pytest.mark.parametrize("view", VIEWS)
+def test_pixels_are_kept_within_the_limits(view, edge):
+    check(noise(), VIEWS[view], edge, "peaks", "area-spline")
+
+
+@pytest.mark.parametrize("limit", EXCESS)
+@pytest.mark.parametrize(
+    "interpolation", ["area-spline:degree=3", "lanczos:a=3", "spline:degree=5"]
+)
+def test_other_interpolations_are_limited_too(interpolation, limit):
+    name, _, choice = interpolation.partition(":")
+    source = noise()
+    kept, free = (
+        warp(
+            source,
+            VIEWS["turned"],
+            SHAPE,
+            edge="mirror",
+            interpolation=f"{name}:{choice},limit={each}",
+        )
+        for each in (limit, "none")
+    )
+    u, v = (each.ravel() for each in source_coordinates(Homography(VIEWS["turned"]), SHAPE))
+    low, high = limits(source, u, v, "mirror", EXCESS[limit])
+    expected = np.clip(free.image.reshape(-1, 3), low, high).reshape(free.image.shape)
+    np.testing.assert_allclose(kept.image, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 4, 60, 20_000])
+def test_any_number_of_channels_is_limited(channels):
+    source = np.tile(noise(6, 7, 1), (1, 1, channels))
+    one, all_ = (
+        warp(each, about(9.0, 4.0), (12, 14), edge="clamp").image
+        for each in (source[..., :1], source)
+    )
+    np.testing.assert_allclose(all_, np.tile(one, (1, 1, channels)), atol=1e-6)
+
+
+def test_a_map_that_leads_anywhere_is_limited():
+    source, rng = noise(300, 400, 1), np.random.default_rng(4)
+    v, u = np.mgrid[0:64, 0:64] + 0.5
+    jump = np.where(v > 32, 300.0, 0.0)  # two parts of a tile, too far apart for one part
+    geometry = BackwardMap(u + jump, v + np.where(u > 20, 200.0, 0.0) + rng.random((64, 64)) * 0.2)
+    found, free = (
+        warp(
+            source, geometry, (64, 64), edge="mirror", interpolation=f"area-spline:limit={each}"
+        ).image
+        for each in ("peaks", "none")
+    )
+    low, high = limits(source, geometry.x.ravel(), geometry.y.ravel(), "mirror", 1.0)
+    expected = np.clip(free.reshape(-1, 1), low, high).reshape(free.shape)
+    inner = np.ones((64, 64), bool)
+    inner[31:34], inner[:, 19:22] = False, False  # pixels at the tears
+    np.testing.assert_allclose(found[inner], expected[inner], atol=5e-3)
+    assert np.mean(found != free) > 1e-3
+
+
+def test_hard_edges_do_not_ring():
+    checker = np.kron(np.indices((6, 6)).sum(axis=0) % 2, np.ones((4, 4), np.float32)) * 0.5 + 0.2
+    image = warp(checker, about(8.0, 9.0), (200, 200), edge="mirror").image
+    assert image.min() > 0.2 - 1e-6
+    assert image.max() < 0.7 + 1e-6
+    rings = warp(
+        checker, about(8.0, 9.0), (200, 200), edge="mirror", interpolation="area-spline:limit=none"
+    )
+    assert rings.image.max() > 0.8
+
+
+def test_nothing_is_darker_than_black_beside_a_lamp():
+    hdr = np.full((30, 30, 3), 0.01, np.float32)
+    hdr[12:18, 12:18] = 5000.0
+    image = warp(hdr, about(20.0, 1.7), (60, 60), edge="clamp", linear_light=False).image
+    assert image.min() > 0.0099
+    assert image.max() < 5000.5
+
+
+def test_a_line_stands_out_and_has_no_halos():
+    line = np.zeros((15, 15), np.float32)
+    line[:, 7] = 1.0
+    zoom = np.diag([8.0, 8.0, 1.0])
+    free, peaks, kept = (
+        warp(line, zoom, (120, 120), edge="mirror", interpolation=f"area-spline:limit={each}").image
+        for each in ("none", "peaks", "range")
+    )
+    assert free.max() == pytest.approx(peaks.max(), abs=1e-6)
+    assert peaks.max() > 1.1
+    assert kept.max() == 1.0
+    assert free.min() < -0.1
+    assert peaks.min() == kept.min() == 0.0
+
+
+def test_pixels_of_many_texels_are_what_they_were():
+    source, matrix = noise(90, 90), np.diag([0.4, 0.4, 1.0])
+    free = warp(
+        source, matrix, (36, 36), edge="mirror", interpolation="area-spline:limit=none"
+    ).image
+    np.testing.assert_array_equal(warp(source, matrix, (36, 36), edge="mirror").image, free)
+
+
+def test_threads_change_nothing():
+    assert_threads_change_nothing(lambda: warp(noise(90, 90), about(13.0, 1.1), (150, 150)).image)
+
+
+@pytest.mark.parametrize("kind", [AreaSpline, Lanczos, Spline])
+def test_a_limit_has_a_name(kind):
+    with pytest.raises(ValueError, match="limit is one of none, range, peaks, not 'all'"):
+        kind(limit="all")
