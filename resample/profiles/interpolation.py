@@ -25,7 +25,7 @@ LARGEST_RADIUS = 8
 NEGLIGIBLE = 1e-7  # taps of a prefilter below this share of the middle one are left out
 LONGEST = 512  # samples over which a prefilter is worked out
 FINE = 4096  # steps per sample in which a kernel is integrated
-LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # how much of a peak may be added to it
+LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # what of a peak may be added to it
 RAYS = 8  # places in half a part of a sample, for the mean over it
 
 
@@ -118,8 +118,9 @@ class AreaSpline:
         again, and rings farther around hard edges.
     limit
         What is done about rings: `range` keeps pixels that cover at most two samples within the
-        range of the samples around; `peaks` lets a sample that stands out from its neighbours stand
-        out twice as far, as the scene that it is the mean of may have done; `none` is linear.
+        range of the samples around; `peaks` lets a sample that stands out from its neighbours, but
+        not from flat ground, stand out twice as far, as what it is the mean of may; `none` is
+        linear.
     """
 
     degree: int = 4

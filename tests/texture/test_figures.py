@@ -3,13 +3,19 @@ import pytest
 
 from resample.files.images import read_image
 from resample_texture.showing import scenes
-from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
+from resample_texture.showing.figures import (
+    FIGURE,
+    Subject,
+    compare_floors,
+    generated,
+    write_figures,
+)
 
 
 @pytest.fixture
 def floors(monkeypatch):
     monkeypatch.setattr(scenes, "SMALLEST_SIDE", 192)
-    return compare_floors({"checker": scenes.checker(192, 4)}, ["points", "bilinear"])
+    return compare_floors({"checker": Subject(scenes.checker(192, 4))}, ["points", "bilinear"])
 
 
 def test_the_figure_shows_points_the_hybrid_and_backward_mapping():
@@ -42,6 +48,15 @@ def test_single_pictures_are_1_to_1(floors, tmp_path):
 
 def test_names_of_files_are_plain(monkeypatch, tmp_path):
     monkeypatch.setattr(scenes, "SMALLEST_SIDE", 64)
-    floors = compare_floors({"x": np.ones((64, 64, 1), np.float32)}, ["opencv-supersample:n=2"])
+    white = Subject(np.ones((64, 64, 1), np.float32))
+    floors = compare_floors({"x": white}, ["opencv-supersample:n=2"])
     write_figures(tmp_path, floors, {}, "sheet.png")
     assert (tmp_path / "x-opencv-supersample-n-2.png").is_file()
+
+
+@pytest.mark.parametrize("name", ["checker", "bricks"])
+def test_what_is_generated_is_known_finer(name):
+    picture, fine = generated(name)
+    assert picture.shape[:2] == (1024, 1024)
+    assert fine.shape[:2] == (1024 * scenes.FINER, 1024 * scenes.FINER)
+    np.testing.assert_allclose(picture[0, 0], fine[: scenes.FINER, : scenes.FINER].mean((0, 1)))

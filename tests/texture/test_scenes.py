@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates, spline_filter
 
 from resample_texture.geometry.mappings import Homography
 from resample_texture.showing import scenes
@@ -15,21 +16,15 @@ def scaled(factor: float, x: float = 0.0, y: float = 0.0) -> list[list[float]]:
 
 
 def naive(scene: PictureScene, x: float, y: float) -> np.ndarray:
-    """Catmull-Rom's spline of the source where a place of the target looks."""
+    """Spline of degree 4, with the source's texels as means, where a place of the target looks."""
     u, v, d = scene.geometry.inverse() @ np.array([x, y, 1.0])
-    u, v = u / d - 0.5, v / d - 0.5
-    value = np.zeros(scene.source.shape[2])
-    height, width = scene.source.shape[:2]
-    for row in range(int(np.floor(v)) - 1, int(np.floor(v)) + 3):
-        for column in range(int(np.floor(u)) - 1, int(np.floor(u)) + 3):
-            texel = scene.source[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-            value += keys(u - column) * keys(v - row) * texel
-    return value
+    at = np.array([[v / d - 0.5], [u / d - 0.5]])
+    return np.array([_spline(channel, at) for channel in np.moveaxis(scene.source, 2, 0)])
 
 
-def keys(t: float) -> float:
-    t = abs(t)
-    return 1.5 * t**3 - 2.5 * t**2 + 1 if t < 1 else -0.5 * t**3 + 2.5 * t**2 - 4 * t + 2
+def _spline(channel: np.ndarray, at: np.ndarray) -> float:
+    coefficient = spline_filter(channel.astype(float), 5, mode="reflect")
+    return map_coordinates(coefficient, at, order=4, prefilter=False, mode="reflect")[0]
 
 
 @pytest.mark.parametrize("kind", ["box", "gaussian"])
@@ -47,6 +42,28 @@ def test_the_truth_is_the_filtered_mean_of_naive_rays(kind, rng):
     assert np.allclose(truth(scene, kind)[4, 5], expected, atol=1e-6)  # stored as float32
 
 
+def test_the_truth_of_the_view_at_hand_is_the_picture(rng):
+    scene = plain(rng.random((20, 24, 3)), scaled(1), (20, 24))
+    assert np.allclose(truth(scene), scene.source, atol=2e-3)  # by 16 rays
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.25, 8.0])
+def test_the_truth_of_a_fine_picture_is_its_means(factor, rng):
+    fine = rng.random((64, 64, 2)).astype(np.float32)
+    shape = (int(16 * factor), int(16 * factor))
+    scene = plain(scenes.means(fine, 4), scaled(factor), shape)._replace(fine=fine)
+    big = np.kron(fine, np.ones((shape[0], shape[1], 1)))
+    expected = big.reshape(shape[0], 64, shape[1], 64, 2).mean(axis=(1, 3))
+    assert np.allclose(truth(scene), expected, atol=0.06 if factor == 1.25 else 1e-6)  # 256 rays
+
+
+def test_where_rays_would_skip_fine_texels_they_hit_means(rng):
+    fine = rng.random((512, 512, 1)).astype(np.float32)
+    scene = plain(scenes.means(fine, 4), scaled(1 / 16), (8, 8))._replace(fine=fine)
+    expected = fine.reshape(8, 64, 8, 64, 1).mean(axis=(1, 3))
+    assert np.allclose(truth(scene), expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["box", "gaussian"])
 def test_white_stays_white(kind):
     white = plain(np.ones((40, 40, 1)), scaled(1.3, -4, -4), (40, 40))
@@ -55,7 +72,7 @@ def test_white_stays_white(kind):
 
 def test_beyond_the_source_there_is_nothing():
     picture = truth(plain(np.ones((8, 8, 1)), scaled(1, 2.5), (8, 12)))[..., 0]
-    assert picture[4, :3].tolist() == [0, 0, 0.5]
+    assert picture[4, :3] == pytest.approx([0, 0, 0.5], abs=1e-6)
 
 
 def test_behind_the_eye_there_is_nothing():

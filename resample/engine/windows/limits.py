@@ -1,9 +1,10 @@
 """Limits of an interpolated grid, so that it does not ring at hard edges.
 
 What a kernel with negative lobes interpolates overshoots beside edges, and rings on beyond. At a
-corner of samples the limits are the least and the greatest of the four around; a sample that
+corner of samples the limits are the least and the greatest of the four around. A sample that
 stands out from both its neighbours along an axis widens them by as much, since what it is the mean
-of stands out farther. Between corners limits are bilinear: what they cut off has no seams.
+of stands out farther, though not where it stands out from flat ground, as what is drawn with hard
+edges does. Between corners limits are bilinear: what they cut off has no seams.
 """
 
 import math
@@ -17,7 +18,8 @@ from resample.types import Doubles, Floats, Single
 
 MOST = 96 * 96 * 4  # numbers of the corners that a tile may have
 MOST_BESIDE = MOST // 8  # numbers of a row of samples
-RIM = 2  # samples around a corner that tell its limits
+SLOPE = 2.0  # steps behind a sample's neighbours that it may stand out by, at most
+RIM = 3  # samples around a corner that tell its limits
 
 
 class Limits(NamedTuple):
@@ -46,18 +48,24 @@ class Corners(NamedTuple):
 
 
 @inner_step
+def _above(flat: Floats, at: Place, step: Place, sign: Single) -> Single:
+    """By how much a sample is above both neighbours along an axis; below them if the sign is −1."""
+    middle, before, after = flat[at], flat[at - step], flat[at + step]
+    ground = min(abs(before - flat[at - step - step]), abs(after - flat[at + step + step]))
+    return min(sign * (middle - before), sign * (middle - after), np.float32(SLOPE) * ground)
+
+
+@inner_step
 def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, first: int,
                corners: Corners) -> None:  # fmt: skip
-    """By how much samples in a row are above, or below, both their neighbours along an axis."""
-    zero, above, below = np.float32(0), corners.above, corners.below
-    across, down, start = steps[0], steps[1], np.uint64(first)
+    """By how much samples in a row stand out from their neighbours along an axis."""
+    zero, up, down = np.float32(0), np.float32(1), np.float32(-1)
     for n in range(count):
-        k = at + np.uint64(n)
-        middle = flat[k]
-        left, right = middle - flat[k - across], middle - flat[k + across]
-        up, low = middle - flat[k - down], middle - flat[k + down]
-        above[start + np.uint64(n)] = max(min(left, right), min(up, low), zero)
-        below[start + np.uint64(n)] = max(-min(max(left, right), max(up, low)), zero)
+        k, m = at + np.uint64(n), np.uint64(first) + np.uint64(n)
+        over = _above(flat, k, steps[0], up), _above(flat, k, steps[1], up)
+        under = _above(flat, k, steps[0], down), _above(flat, k, steps[1], down)
+        corners.above[m] = max(over[0], over[1], zero)
+        corners.below[m] = max(under[0], under[1], zero)
 
 
 @inner_step

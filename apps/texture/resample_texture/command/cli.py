@@ -336,15 +336,21 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
     """
     from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
-    from resample_texture.showing.figures import FIGURE, SHEET, compare_floors, write_figures
-    from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.showing.figures import (
+        FIGURE,
+        SHEET,
+        Subject,
+        compare_floors,
+        generated,
+        write_figures,
+    )
     from resample_texture.texels.kernels.painting import paint_blocks
 
-    subjects = {"checker": checker()}
+    subjects = {"checker": generated("checker")}
     if image is None:
-        subjects["bricks"] = bricks()
+        subjects["bricks"] = generated("bricks")
     else:
-        subjects["picture"] = flattened(read_picture(image), (0.0, 0.0, 0.0)).data
+        subjects["picture"] = Subject(flattened(read_picture(image), (0.0, 0.0, 0.0)).data)
     output.mkdir(parents=True, exist_ok=True)
     announce_compilation(paint_blocks)
     comparisons = compare_floors(subjects, list(FIGURE))
@@ -359,14 +365,18 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     from resample.command.session import announce_compilation
     from resample.files.animations import write_film
     from resample_texture.command import animation
-    from resample_texture.showing.figures import FIGURE, compare_floors, write_figures
-    from resample_texture.showing.scenes import bricks, checker
+    from resample_texture.showing.figures import (
+        FIGURE,
+        compare_floors,
+        generated,
+        write_figures,
+    )
     from resample_texture.texels.kernels.painting import paint_blocks
 
     output.mkdir(parents=True, exist_ok=True)
     announce_compilation(paint_blocks)
-    wall = bricks()
-    subjects = {"checker": checker(), "bricks": wall}
+    subjects = {name: generated(name) for name in ("checker", "bricks")}
+    wall = subjects["bricks"].picture
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))

@@ -101,10 +101,13 @@ class Judge:
         height, width = scene.shape
         rows, columns, channels = scene.source.shape
         kind = {"box": "area", "gaussian": "Gaussian of 0.5 px"}[self.kind]
+        seen = "spline of degree 4 with the texels as means"
+        if scene.fine is not None:
+            seen = f"picture {scene.fine.shape[0] // rows} times as fine"
         values = "linear light" if self.linear else "values as they are encoded"
         return {
             "view": f"{columns} x {rows} texels of {channels} to {width} x {height} pixels",
-            "truth": f"{scenes.RAYS} x {scenes.RAYS} rays per pixel, Catmull-Rom spline, {kind}",
+            "truth": f"{scenes.RAYS} x {scenes.RAYS} rays per pixel, {seen}, {kind}",
             "filtered": values,
             "edge": str(self.edge),
         }

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from resample.colors import from_srgb
 from resample.files.writing import replacing
 from resample.measuring.compare import contact_sheet, enlarged, plain
 from resample.types import Floats
+from resample_texture.showing import scenes
 from resample_texture.showing.compare import Comparison, Judge, Screen, note
 from resample_texture.showing.scenes import scene_of
 
@@ -24,16 +26,31 @@ FIGURE = {  # what the paper shows, and what careful people do
 }
 
 
+class Subject(NamedTuple):
+    """A picture to look at, and the same finer, if it is known."""
+
+    picture: Floats  # (H, W, C), gray or RGB in linear light
+    fine: Floats | None = None
+
+
+def generated(name: str) -> Subject:
+    """A checkerboard, or a wall of bricks, whose picture is the means of a finer one."""
+    side = 1024 * scenes.FINER
+    is_checker = name == "checker"
+    fine = scenes.checker(side, 8 * scenes.FINER) if is_checker else scenes.bricks(side)
+    return Subject(scenes.means(fine), fine)
+
+
 def compare_floors(
-    pictures: Mapping[str, Floats],
+    subjects: Mapping[str, Subject],
     methods: Sequence[str],
     size: tuple[int, int] | None = None,
 ) -> dict[str, Comparison]:
-    """Floors of pictures (H, W, C), gray or RGB in linear light, by several methods."""
+    """Floors of pictures by several methods."""
     judge = Judge()
     return {
-        name: judge.compare(name, scene_of(picture, SCENE, size), methods)
-        for name, picture in pictures.items()
+        name: judge.compare(name, scene_of(seen.picture, SCENE, size, seen.fine), methods)
+        for name, seen in subjects.items()
     }
 
 

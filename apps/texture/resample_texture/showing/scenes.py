@@ -16,6 +16,7 @@ Mask = NDArray[np.bool_]
 SMALLEST_SIDE = 1024  # texels; smaller pictures are tiled with their mirror images
 LARGEST_SIDE = 4096  # texels; the truth of more takes minutes
 RAYS = 16  # per side of a pixel
+FINER = 2  # times, that the scene of a generated picture is
 BLOCK = 32  # rows of the target at a time
 FRAME = 6  # px around the target that are not measured
 REACH = 3.0  # px that filters may reach into the source around a pixel
@@ -30,9 +31,15 @@ class PictureScene(NamedTuple):
     source: Floats  # (H, W, C)
     geometry: Homography
     shape: tuple[int, int]  # of the target, px
+    fine: Floats | None = None  # (n H, n W, C), of whose texels those of the source are means
 
 
-def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) -> PictureScene:
+def scene_of(
+    picture: Floats,
+    name: str,
+    size: tuple[int, int] | None = None,
+    fine: Floats | None = None,
+) -> PictureScene:
     """View of a picture by name, or by a matrix.
 
     Parameters
@@ -48,6 +55,8 @@ def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) ->
     size
         Height and width of the target; half the picture's for named scenes, the picture's for a
         matrix.
+    fine
+        The same some times as large, where it is known; the picture is then not tiled.
 
     Raises
     ------
@@ -60,13 +69,14 @@ def scene_of(picture: Floats, name: str, size: tuple[int, int] | None = None) ->
             f"{LARGEST_SIDE} along a side at most"
         )
     if name not in NAMES:
-        return PictureScene(picture, _matrix(name), size or (picture.shape[0], picture.shape[1]))
-    source = tiled(picture)
+        shape = size or (picture.shape[0], picture.shape[1])
+        return PictureScene(picture, _matrix(name), shape, fine)
+    source = picture if fine is not None else tiled(picture)
     height, width = source.shape[:2]
     shape = size or (max(1, height // 2), max(1, width // 2))
     matrix = _view(name, (height, width))
     scale = np.diag([2.0 * shape[1] / width, 2.0 * shape[0] / height, 1.0])
-    return PictureScene(source, Homography(scale @ matrix), shape)
+    return PictureScene(source, Homography(scale @ matrix), shape, fine)
 
 
 def check_scene(name: str) -> None:
@@ -86,7 +96,10 @@ def tiled(picture: Floats) -> Floats:
 def truth(
     scene: PictureScene, kind: str = "box", progress: Callable[[float], None] | None = None
 ) -> Floats:
-    """Scene by 16 × 16 rays per pixel, the source joined by Catmull-Rom's spline, in float64.
+    """Scene by 16 × 16 rays per pixel, in float64.
+
+    Rays hit the texels of the fine picture; where they would skip some, those of the source, which
+    are their means. If there is none, the source is joined by a spline whose means are its texels.
 
     Parameters
     ----------
@@ -106,27 +119,53 @@ def truth(
     ValueError
         The filter is none of these.
     """
+    tap = _taps(kind)
+    if scene.fine is None:
+        return _cast(scene, _coefficients(scene.source), 5, tap, progress)
+    coarse = _cast(scene, scene.source, 1, tap, None)
+    fine = _cast(scene, scene.fine, 1, tap, progress)
+    step = scene.fine.shape[0] / scene.source.shape[0]
+    skips = _scales(scene)[0] * RAYS < step
+    return np.where(skips[..., None], coarse, fine)
+
+
+def _coefficients(source: Floats) -> Floats:
+    """Coefficients of the B-splines of degree 4 whose means over texels are the source's."""
+    from scipy.ndimage import spline_filter1d
+
+    for axis in (0, 1):  # means of degree 4 are values of degree 5
+        source = spline_filter1d(source, 5, axis, np.float32, "reflect")
+    return source
+
+
+def _cast(
+    scene: PictureScene,
+    texels: Floats,
+    count: int,
+    tap: Doubles,
+    progress: Callable[[float], None] | None,
+) -> Floats:
+    """Scene by rays to some texels that stand for its source, `count` for a ray's value."""
     from resample.engine.jit import threads
     from resample_texture.showing.kernels.truth import cast_rows
 
-    tap = _taps(kind)
-    source = np.ascontiguousarray(scene.source, np.float32)
-    matrix = scene.geometry.oriented((source.shape[0], source.shape[1]))
-    inverse = np.asarray(np.linalg.inv(matrix), np.float64)
+    source = np.ascontiguousarray(texels, np.float32)
+    matrix = scene.geometry.oriented((scene.source.shape[0], scene.source.shape[1]))
+    finer = [source.shape[1] / scene.source.shape[1], source.shape[0] / scene.source.shape[0], 1.0]
+    inverse = np.diag(finer) @ np.linalg.inv(matrix)
     height, width = scene.shape
     before = (tap.size - RAYS) // 2
     picture = np.empty((height, width, source.shape[2]), np.float32)
     for top in range(0, height, BLOCK):
-        count = min(BLOCK, height - top)
-        y = top + (np.arange(-before, count * RAYS + before) + 0.5) / RAYS
+        lines = min(BLOCK, height - top)
+        y = top + (np.arange(-before, lines * RAYS + before) + 0.5) / RAYS
         rows = np.zeros((y.size, width, source.shape[2]))
         with threads(None):
-            cast_rows(source, inverse, y, tap, RAYS, rows)
-        lines = range(tap.size)
-        part = sum(tap[n] * rows[n : n + count * RAYS : RAYS][:count] for n in lines)
-        picture[top : top + count] = part
+            cast_rows(source, count, inverse, y, tap, RAYS, rows)
+        part = sum(tap[n] * rows[n : n + lines * RAYS : RAYS][:lines] for n in range(tap.size))
+        picture[top : top + lines] = part
         if progress is not None:
-            progress((top + count) / height)
+            progress((top + lines) / height)
     return picture
 
 
@@ -160,6 +199,13 @@ def checker(side: int = 1024, square: int = 8) -> Floats:
     """Checkerboard (side, side, 1) of black and white, linear light."""
     line = np.arange(side) // square
     return ((line[:, None] + line) % 2)[..., None].astype(np.float32)
+
+
+def means(fine: Floats, step: int = FINER) -> Floats:
+    """Means (H, W, C) over step × step texels of a fine picture, as a camera would take it."""
+    height, width, channels = fine.shape
+    split = fine.reshape(height // step, step, width // step, step, channels)
+    return np.asarray(split.mean(axis=(1, 3)), np.float32)
 
 
 def bricks(side: int = 1024) -> Floats:

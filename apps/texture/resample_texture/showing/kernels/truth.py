@@ -1,4 +1,4 @@
-"""What a picture should look like: dense rays through every pixel, read by Catmull-Rom's spline.
+"""What a picture should look like: dense rays through every pixel, to texels or to a spline.
 
 Looks from the target into the source and shares no code with the methods that it judges.
 """
@@ -12,23 +12,43 @@ from resample.types import Doubles, Floats
 
 
 @kernel
-def _cubic(t: float, weight: Doubles) -> None:
-    """Catmull-Rom weights of the four texels around a place, `t` beyond the second."""
-    weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
-    weight[1] = (1.5 * t - 2.5) * t * t + 1.0
-    weight[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
-    weight[3] = (0.5 * t - 0.5) * t * t
+def _quartic(t: float, weight: Doubles) -> None:
+    """B-spline weights of the five texels around a place, `t` beyond the third; or 1 for one."""
+    if weight.size == 1:
+        weight[0] = 1.0
+        return
+    for n in range(5):
+        x = abs(t + 2.0 - n)
+        if x <= 0.5:
+            weight[n] = (115.0 - 120.0 * x * x + 48.0 * x**4) / 192.0
+        elif x <= 1.5:
+            weight[n] = (55.0 + 20.0 * x - 120.0 * x**2 + 80.0 * x**3 - 16.0 * x**4) / 96.0
+        else:
+            weight[n] = max(5.0 - 2.0 * x, 0.0) ** 4 / 384.0
+
+
+@kernel
+def _mirrored(index: int, size: int) -> int:
+    """Texel that stands at an index a little beyond the source."""
+    index = -1 - index if index < 0 else index
+    return max(2 * size - 1 - index, 0) if index >= size else index
 
 
 @kernel
 def _cast_row(
-    source: Floats, inverse: Doubles, y: float, tap: Doubles, rays: int, row: Doubles
+    source: Floats,
+    texels: int,
+    inverse: Doubles,
+    y: float,
+    tap: Doubles,
+    rays: int,
+    row: Doubles,
 ) -> None:
     """Rays along one line of the target, gathered into its pixels, `row` (w, C)."""
     height, width, channels = source.shape
     pixels, taps = row.shape[0], tap.size
     beyond = (taps - rays) // 2  # rays of the filter before a pixel's own
-    across, down, value = np.empty(4), np.empty(4), np.empty(channels)
+    across, down, value = np.empty(texels), np.empty(texels), np.empty(channels)
     for q in range(-beyond, pixels * rays + beyond):
         x = (q + 0.5) / rays
         d = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
@@ -38,14 +58,14 @@ def _cast_row(
         v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / d
         if not (0.0 <= u < width and 0.0 <= v < height):
             continue
-        left, top = math.floor(u - 0.5), math.floor(v - 0.5)
-        _cubic(u - 0.5 - left, across)
-        _cubic(v - 0.5 - top, down)
+        left, top = math.floor(u), math.floor(v)
+        _quartic(u - 0.5 - left, across)
+        _quartic(v - 0.5 - top, down)
         value[:] = 0.0
-        for m in range(4):
-            r = min(max(top + m - 1, 0), height - 1)
-            for n in range(4):
-                k = min(max(left + n - 1, 0), width - 1)
+        for m in range(texels):
+            r = _mirrored(top + m - texels // 2, height)
+            for n in range(texels):
+                k = _mirrored(left + n - texels // 2, width)
                 weight = down[m] * across[n]
                 for c in range(channels):
                     value[c] += weight * source[r, k, c]
@@ -62,6 +82,7 @@ def _cast_row(
 def cast_rows(
     counter: Counter,
     source: Floats,
+    texels: int,
     inverse: Doubles,
     y: Doubles,
     tap: Doubles,
@@ -73,7 +94,9 @@ def cast_rows(
     Parameters
     ----------
     source
-        (H, W, C); beyond it there is nothing.
+        (H, W, C) texels, or coefficients of a spline; beyond it there is nothing.
+    texels
+        Along each axis, that tell a ray's value: 1, the one it hits, or 5, of a spline of degree 4.
     inverse
         (3, 3) from target to source, its last coordinate above 0 in front of the eye.
     y
@@ -86,4 +109,4 @@ def cast_rows(
         (L, w, C) results, zero before.
     """
     for n in tasks(counter, y.size):
-        _cast_row(source, inverse, y[n], tap, rays, rows[n])
+        _cast_row(source, texels, inverse, y[n], tap, rays, rows[n])
