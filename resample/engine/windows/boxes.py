@@ -73,6 +73,8 @@ def _far_weights(
         start = table[a] + parts[0] * (table[a + stride] - table[a])
         end = table[b] + parts[1] * (table[b + stride] - table[b])
         room[first + k] = share * (end - start)
+    for k in range(taps + apart, taps + apart + 7):  # to whole eights
+        room[first + k] = np.float32(0)
 
 
 @inner_step
@@ -187,6 +189,17 @@ def _eight_columns(
 
 
 @inner_step
+def _dot_of_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> Single:
+    """Sum of eight numbers, weighted by those in `room`."""
+    a, b, c, d, e, f, g, h = eight
+    a, b = a * room[first], b * room[first + np.uint64(1)]
+    c, d = c * room[first + np.uint64(2)], d * room[first + np.uint64(3)]
+    e, f = e * room[first + np.uint64(4)], f * room[first + np.uint64(5)]
+    g, h = g * room[first + np.uint64(6)], h * room[first + np.uint64(7)]
+    return ((a + e) + (c + g)) + ((b + f) + (d + h))
+
+
+@inner_step
 def _add_columns(room: Floats, count: int, channels: int, total: Floats) -> None:
     """Add a window's column sums, weighted along u, to a pixel's channels."""
     if channels == 3:
@@ -227,6 +240,11 @@ def add_mean(
     top, high = weights(integral, (box.v, box.high), rows, share, room, WIDE)
     at = np.uint64((top * columns + left) * channels)
     stride = np.uint64(columns * channels)
+    if channels == 1:
+        for eight in range((wide + 7) >> 3):
+            o = np.uint64(eight << 3)
+            total[0] += _dot_of_eight(room, o, _eight_columns(flat, at + o, stride, room, high))
+        return
     for eight in range((wide * channels + 7) >> 3):
         o = np.uint64(eight << 3)
         sums = _eight_columns(flat, at + o, stride, room, high)
