@@ -145,6 +145,11 @@ def check(group: str, specs: Iterable[str]) -> None:
 
 def parameters(plugin: Any) -> dict[str, Any]:
     """Parameters of a plugin with their defaults; `REQUIRED` where there is none."""
+    return dict(_parameters(plugin))
+
+
+@cache
+def _parameters(plugin: Any) -> dict[str, Any]:
     open_ended = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     signature = inspect.signature(plugin)
     return {n: p.default for n, p in signature.parameters.items() if p.kind not in open_ended}

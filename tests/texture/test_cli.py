@@ -624,10 +624,8 @@ def test_animate_refuses_in_one_line(words, complaint, capsys):
 def small(monkeypatch) -> None:
     monkeypatch.setattr("resample_texture.showing.scenes.SMALLEST_SIDE", 64)
     for name in ("checker", "bricks"):
-        picture = getattr(import_module("resample_texture.showing.scenes"), name)(64)
-        monkeypatch.setattr(
-            f"resample_texture.showing.scenes.{name}", lambda picture=picture: picture
-        )
+        fine = getattr(import_module("resample_texture.showing.scenes"), name)(128)
+        monkeypatch.setattr(f"resample_texture.showing.scenes.{name}", lambda *_, fine=fine: fine)
 
 
 def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):

@@ -5,7 +5,7 @@ from resample.files.images import read_image
 from resample_texture.showing import scenes
 from resample_texture.showing.figures import (
     FIGURE,
-    Subject,
+    FloorPicture,
     compare_floors,
     generated,
     write_figures,
@@ -15,7 +15,7 @@ from resample_texture.showing.figures import (
 @pytest.fixture
 def floors(monkeypatch):
     monkeypatch.setattr(scenes, "SMALLEST_SIDE", 192)
-    return compare_floors({"checker": Subject(scenes.checker(192, 4))}, ["points", "bilinear"])
+    return compare_floors({"checker": FloorPicture(scenes.checker(192, 4))}, ["points", "bilinear"])
 
 
 def test_the_figure_shows_points_the_hybrid_and_backward_mapping():
@@ -48,7 +48,7 @@ def test_single_pictures_are_1_to_1(floors, tmp_path):
 
 def test_names_of_files_are_plain(monkeypatch, tmp_path):
     monkeypatch.setattr(scenes, "SMALLEST_SIDE", 64)
-    white = Subject(np.ones((64, 64, 1), np.float32))
+    white = FloorPicture(np.ones((64, 64, 1), np.float32))
     floors = compare_floors({"x": white}, ["opencv-supersample:n=2"])
     write_figures(tmp_path, floors, {}, "sheet.png")
     assert (tmp_path / "x-opencv-supersample-n-2.png").is_file()

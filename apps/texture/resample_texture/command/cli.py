@@ -339,7 +339,7 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
     from resample_texture.showing.figures import (
         FIGURE,
         SHEET,
-        Subject,
+        FloorPicture,
         compare_floors,
         generated,
         write_figures,
@@ -350,7 +350,7 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
     if image is None:
         subjects["bricks"] = generated("bricks")
     else:
-        subjects["picture"] = Subject(flattened(read_picture(image), (0.0, 0.0, 0.0)).data)
+        subjects["picture"] = FloorPicture(flattened(read_picture(image), (0.0, 0.0, 0.0)).data)
     output.mkdir(parents=True, exist_ok=True)
     announce_compilation(paint_blocks)
     comparisons = compare_floors(subjects, list(FIGURE))

@@ -272,6 +272,8 @@ def _is_singular(matrix: Doubles) -> bool:
     if not abs(np.linalg.slogdet(matrix).logabsdet) < LARGEST_EXPONENT:
         return True
     bare = matrix / np.abs(matrix).max()
+    if float(np.linalg.cond(bare)) < LARGEST_CONDITION:
+        return False
     for _ in range(8):  # rows and columns to about the same size
         bare = bare / np.sqrt(np.abs(bare).max(axis=1, keepdims=True))
         bare = bare / np.sqrt(np.abs(bare).max(axis=0, keepdims=True))

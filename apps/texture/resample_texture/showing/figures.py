@@ -26,23 +26,23 @@ FIGURE = {  # what the paper shows, and what careful people do
 }
 
 
-class Subject(NamedTuple):
+class FloorPicture(NamedTuple):
     """A picture to look at, and the same finer, if it is known."""
 
     picture: Floats  # (H, W, C), gray or RGB in linear light
     fine: Floats | None = None
 
 
-def generated(name: str) -> Subject:
+def generated(name: str) -> FloorPicture:
     """A checkerboard, or a wall of bricks, whose picture is the means of a finer one."""
     side = 1024 * scenes.FINER
     is_checker = name == "checker"
     fine = scenes.checker(side, 8 * scenes.FINER) if is_checker else scenes.bricks(side)
-    return Subject(scenes.means(fine), fine)
+    return FloorPicture(scenes.means(fine), fine)
 
 
 def compare_floors(
-    subjects: Mapping[str, Subject],
+    subjects: Mapping[str, FloorPicture],
     methods: Sequence[str],
     size: tuple[int, int] | None = None,
 ) -> dict[str, Comparison]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.jit import threads, workers
 from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
 from resample.engine.windows.limits import Limits
 from resample.engine.windows.looking import Extent, View
@@ -26,6 +27,7 @@ from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
 MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
+FEW = 8192  # texels and px that one thread works on alone
 MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
 NOTHING = np.zeros(0, np.float32)
 
@@ -49,6 +51,9 @@ def look(
     ValueError
         A map has another shape than the picture; or as `forward.project`.
     """
+    if source.shape[0] * source.shape[1] + shape[0] * shape[1] <= FEW and workers() > 1:
+        with threads(1):  # to wake another takes longer
+            return look(source, geometry, shape, edge, cells)
     view = _view(source, edge, cells)
     places = _places(source, geometry, shape)
     tiles = _measured(places, view, shape)

@@ -72,10 +72,10 @@ def _continued(source: Floats, across: Range, down: Range, edge: Edge) -> Floats
         if inner.stop > inner.start:
             whole = slice(columns[inner.start], columns[inner.stop - 1] + 1)
             plane[middle, inner] = source[kept, whole]
-        for n in np.flatnonzero(~in_columns):
-            plane[middle, n] = source[kept, at_columns[n]]
-    for n in np.flatnonzero(~in_rows):
-        plane[n] = source[at_rows[n]][at_columns]
+        for beside in (slice(0, inner.start), slice(inner.stop, columns.size)):
+            plane[middle, beside] = source[kept, at_columns[beside]]
+    for beside in (slice(0, middle.start), slice(middle.stop, rows.size)):
+        plane[beside] = source[at_rows[beside][:, None], at_columns]
     return flat
 
 
