@@ -98,10 +98,8 @@ def _calibration(facts: Mapping[str, Any], model: LensModel | None) -> Calibrati
     said = _model(facts)
     if model is not None and said not in (None, model):
         raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
-    bends = _named(facts, COEFFICIENT_NAMES)
-    camera = Camera.from_opencv(
-        _named(facts, MATRIX_NAMES), bends, model=model or said or LensModel.PINHOLE
-    )
+    intrinsics, bends = (_named(facts, names) for names in (MATRIX_NAMES, COEFFICIENT_NAMES))
+    camera = Camera.from_opencv(intrinsics, bends, model=model or said or LensModel.PINHOLE)
     matrix, rotation = (_maybe(facts, names) for names in (PINHOLE_NAMES, ROTATION_NAMES))
     return Calibration(
         camera,
