@@ -59,7 +59,7 @@ def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bent = _bend(lens, x, y)
         is_single = _is_single(lens, x, y, bent)
-        x, y = _project(lens.tilt, bent.x, bent.y)
+        x, y = project(lens.tilt, bent.x, bent.y)
     return np.where(is_single, x, np.nan), np.where(is_single, y, np.nan)
 
 
@@ -69,7 +69,7 @@ def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points
     A point counts as found if the lens takes it to within `tolerance` of where it should, and if it
     lies where the lens has not begun to turn points back.
     """
-    x, y = _project(np.asarray(np.linalg.inv(lens.tilt), np.float64), np.ravel(x), np.ravel(y))
+    x, y = project(np.asarray(np.linalg.inv(lens.tilt), np.float64), np.ravel(x), np.ravel(y))
     u, v = _start(lens, x, y)
     is_found, left = np.zeros(x.shape, bool), np.arange(x.size)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -171,7 +171,7 @@ def _step(lens: Distortion, u: Doubles, v: Doubles, bent: _Bent, miss: Points) -
     return next_u * shrink, next_v * shrink
 
 
-def _project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:
+def project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:
     """Points moved by a homography; not a number behind the eye."""
     d = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
     d = np.where(d > 0, d, np.nan)

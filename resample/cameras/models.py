@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.cameras.fisheye import COUNT
 from resample.cameras.lens import COUNTS
 from resample.cameras.poses import rigid
 from resample.types import Doubles, View
@@ -23,6 +24,13 @@ class Convention(StrEnum):
 
     CORNER = "corner"  # at (0.5, 0.5): coordinates count from the corner of the picture
     OPENCV = "opencv"  # at (0, 0): they count from the center of its first pixel
+
+
+class LensModel(StrEnum):
+    """What a lens's coefficients mean, see OpenCV."""
+
+    PINHOLE = "pinhole"  # radial, tangential and thin-prism distortion, tilt: of most lenses
+    FISHEYE = "fisheye"  # distances grow with the angle: of very wide ones
 
 
 class AnyCamera(Protocol):
@@ -49,27 +57,32 @@ class Camera:
         (4, 4) or (3, 4) rigid pose. Errors of rounding, as text files have them, are taken out.
     distortion
         (4,), (5,), (8,), (12,) or (14,) OpenCV's k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3,
-        s4 [, τx, τy]]]]; None, or all 0, is none.
+        s4 [, τx, τy]]]]; None, or all 0, is none. Of a fisheye k1, k2, k3, k4; None is all 0.
     near
         Depth of the near plane, scene units, 0 or more. What of a sample lies before it is not
         seen, where scenes are painted; depth images are shown whole.
+    model
+        What the coefficients mean: `pinhole` or `fisheye`.
 
     Raises
     ------
     ValueError
         The matrix is singular or no intrinsics, a number is not finite, the pose is not rigid (the
-        message says how far it is), or the count of coefficients is another.
+        message says how far it is), the count of coefficients is another, or the model is unknown.
     """
 
     matrix: Doubles
     world_to_camera: Doubles = field(default_factory=_identity)
     distortion: Doubles | None = None
     near: float = 0.0
+    model: LensModel | str = LensModel.PINHOLE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", _intrinsics(self.matrix))
         object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
-        object.__setattr__(self, "distortion", _coefficients(self.distortion))
+        if self.model not in tuple(LensModel):
+            raise ValueError(f"unknown lens model {self.model!r}; known: {', '.join(LensModel)}")
+        object.__setattr__(self, "distortion", _coefficients(self.distortion, self.model))
         if not 0 <= self.near < math.inf:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
@@ -112,15 +125,21 @@ class Camera:
         return cls(matrix, pose, given, near)
 
     @classmethod
-    def from_opencv(cls, matrix: ArrayLike, distortion: ArrayLike | None = None) -> "Camera":
-        """Camera of what `cv2.calibrateCamera` returns.
+    def from_opencv(
+        cls,
+        matrix: ArrayLike,
+        distortion: ArrayLike | None = None,
+        *,
+        model: LensModel | str = LensModel.PINHOLE,
+    ) -> "Camera":
+        """Camera of what `cv2.calibrateCamera` or `cv2.fisheye.calibrate` returns.
 
         Parameters
         ----------
         matrix
             (3, 3), or the numbers fx, fy, cx, cy; px, with the first pixel's center at (0, 0).
-        distortion
-            As the class takes it.
+        distortion, model
+            As the class takes them.
         """
         given = np.array(matrix, np.float64)
         if given.shape == (4,):
@@ -128,7 +147,8 @@ class Camera:
             given = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         if given.shape == (3, 3):
             given[:2, 2] += 0.5
-        return cls(given, distortion=None if distortion is None else np.array(distortion))
+        bends = None if distortion is None else np.array(distortion)
+        return cls(given, distortion=bends, model=model)
 
     @classmethod
     def from_fov(
@@ -169,9 +189,11 @@ class Camera:
         """Camera with another pose."""
         return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
 
-    def with_lens(self, distortion: ArrayLike) -> "Camera":
+    def with_lens(
+        self, distortion: ArrayLike, model: LensModel | str = LensModel.PINHOLE
+    ) -> "Camera":
         """The same camera behind a lens of these coefficients."""
-        return replace(self, distortion=np.asarray(distortion, np.float64))
+        return replace(self, distortion=np.asarray(distortion, np.float64), model=model)
 
     def resized(self, old_shape: tuple[int, int], new_shape: tuple[int, int]) -> "Camera":
         """Camera of the same view in a frame of another (height, width), px."""
@@ -269,8 +291,13 @@ def _intrinsics(given: ArrayLike) -> Doubles:
     return matrix
 
 
-def _coefficients(given: ArrayLike | None) -> Doubles | None:
+def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:
     """Coefficients of a lens, checked; None if it does nothing."""
+    if model == LensModel.FISHEYE:
+        four = np.zeros(COUNT) if given is None else np.array(given, np.float64).ravel()
+        if four.size != COUNT or not np.isfinite(four).all():
+            raise ValueError(f"a fisheye lens has {COUNT} finite coefficients, not {four.tolist()}")
+        return four
     if given is None:
         return None
     coefficients = np.array(given, np.float64).ravel()

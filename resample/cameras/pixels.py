@@ -7,12 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from resample.cameras.lens import Points, bend, distortion, unbend
-from resample.cameras.models import Camera
+from resample.cameras import fisheye, lens
+from resample.cameras.lens import Points
+from resample.cameras.models import Camera, LensModel
 from resample.types import Doubles
 
 TOLERANCE = 1e-7  # px, of a place put through the lens again
 BLOCK = 1 << 15  # points at a time; their arrays stay in the cache
+
+Move = Callable[[Doubles, Doubles], Points]  # of points of the plane at distance 1
 
 
 def pixel_centers(shape: tuple[int, int]) -> Doubles:
@@ -28,7 +31,12 @@ def directions(camera: Camera, place: Doubles) -> Doubles:
     return np.asarray(place @ back[:2, :2].T + back[:2, 2], np.float64)
 
 
-def undistorted_places(camera: Camera, place: Doubles, ideal: Camera | None = None) -> Doubles:
+def undistorted_places(
+    camera: Camera,
+    place: Doubles,
+    ideal: Camera | None = None,
+    rotation: Doubles | None = None,
+) -> Doubles:
     """Where a pinhole would see what the camera sees at places (..., 2) px.
 
     Parameters
@@ -39,43 +47,88 @@ def undistorted_places(camera: Camera, place: Doubles, ideal: Camera | None = No
         Places in it.
     ideal
         The pinhole, of which the matrix matters; by default the camera without its lens.
+    rotation
+        (3, 3) from the camera's axes to the pinhole's; by default they are one. OpenCV's R.
 
     Returns
     -------
-    (..., 2) px, not a number where no light comes through the lens.
+    (..., 2) px, not a number where no light comes through the lens or the pinhole looks away.
     """
-    pinhole = camera if ideal is None else ideal
-    if camera.distortion is None:
-        return _moved(lambda x, y: (x, y), place, camera, pinhole)
-    lens = distortion(camera.distortion)
-    tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
-    return _moved(lambda x, y: unbend(lens, x, y, tolerance), place, camera, pinhole)
+    move = _unbending(camera)
+    if rotation is not None:
+        move = _then(move, _turning(rotation))
+    return _moved(move, place, camera, camera if ideal is None else ideal)
 
 
-def distorted_places(camera: Camera, place: Doubles, ideal: Camera | None = None) -> Doubles:
+def distorted_places(
+    camera: Camera,
+    place: Doubles,
+    ideal: Camera | None = None,
+    rotation: Doubles | None = None,
+) -> Doubles:
     """Where the camera sees what a pinhole sees at places (..., 2) px.
 
     Parameters
     ----------
-    camera, ideal
+    camera, ideal, rotation
         As in `undistorted_places`.
     place
         Places in the pinhole's picture.
 
     Returns
     -------
-    (..., 2) px, not a number beyond where the lens begins to turn points back.
+    (..., 2) px, not a number behind the camera, and beyond where the lens begins to turn points
+    back.
     """
-    pinhole = camera if ideal is None else ideal
+    move = _bending(camera)
+    if rotation is not None:
+        move = _then(_turning(rotation.T), move)
+    return _moved(move, place, camera if ideal is None else ideal, camera)
+
+
+def _bending(camera: Camera) -> Move:
+    """What the camera's lens does to points."""
     if camera.distortion is None:
-        return _moved(lambda x, y: (x, y), place, pinhole, camera)
-    lens = distortion(camera.distortion)
-    return _moved(lambda x, y: bend(lens, x, y), place, pinhole, camera)
+        return _stay
+    if camera.model == LensModel.FISHEYE:
+        wide = fisheye.fisheye(camera.distortion)
+        return lambda x, y: fisheye.bend(wide, x, y)
+    bends = lens.distortion(camera.distortion)
+    return lambda x, y: lens.bend(bends, x, y)
 
 
-def _moved(
-    move: Callable[[Doubles, Doubles], Points], place: Doubles, before: Camera, after: Camera
-) -> Doubles:
+def _unbending(camera: Camera) -> Move:
+    """What undoes it."""
+    if camera.distortion is None:
+        return _stay
+    tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
+    if camera.model == LensModel.FISHEYE:
+        wide = fisheye.fisheye(camera.distortion)
+        return lambda x, y: fisheye.unbend(wide, x, y, tolerance)
+    bends = lens.distortion(camera.distortion)
+    return lambda x, y: lens.unbend(bends, x, y, tolerance)
+
+
+def _turning(rotation: Doubles) -> Move:
+    """What a rotation (3, 3) does to points."""
+
+    def turn(x: Doubles, y: Doubles) -> Points:
+        with np.errstate(over="ignore"):
+            return lens.project(rotation, x, y)
+
+    return turn
+
+
+def _then(first: Move, second: Move) -> Move:
+    """One after the other."""
+    return lambda x, y: second(*first(x, y))
+
+
+def _stay(x: Doubles, y: Doubles) -> Points:
+    return x, y
+
+
+def _moved(move: Move, place: Doubles, before: Camera, after: Camera) -> Doubles:
     """Places of one camera as another's, by where points of the plane at distance 1 go."""
     given = np.asarray(place, np.float64).reshape(-1, 2)
     found = np.empty_like(given)

@@ -95,8 +95,22 @@ def rigid(pose: ArrayLike) -> Doubles:
         )
     full = np.eye(4)
     full[:3, 3] = given[:3, 3]
-    full[:3, :3] = _rotation(given[:3, :3])
+    full[:3, :3] = _rotation(given[:3, :3], "the pose's rotation")
     return full
+
+
+def turned_by(rotation: ArrayLike) -> Doubles:
+    """Rotation (3, 3), checked, without its errors of rounding.
+
+    Raises
+    ------
+    ValueError
+        It is none; the message says how far it is.
+    """
+    given = np.array(rotation, np.float64)
+    if given.shape != (3, 3) or not np.isfinite(given).all():
+        raise ValueError(f"a rotation is a matrix (3, 3) of finite numbers, not {given.tolist()}")
+    return _rotation(given, "the rotation")
 
 
 def camera_to_world(pose: ArrayLike) -> Doubles:
@@ -147,17 +161,17 @@ def _axes(up: str) -> tuple[Doubles, Doubles, Doubles]:
     return upward, aside, np.cross(aside, upward)
 
 
-def _rotation(given: Doubles) -> Doubles:
+def _rotation(given: Doubles, name: str) -> Doubles:
     """Rotation nearest to a matrix (3, 3) that is one but for rounding."""
     deviation = float(np.abs(given @ given.T - np.eye(3)).max())
     if deviation > ROUNDED:
         raise ValueError(
-            f"the pose's rotation is not orthonormal: R Rᵀ is off by up to {deviation:.3g}, allowed"
+            f"{name} is not orthonormal: R Rᵀ is off by up to {deviation:.3g}, allowed"
             f" is {ROUNDED:g}; take out scale and shear"
         )
     if np.linalg.det(given) < 0:
         raise ValueError(
-            "the pose mirrors the scene (determinant −1); turn one axis of the camera round"
+            f"{name} mirrors the scene (determinant −1); turn one axis of the camera round"
         )
     if deviation < 1e-14:
         return given

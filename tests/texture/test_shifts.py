@@ -1,19 +1,35 @@
 import numpy as np
 import pytest
 
-from resample_texture.geometry.shifts import shifted, whole_shift
+from resample_texture.geometry.shifts import moved, whole_move
 from resample_texture.types import Edge
+from resample_texture.warping import warp
 
 PADDINGS = {Edge.CLAMP: "edge", Edge.WRAP: "wrap", Edge.MIRROR: "symmetric"}
+
+
+# Of a picture (4, 5): matrix, what NumPy does.
+TURNS = {
+    "a quarter": ([[0, 1, 0], [-1, 0, 5], [0, 0, 1]], lambda image: np.rot90(image, 1)),
+    "a half": ([[-1, 0, 5], [0, -1, 4], [0, 0, 1]], lambda image: np.rot90(image, 2)),
+    "three quarters": ([[0, -1, 4], [1, 0, 0], [0, 0, 1]], lambda image: np.rot90(image, 3)),
+    "a flip": ([[-1, 0, 5], [0, 1, 0], [0, 0, 1]], np.fliplr),
+    "upside down": ([[1, 0, 0], [0, -1, 4], [0, 0, 1]], np.flipud),
+    "transposed": ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], lambda image: image.swapaxes(0, 1)),
+}
 
 
 def shift(x, y):
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
 
 
+def shifted(image, move, shape, edge):
+    return moved(image, whole_move(shift(*move)), shape, edge)
+
+
 @pytest.mark.parametrize("scale", [1.0, -1.0, 0.5, 1e-30])
 def test_a_shift_is_found_whatever_the_matrix_s_scale(scale):
-    assert whole_shift(scale * shift(-3, 5)) == (-3, 5)
+    assert whole_move(scale * shift(-3, 5)) == ((-3, 5), (1, 1), False)
 
 
 @pytest.mark.parametrize(
@@ -23,15 +39,18 @@ def test_a_shift_is_found_whatever_the_matrix_s_scale(scale):
         shift(0, 1e-9),
         shift(2.0**60, 0),
         np.diag([2.0, 1.0, 1.0]),
-        np.diag([-1.0, 1.0, 1.0]),
+        np.diag([-1.0, 2.0, 1.0]),
         [[1, 1e-12, 0], [0, 1, 0], [0, 0, 1.0]],
         [[1, 0, 0], [0, 1, 0], [1e-12, 0, 1.0]],
         [[1, 0, 0], [0, 1, 0], [1, 0, 0.0]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, 1.0]],
+        [[0, 1, 0.5], [1, 0, 0], [0, 0, 1.0]],
+        [[0, 1, 0], [2, 0, 0], [0, 0, 1.0]],
+        [[0, 1, 0], [1, 1e-12, 0], [0, 0, 1.0]],
+        [[0, 1, 0], [0, 0, 1], [1.0, 0, 0]],
     ],
 )
-def test_anything_else_is_no_shift(matrix):
-    assert whole_shift(np.asarray(matrix)) is None
+def test_anything_else_is_no_move(matrix):
+    assert whole_move(np.asarray(matrix)) is None
 
 
 @pytest.mark.parametrize("move", [(2, -1), (-14, 3), (0, 0), (31, 29)])
@@ -75,3 +94,38 @@ def test_the_result_is_a_copy(rng):
     before = image.copy()
     shifted(image, (0, 0), (4, 5), Edge.CLAMP).image[:] = -1.0
     np.testing.assert_array_equal(image, before)
+
+
+@pytest.mark.parametrize("scale", [1.0, -3.0])
+@pytest.mark.parametrize("name", TURNS)
+def test_turns_and_flips_are_numpy_s(rng, name, scale):
+    matrix, turned = TURNS[name]
+    image = rng.random((4, 5, 3))
+    expected = turned(image)
+    found = moved(
+        image, whole_move(scale * np.array(matrix, float)), expected.shape[:2], Edge.TRANSPARENT
+    )
+    np.testing.assert_array_equal(found.image, expected)
+    np.testing.assert_array_equal(found.coverage, np.ones(expected.shape[:2]))
+
+
+@pytest.mark.parametrize("edge", PADDINGS)
+@pytest.mark.parametrize("name", TURNS)
+def test_what_continues_a_source_is_turned_with_it(rng, name, edge):
+    matrix, turned = TURNS[name]
+    image = rng.random((4, 5, 3))
+    whole = turned(np.pad(image, ((9, 9), (9, 9), (0, 0)), mode=PADDINGS[edge]))
+    further = shift(9, 9) @ np.array(matrix, float)
+    found = moved(image, whole_move(further), whole.shape[:2], edge)
+    np.testing.assert_array_equal(found.image, whole)
+
+
+@pytest.mark.parametrize("name", TURNS)
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32, np.float64])
+def test_warp_turns_value_for_value(rng, name, kind):
+    matrix, turned = TURNS[name]
+    image = (rng.random((4, 5, 4)) * 200).astype(kind)
+    expected = turned(image)
+    found = warp(image, matrix, expected.shape[:2])
+    assert found.image.dtype == kind
+    np.testing.assert_array_equal(found.image, expected)

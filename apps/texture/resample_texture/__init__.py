@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
+    from resample_texture.everyday import resize, rotate, scale
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
@@ -25,6 +26,9 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
+    "resize": "everyday",
+    "rotate": "everyday",
+    "scale": "everyday",
     "warp": "warping",
     "warp_like_opencv": "like.opencv",
 }
@@ -40,6 +44,9 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
+    "resize",
+    "rotate",
+    "scale",
     "warp",
     "warp_like_opencv",
 ]

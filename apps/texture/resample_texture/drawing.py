@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_texture.asking import REFLECT_101
 from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import Picks, picks_of_shift, unfolded, whole_shift
+from resample_texture.geometry.shifts import Picks, picks_of_move, unfolded, whole_move
 from resample_texture.texels.encoding import check_picture, decoded, encoded, is_together
 from resample_texture.texels.gaps import added, masked, mended, missing_in, unmasked
 from resample_texture.types import Edge, Method, Warped
@@ -68,10 +68,10 @@ def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
         return picks
     if not (isinstance(geometry, Homography) and getattr(method, "keeps_texels", False)):
         return None
-    shift = whole_shift(geometry.matrix)
-    if shift is None:
+    move = whole_move(geometry.matrix)
+    if move is None:
         return None
-    return picks_of_shift(shift, (image.shape[0], image.shape[1]), shape, Edge(edge))
+    return picks_of_move(move, (image.shape[0], image.shape[1]), shape, Edge(edge))
 
 
 def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warped:

@@ -67,7 +67,10 @@ class Place(Choices):
     inverse: Annotated[
         bool,
         Switch,
-        Field(description="The matrix leads from target to source; a lens distorts."),
+        Field(
+            description="The other way round: the matrix leads from target to source; a lens "
+            "distorts."
+        ),
     ] = False
     size: Annotated[
         str | None,
@@ -141,6 +144,28 @@ class Warping(Choices):
             registry.build("filters", self.filter)
         if self.interpolation is not None:
             registry.build("interpolations", self.interpolation)
+
+
+class Filling(Warping):
+    """How a picture is warped that fills its target, at whose edges nothing is to fade."""
+
+    edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = "clamp"
+
+
+class Besides(Choices):
+    """What is written of a warp, and besides it."""
+
+    roi: Annotated[
+        str | None,
+        Field(description="Write only this part of the target: left,top,width,height in px."),
+    ] = None
+    coverage: Annotated[
+        Path | None,
+        Field(description="Also write the share of each pixel that is covered (.png, .tif, .exr)."),
+    ] = None
+    stats: Annotated[
+        Path | None, Field(description="Also write sizes, counts and times (.json).")
+    ] = None
 
 
 class MeshView(Choices):

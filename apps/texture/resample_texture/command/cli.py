@@ -10,7 +10,8 @@ from cyclopts import App
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample_texture.command.choices import Edges, MeshView, Place, Warping, region
+from resample_texture.command import everyday
+from resample_texture.command.choices import Besides, Edges, Filling, MeshView, Place, Warping
 
 app = App(
     name="resample-texture",
@@ -21,7 +22,8 @@ app = App(
 )
 
 PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
-PAGE = Warping(edge="clamp")  # a page that reaches the photo's edge does not fade there
+BESIDES = Besides()
+PAGE = Filling()  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
 FIGURES, DEMO = Path("figures"), Path("demo")
@@ -36,9 +38,7 @@ def warp(
     place: Annotated[Place, flags.Flat] = PLACE,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    roi: str | None = None,
-    coverage: Path | None = None,
-    stats: flags.Stats = None,
+    besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
     """Warp pictures by a matrix, by corners, by a map or by a lens.
 
@@ -53,31 +53,19 @@ def warp(
     output
         Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; .tif,
         .gif, .webp, .apng or .mp4 of several pages or frames; a folder of several files.
-    roi
-        Write only this part of the target: left,top,width,height in px.
-    coverage
-        Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample.files.batches import is_batch
-    from resample.files.pictures import Look, check_output, look_of
-    from resample.files.writing import check_targets, write_json
-    from resample_texture.command.jobs import Job, warp_batch, warp_file
+    from functools import partial
+
+    from resample_texture.command.inputs import target_of
+    from resample_texture.command.jobs import warp_all
 
     place.check()
-    warping.check()
-    job = Job(place, warping, look_of(written), region(roi))
-    if coverage is not None:
-        check_output(coverage, Look(is_light=False), transparent=False)
-    if is_batch(images, output):
-        if coverage is not None:
-            raise ValueError("coverage is written of one picture; leave it out")
-        check_targets(stats)
-        told = warp_batch(images, output, job)
-    else:
-        check_targets(output, coverage, stats)
-        told = warp_file(images[0], output, job, coverage)
-    if stats is not None:
-        write_json(stats, told)
+    aim = partial(target_of, place)
+    warp_all(images, output, aim, warping=warping, written=written, besides=besides)
+
+
+for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):
+    app.command(change)
 
 
 @app.command
@@ -88,7 +76,7 @@ def rectify(
     corners: Annotated[str, flags.Hyphen],
     output: flags.Output,
     size: str | None = None,
-    warping: Annotated[Warping, flags.Flat] = PAGE,
+    warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
     """Turn a photographed page into a page.
@@ -123,10 +111,10 @@ def rectify(
     warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    job = Job(PLACE, warping, look_of(written))
+    target = Target(from_corners(ordered, page_corners(shape)), shape)
+    job = Job(lambda _: target, warping, look_of(written))
     check_output(output, job.look, transparent=False)
     check_targets(output)
-    target = Target(from_corners(ordered, page_corners(shape)), shape)
     picture = read_picture(photo, as_data=True)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)

@@ -1,9 +1,11 @@
 """Where pictures go, as the command line's files and words say it."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from resample.cameras.lens_files import Calibration, pinhole_of, read_calibration
 from resample_texture.command.choices import Place
 from resample_texture.geometry.mappings import Geometry
 
@@ -13,6 +15,9 @@ class Target(NamedTuple):
 
     geometry: Geometry
     shape: tuple[int, int]  # height and width, px
+
+
+Aim = Callable[[tuple[int, int]], Target]  # of a picture's height and width
 
 
 def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
@@ -83,8 +88,52 @@ def _by_flow(place: Place, path: Path, source_shape: tuple[int, int]) -> Target:
 
 
 def _by_lens(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
-    from resample.cameras.lens_files import read_lens
+    return rectified(calibrated(text), place.shape() or source_shape, inverse=place.inverse)
+
+
+def calibrated(
+    lens: str,
+    new_matrix: str | None = None,
+    rotation: str | None = None,
+    *,
+    fisheye: bool = False,
+) -> Calibration:
+    """Lens, and what pictures are rectified for where that is said besides.
+
+    Raises
+    ------
+    ValueError, OSError
+        A text is neither numbers that make sense nor a file of them.
+    """
+    from resample.cameras.models import LensModel
+    from resample.cameras.poses import turned_by
+    from resample.words import naming
+    from resample_texture.geometry.matrices import parse_matrix
+
+    calibration = read_calibration(lens, LensModel.FISHEYE if fisheye else None)
+    if new_matrix is not None:
+        with naming("--new-matrix"):
+            given = _four_of(new_matrix) or parse_matrix(new_matrix)
+            calibration = calibration._replace(pinhole=pinhole_of(given))
+    if rotation is not None:
+        with naming("--rectify"):
+            calibration = calibration._replace(rotation=turned_by(parse_matrix(rotation)))
+    return calibration
+
+
+def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> Target:
+    """Target (height, width) where a lens is taken out, or put in."""
     from resample_texture.geometry.lenses import distorting, undistorting
 
-    camera, shape = read_lens(text), place.shape() or source_shape
-    return Target((distorting if place.inverse else undistorting)(camera, shape), shape)
+    camera, pinhole, rotation = calibration
+    way = distorting if inverse else undistorting
+    return Target(way(camera, shape, ideal=pinhole, rotation=rotation), shape)
+
+
+def _four_of(text: str) -> list[float] | None:
+    """Numbers fx, fy, cx, cy; None if these are not four."""
+    try:
+        numbers = [float(number) for number in text.replace(",", " ").split()]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == 4 else None

@@ -10,7 +10,8 @@ import numpy as np
 
 from resample.command.console import Progress, progress_bar, say
 from resample.command.session import Session
-from resample.files.batches import batch_of
+from resample.command.settings import Written
+from resample.files.batches import batch_of, is_batch
 from resample.files.pictures import (
     Look,
     Picture,
@@ -18,15 +19,16 @@ from resample.files.pictures import (
     check_source,
     coverage_picture,
     holds_gaps,
+    look_of,
     read_picture,
     write_picture,
 )
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
-from resample.files.writing import check_targets
+from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line
-from resample_texture.command.choices import Place, Warping
-from resample_texture.command.inputs import Target, target_of
+from resample_texture.command.choices import Besides, Warping, region
+from resample_texture.command.inputs import Aim, Target
 from resample_texture.command.rendering import report, sees_all, warped
 
 
@@ -34,14 +36,14 @@ from resample_texture.command.rendering import report, sees_all, warped
 class Job:
     """What is done with every picture."""
 
-    place: Place
+    aim: Aim
     warping: Warping
     look: Look
     roi: tuple[int, int, int, int] | None = None
 
     def target(self, picture: Picture) -> Target:
         """Where a picture goes."""
-        return target_of(self.place, (picture.data.shape[0], picture.data.shape[1]))
+        return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
     def warped(
         self,
@@ -75,6 +77,39 @@ class Job:
             shape = picture.data.shape[0], picture.data.shape[1]
             is_open = not sees_all(target, shape, self.roi)
         check_output(output, self.look, transparent=picture.kind.has_alpha or is_open)
+
+
+def warp_all(
+    images: Sequence[Path],
+    output: Path,
+    aim: Aim,
+    *,
+    warping: Warping,
+    written: Written,
+    besides: Besides,
+) -> None:
+    """Warp a picture, a film or a batch of files; all that a command does once it knows where to.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        A choice or a file cannot be worked with.
+    """
+    warping.check()
+    job = Job(aim, warping, look_of(written), region(besides.roi))
+    coverage, stats = besides.coverage, besides.stats
+    if coverage is not None:
+        check_output(coverage, Look(is_light=False), transparent=False)
+    if is_batch(images, output):
+        if coverage is not None:
+            raise ValueError("coverage is written of one picture; leave it out")
+        check_targets(stats)
+        told = warp_batch(images, output, job)
+    else:
+        check_targets(output, coverage, stats)
+        told = warp_file(images[0], output, job, coverage)
+    if stats is not None:
+        write_json(stats, told)
 
 
 def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]:

@@ -1,14 +1,21 @@
 """Maps that take a lens's distortion out of a photo, or put it in."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from resample.cameras.models import Camera
 from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
+from resample.cameras.poses import turned_by
+from resample.types import Doubles
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap
 
 
 def undistorting(
-    camera: Camera, shape: tuple[int, int], *, ideal: Camera | None = None
+    camera: Camera,
+    shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
 ) -> BackwardMap:
     """Map of a pinhole's picture, seen in the photo that the camera took.
 
@@ -19,25 +26,38 @@ def undistorting(
     shape
         Height and width of the pinhole's picture, the target, px.
     ideal
-        The pinhole, of which the matrix matters; by default the camera without its lens.
+        The pinhole, of which the matrix matters; by default the camera without its lens. OpenCV's
+        new camera matrix.
+    rotation
+        (3, 3) from the camera's axes to the pinhole's; by default they are one. OpenCV's R.
 
     Returns
     -------
-    Map without numbers where the distortion's polynomial folds back: there
-    `cv2.initUndistortRectifyMap` shows parts of the photo twice.
+    Map without numbers behind the camera, and where the distortion's polynomial folds back: there
+    `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the photo
+    twice.
+
+    Raises
+    ------
+    ValueError
+        The rotation is none.
     """
-    places = distorted_places(camera, pixel_centers(shape), ideal)
+    places = distorted_places(camera, pixel_centers(shape), ideal, _checked(rotation))
     return BackwardMap(*np.moveaxis(places, 2, 0))
 
 
 def distorting(
-    camera: Camera, shape: tuple[int, int], *, ideal: Camera | None = None
+    camera: Camera,
+    shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
 ) -> BackwardMap:
     """Map of the photo that the camera would take, seen in a pinhole's picture.
 
     Parameters
     ----------
-    camera, ideal
+    camera, ideal, rotation
         As in `undistorting`.
     shape
         Height and width of the photo, the target, px.
@@ -46,21 +66,29 @@ def distorting(
     -------
     Map without numbers where no light comes through the lens.
     """
-    places = undistorted_places(camera, pixel_centers(shape), ideal)
+    places = undistorted_places(camera, pixel_centers(shape), ideal, _checked(rotation))
     return BackwardMap(*np.moveaxis(places, 2, 0))
 
 
 def undistorting_forward(
-    camera: Camera, source_shape: tuple[int, int], *, ideal: Camera | None = None
+    camera: Camera,
+    source_shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
 ) -> ForwardMap:
     """Map that moves the photo's texels to their places in a pinhole's picture.
 
     Parameters
     ----------
-    camera, ideal
+    camera, ideal, rotation
         As in `undistorting`.
     source_shape
         Height and width of the photo, the source, px.
     """
-    places = undistorted_places(camera, pixel_centers(source_shape), ideal)
+    places = undistorted_places(camera, pixel_centers(source_shape), ideal, _checked(rotation))
     return ForwardMap(*np.moveaxis(places, 2, 0))
+
+
+def _checked(rotation: ArrayLike | None) -> Doubles | None:
+    return None if rotation is None else turned_by(rotation)

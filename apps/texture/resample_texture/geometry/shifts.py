@@ -1,4 +1,4 @@
-"""Texels that are copied as they are: a shift by whole pixels, or one texel for each pixel."""
+"""Texels that are copied as they are: moved by whole pixels, or one texel for each pixel."""
 
 from typing import Any, NamedTuple
 
@@ -14,8 +14,8 @@ FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
 class Picks(NamedTuple):
     """Texel that each pixel shows."""
 
-    row: Indices  # (h, w), or (h, 1) if a row of pixels shows one row of texels
-    column: Indices  # (h, w), or (1, w)
+    row: Indices  # (h, w), or (h, 1) or (1, w) if rows or columns of pixels show one row of texels
+    column: Indices  # (h, w), (1, w) or (h, 1)
     coverage: Floats  # (h, w); 0 where no texel is shown
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -25,31 +25,50 @@ class Picks(NamedTuple):
         return values
 
 
-def whole_shift(matrix: Doubles) -> tuple[int, int] | None:
-    """Pixels along x and y by which a matrix (3, 3) shifts; None if it does anything else."""
+class Move(NamedTuple):
+    """A shift by whole pixels after a turn by quarters, a flip, or neither."""
+
+    shift: tuple[int, int]  # along x and y, px
+    sign: tuple[int, int]  # −1 where the target's x and y lead against the source's axes
+    is_turned: bool = False  # the target's x is the source's y, and the other way round
+
+
+def whole_move(matrix: Doubles) -> Move | None:
+    """Move that a matrix (3, 3) does; None if it does anything else."""
     scaled = matrix / matrix[2, 2] if matrix[2, 2] else matrix
-    x, y = scaled[0, 2], scaled[1, 2]
-    is_shift = np.array_equal(scaled, [[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
-    if not is_shift or x != np.rint(x) or y != np.rint(y) or max(abs(x), abs(y)) > FARTHEST:
+    turn, shift = scaled[:2, :2], scaled[:2, 2]
+    is_turned = bool(turn[0, 0] == 0.0)
+    sign = (turn[0, 1], turn[1, 0]) if is_turned else (turn[0, 0], turn[1, 1])
+    straight = np.array([[0.0, sign[0]], [sign[1], 0.0]]) if is_turned else np.diag(sign)
+    is_whole = np.array_equal(shift, np.rint(shift)) and float(abs(shift).max()) <= FARTHEST
+    is_move = np.array_equal(turn, straight) and np.array_equal(np.abs(sign), [1.0, 1.0])
+    if not (is_whole and is_move and np.array_equal(scaled[2], [0.0, 0.0, 1.0])):
         return None
-    return int(x), int(y)
+    return Move((int(shift[0]), int(shift[1])), (int(sign[0]), int(sign[1])), is_turned)
 
 
-def picks_of_shift(
-    shift: tuple[int, int], source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
+def picks_of_move(
+    move: Move, source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
 ) -> Picks:
-    """Texels that pixels show after a shift by whole pixels."""
-    row, row_is_in = texels_at(np.arange(shape[0]) - shift[1], source_shape[0], edge)
-    column, column_is_in = texels_at(np.arange(shape[1]) - shift[0], source_shape[1], edge)
-    is_in = row_is_in[:, None] & column_is_in
-    return Picks(row[:, None], column[None], is_in.astype(np.float32))
+    """Texels that pixels show after a move."""
+    (x, y), (across, down) = move.shift, move.sign
+    column, row = _counted(shape[1], x, across)[None], _counted(shape[0], y, down)[:, None]
+    if move.is_turned:
+        column, row = row, column
+    row, row_is_in = texels_at(row, source_shape[0], edge)
+    column, column_is_in = texels_at(column, source_shape[1], edge)
+    return Picks(row, column, (row_is_in & column_is_in).astype(np.float32))
 
 
-def shifted(
-    image: NDArray[Any], shift: tuple[int, int], shape: tuple[int, int], edge: Edge
-) -> Warped:
-    """Picture moved by whole pixels, value for value."""
-    picks = picks_of_shift(shift, (image.shape[0], image.shape[1]), shape, edge)
+def _counted(size: int, shift: int, sign: int) -> Indices:
+    """Texels along an axis of so many pixels."""
+    place = np.arange(size) - shift
+    return place if sign > 0 else -1 - place
+
+
+def moved(image: NDArray[Any], move: Move, shape: tuple[int, int], edge: Edge) -> Warped:
+    """Picture moved, value for value."""
+    picks = picks_of_move(move, (image.shape[0], image.shape[1]), shape, edge)
     return Warped(picks.of(image), picks.coverage)
 
 

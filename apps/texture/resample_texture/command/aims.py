@@ -1,0 +1,186 @@
+"""What the everyday commands let a user choose, and where it sends a picture."""
+
+import math
+import re
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from resample.command.flags import Hyphen, Switch
+from resample.command.settings import CALIBRATED, SIZE, Choices, height_and_width
+from resample.words import numbers_in
+
+if TYPE_CHECKING:
+    from resample_texture.command.inputs import Aim, Target
+
+PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
+SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
+
+
+class NewSize(Choices):
+    """How large a picture becomes."""
+
+    size: Annotated[
+        str | None,
+        Field(
+            description="In px: 400 for a square, 640x480 for width and height; or of the "
+            "picture's: 50%, 0.5 or 2x."
+        ),
+    ] = None
+    width: Annotated[
+        int | None, Field(ge=1, description="In px, instead of a size; the height follows.")
+    ] = None
+    height: Annotated[
+        int | None, Field(ge=1, description="In px, instead of a size; the width follows.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the picture."""
+        self.shape((1, 1))
+
+    def shape(self, source_shape: tuple[int, int]) -> tuple[int, int]:
+        """Height and width, px, of what becomes of a picture (height, width).
+
+        Raises
+        ------
+        ValueError
+            There is no size, there are two, or it is none.
+        """
+        from resample_texture.geometry.sizes import scaled_shape
+
+        if (self.size is None) == (self.width is None and self.height is None):
+            raise ValueError("give a --size, or a --width, a --height or both")
+        if self.size is not None:
+            share = _share_of(self.size)
+            if share is not None:
+                return scaled_shape(source_shape, (share, share))
+            if PIXELS.fullmatch(self.size.strip()) is None:
+                raise ValueError(f"size {self.size!r}; give 400, 640x480, 50%, 0.5 or 2x")
+            return height_and_width(self.size)
+        height, width = source_shape
+        down, across = (self.height or 0) / height, (self.width or 0) / width
+        return _side(self.height, height * across), _side(self.width, width * down)
+
+    def target(self, source_shape: tuple[int, int]) -> "Target":
+        """Where a picture (height, width) goes."""
+        from resample_texture.command.inputs import Target
+        from resample_texture.geometry.sizes import resizing
+
+        shape = self.shape(source_shape)
+        return Target(resizing(source_shape, shape), shape)
+
+
+class Factor(Choices):
+    """By what a picture is scaled."""
+
+    factor: Annotated[
+        str, Hyphen, Field(description="Of both sides, such as 0.5; or of x,y, such as 0.5,0.25.")
+    ]
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the picture."""
+        self.target((1, 1))
+
+    def pair(self) -> tuple[float, float]:
+        """Factors along x and y.
+
+        Raises
+        ------
+        ValueError
+            These are not one or two numbers.
+        """
+        numbers = numbers_in("factor", self.factor)
+        if len(numbers) > 2:
+            raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
+        return numbers[0], numbers[-1]
+
+    def target(self, source_shape: tuple[int, int]) -> "Target":
+        """Where a picture (height, width) goes."""
+        from resample_texture.command.inputs import Target
+        from resample_texture.geometry.sizes import scaled_shape, scaling
+
+        factor = self.pair()
+        shape = scaled_shape(source_shape, factor)
+        return Target(scaling(factor), shape)
+
+
+class Turn(Choices):
+    """How a picture is turned."""
+
+    degrees: Annotated[
+        float,
+        Hyphen,
+        Field(allow_inf_nan=False, description="Counterclockwise; negative ones turn clockwise."),
+    ]
+    expand: Annotated[
+        bool,
+        Parameter(negative="--keep-size"),
+        Field(description="What is written holds the picture whole; otherwise it is as large."),
+    ] = True
+
+    def target(self, source_shape: tuple[int, int]) -> "Target":
+        """Where a picture (height, width) goes."""
+        from resample_texture.command.inputs import Target
+        from resample_texture.geometry.sizes import turned_shape, turning
+
+        shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
+        return Target(turning(source_shape, self.degrees, shape), shape)
+
+
+class Undistortion(Choices):
+    """Which lens is taken out, and what is seen then."""
+
+    lens: Annotated[str, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is taken out.")]
+    fisheye: Annotated[
+        bool,
+        Switch,
+        Field(description="The lens is OpenCV's fisheye: fx,fy,cx,cy,k1,k2,k3,k4."),
+    ] = False
+    new_matrix: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Of the pinhole that the picture is rectified for: fx,fy,cx,cy, 9 numbers "
+            "or a file. The lens file's, or the camera's."
+        ),
+    ] = None
+    rectify: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
+            "The lens file's, or none."
+        ),
+    ] = None
+    inverse: Annotated[
+        bool, Switch, Field(description="The other way round: the distortion is put in.")
+    ] = False
+    size: Annotated[str | None, Field(description=f"{SIZE} The picture's.")] = None
+
+    def aim(self) -> "Aim":
+        """Where pictures go, each by its height and width.
+
+        Raises
+        ------
+        ValueError, OSError
+            These are no lens, matrix, rotation or size.
+        """
+        from resample_texture.command.inputs import calibrated, rectified
+
+        size = None if self.size is None else height_and_width(self.size)
+        calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
+        return lambda shape: rectified(calibration, size or shape, inverse=self.inverse)
+
+
+def _share_of(size: str) -> float | None:
+    """Factor that 50%, 0.5 or 2x stands for; None for a size in px."""
+    match = SHARE.fullmatch(size.strip())
+    if match is None or (match[2] is None and "." not in match[1]):
+        return None
+    return float(match[1]) / (100.0 if match[2] == "%" else 1.0)
+
+
+def _side(given: int | None, following: float) -> int:
+    """Height or width, px: as given, or as follows from the other."""
+    return max(1, math.floor(following + 0.5)) if given is None else given

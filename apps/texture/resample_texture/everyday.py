@@ -1,0 +1,116 @@
+"""Pictures resized, scaled by a factor and rotated: `warp` with a matrix that fits the picture."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_texture.asking import whole_pair
+from resample_texture.geometry.sizes import resizing, scaled_shape, scaling, turned_shape, turning
+from resample_texture.types import Method, Warped
+from resample_texture.warping import warp
+
+
+def resize(
+    image: NDArray[Any],
+    shape: tuple[int, int],
+    *,
+    method: str | Method = "hybrid",
+    edge: str = "clamp",
+    linear_light: bool = True,
+    alpha: str | None = None,
+) -> Warped:
+    """Picture of another size; its area fills that of the target exactly.
+
+    Parameters
+    ----------
+    image
+        As `warp` takes it.
+    shape
+        Height and width of the result, px.
+    method
+        Name, or an object with choices of its own, such as `Hybrid(filter="gaussian:sigma=0.5")`.
+    edge, linear_light, alpha
+        As `warp` takes them.
+
+    Raises
+    ------
+    ValueError, LookupError
+        As of `warp`.
+    """
+    target = whole_pair(shape, "height", "width")
+    matrix = resizing(_shape_of(image), target)
+    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+
+
+def scale(
+    image: NDArray[Any],
+    factor: float | tuple[float, float],
+    *,
+    method: str | Method = "hybrid",
+    edge: str = "clamp",
+    linear_light: bool = True,
+    alpha: str | None = None,
+) -> Warped:
+    """Picture scaled by exactly a factor; its size is the nearest whole one.
+
+    Parameters
+    ----------
+    image, method, edge, linear_light, alpha
+        As `resize` takes them.
+    factor
+        Above 0; one, or two: along x and y.
+
+    Raises
+    ------
+    ValueError, LookupError
+        A factor is not above 0, or as of `warp`.
+    """
+    both = factor if isinstance(factor, tuple) else (factor, factor)
+    target = scaled_shape(_shape_of(image), both)
+    matrix = scaling(both)
+    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+
+
+def rotate(
+    image: NDArray[Any],
+    degrees: float,
+    shape: tuple[int, int] | None = None,
+    *,
+    method: str | Method = "hybrid",
+    edge: str = "transparent",
+    linear_light: bool = True,
+    alpha: str | None = None,
+) -> Warped:
+    """Picture turned counterclockwise about its middle; by multiples of 90 degrees value for value.
+
+    Parameters
+    ----------
+    image, method, edge, linear_light, alpha
+        As `resize` takes them.
+    degrees
+        Negative ones turn clockwise.
+    shape
+        Height and width of the result, px, in whose middle the picture's is; by default what holds
+        it whole.
+
+    Raises
+    ------
+    ValueError, LookupError
+        The angle is no number, or as of `warp`.
+    """
+    source = _shape_of(image)
+    target = (
+        turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
+    )
+    matrix = turning(source, degrees, target)
+    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+
+
+def _shape_of(image: NDArray[Any]) -> tuple[int, int]:
+    """Height and width of a picture, or of those of a batch."""
+    shape = np.shape(image)
+    height, width = shape[1:3] if len(shape) == 4 else shape[:2] if len(shape) > 1 else (0, 0)
+    if min(height, width) < 1:
+        raise ValueError(f"a picture has one texel or more in two dimensions, not {shape}")
+    return height, width
