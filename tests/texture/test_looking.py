@@ -144,9 +144,12 @@ def test_every_interpolation_is_what_rays_see(name):
     [Nearest(), Bilinear(), CatmullRom(), Lanczos(), AreaSpline(3, "none")],
     ids=repr,
 )
-@pytest.mark.parametrize("scale", [(3.0, 2.5), (1 / 1.7, 1 / 2.3), (1 / 11, 1 / 9)])
-def test_along_the_axes_means_are_exact(interpolation, scale):
-    source = noise(90, 80, 1)
+@pytest.mark.parametrize(
+    "scale", [(3.0, 2.5), (1 / 1.7, 1 / 2.3), (1 / 3.7, 1 / 6.1), (1 / 11, 1 / 9)]
+)
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_along_the_axes_means_are_exact(interpolation, channels, scale):
+    source = noise(90, 80, channels)
     geometry = Homography(np.diag([*scale, 1.0]))
     shape = (8, 7)
     warped = look(source, geometry, shape, Edge.MIRROR, Cells(interpolation=interpolation))
@@ -237,3 +240,16 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
     assert (warped.coverage <= 1).all()
     if edge is not Edge.TRANSPARENT:
         assert (warped.coverage == 1).all()
+
+
+@pytest.mark.parametrize("name", registry.names("interpolations"))
+def test_gray_is_what_each_channel_is(name):
+    interpolation = registry.build("interpolations", name)
+    source = noise(90, 80, 1)
+    for scale in np.geomspace(0.06, 3.0, 30):
+        geometry, shape = Homography(np.diag([scale, scale, 1.0])), (6, 5)
+        gray, both = (
+            look(each, geometry, shape, Edge.CLAMP, Cells(interpolation=interpolation)).image
+            for each in (source, np.repeat(source, 2, axis=2))
+        )
+        np.testing.assert_allclose(gray[..., 0], both[..., 1], atol=3e-6)

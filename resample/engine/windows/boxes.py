@@ -73,8 +73,14 @@ def _far_weights(
         start = table[a] + parts[0] * (table[a + stride] - table[a])
         end = table[b] + parts[1] * (table[b + stride] - table[b])
         room[first + k] = share * (end - start)
-    for k in range(taps + apart, taps + apart + 7):  # to whole eights
-        room[first + k] = np.float32(0)
+    _clear(room, first + taps + apart)
+
+
+@inner_step
+def _clear(room: Floats, first: int) -> None:
+    """Make weights up to the next whole eight nothing."""
+    for k in range(first, first + 7):
+        room[k] = np.float32(0)
 
 
 @inner_step
@@ -98,7 +104,7 @@ def weights(
 
     Returns
     -------
-    First sample, and how many.
+    First sample, and how many. Weights after these, to a whole eight of them, are 0.
     """
     table, stride, taps, before, shift = integral
     extent = min(max(side[1], SHORTEST), LONGEST)
@@ -123,6 +129,8 @@ def weights(
         o = np.uint64(eight << 3)
         at = a + o, b + o
         _eight_weights(table, at, np.uint64(stride), (f, g), factor, room, np.uint64(first) + o)
+    if taps + apart > ONES:  # the last eight may have gone on to tables' next rows
+        _clear(room, first + taps + apart)
     return at_low - before, taps + apart
 
 
