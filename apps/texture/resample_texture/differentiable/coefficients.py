@@ -1,5 +1,6 @@
 """From a picture to an interpolation's coefficients in float64, and the transposed way back."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,15 @@ from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
 
 
+def ring_of(interpolation: Interpolation, edge: str) -> int:
+    """Texels beyond a clamped edge from which on nothing changes."""
+    reach = prefilter(interpolation).size // 2 + math.ceil(interpolation.radius) + 1
+    return reach if edge == Edge.CLAMP else 0
+
+
 def margin_of(interpolation: Interpolation, edge: str) -> int:
-    """Coefficients beyond a source's edges that stand for no others: what a clamped edge rings."""
-    weights = prefilter(interpolation)
-    return weights.size // 2 if edge == Edge.CLAMP else 0
+    """Coefficients beyond a source's edges that places within it, and in its ring, are sums of."""
+    return ring_of(interpolation, edge) + math.ceil(interpolation.radius) + 1
 
 
 def coefficients(image: Doubles, interpolation: Interpolation, edge: str) -> Doubles:

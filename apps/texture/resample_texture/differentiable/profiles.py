@@ -16,14 +16,14 @@ PLACES = 65  # of a piece at which a kernel is asked
 
 
 @remembered
-def pieces(interpolation: Interpolation) -> tuple[Doubles, float]:
-    """Weights of the samples around a place as polynomials of it, and the pieces' shift.
+def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
+    """Weights of the samples around a place as polynomials of it.
 
     Returns
     -------
-    (K, D) coefficients, the constant first, for K samples from the first to the last. With s the
-    place − shift, a polynomial's argument is s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k.
-    Weights sum to 1 everywhere.
+    (D, K) coefficients, the constants first, for K samples from the first to the last; (D − 1, K)
+    those of the derivatives; and a shift. With s the place − shift, a polynomial's argument is
+    s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
 
     Raises
     ------
@@ -47,7 +47,9 @@ def pieces(interpolation: Interpolation) -> tuple[Doubles, float]:
         raise ValueError(f"{interpolation} has kinks between its knots, and no gradient there")
     if not np.abs(found[:, 1:]).max(initial=0.0) > WORST:
         raise ValueError(f"{interpolation} is made of steps, which have no slope; give bilinear")
-    return found, 0.5 if radius == int(radius) else 0.0
+    weight = np.ascontiguousarray(found.T)
+    slope = weight[1:] * np.arange(1.0, len(weight))[:, None]
+    return weight, slope, 0.5 if radius == int(radius) else 0.0
 
 
 def _fitted(t: Doubles, weight: Doubles) -> Doubles | None:

@@ -1,5 +1,6 @@
 """A linear warp of pictures, its adjoint, and how pixels change with where they look."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.types import Doubles
 from resample_texture.asking import REFLECT_101, edge_named
-from resample_texture.differentiable.coefficients import coefficients, margin_of, transposed
-from resample_texture.differentiable.kernels.looking import change, give_back, look
+from resample_texture.differentiable.coefficients import (
+    coefficients,
+    margin_of,
+    ring_of,
+    transposed,
+)
+from resample_texture.differentiable.kernels.looking import Plate, change, give_back, look
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
 from resample_texture.differentiable.kernels.points import Lens
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
@@ -81,7 +87,7 @@ class LinearWarp:
         seen = places.places()
         picture = np.empty((*seen.shape[:2], texels.shape[2]))
         with _threads(self.threads):
-            look(plate, seen, self._lens(texels.shape[:2]), picture)
+            look(_plate(plate), seen, self._lens(texels.shape[:2]), picture)
         return picture.reshape(seen.shape[:2] + np.shape(image)[2:])
 
     def by_image(
@@ -99,7 +105,7 @@ class LinearWarp:
         seen = places.places()
         _check_target(given.shape[:2], seen)
         lens = self._lens(source_shape)
-        rows, columns = (source_shape[n] + 2 * lens.margin[n] for n in (0, 1))
+        rows, columns = (size + 2 * lens.margin for size in lens.size)
         plate = np.zeros((rows, columns, given.shape[2]))
         with _threads(self.threads):
             _give_all(given, seen, lens, plate)
@@ -123,18 +129,22 @@ class LinearWarp:
         plate = coefficients(texels, self.interpolation, self.edge)
         changes = np.empty_like(seen)
         with _threads(self.threads):
-            change(plate, seen, self._lens(texels.shape[:2]), given, changes)
+            change(_plate(plate), seen, self._lens(texels.shape[:2]), given, changes)
         return places.gradient(changes)
 
     def _lens(self, source_shape: tuple[int, ...]) -> Lens:
-        polynomials, shift = pieces(self.interpolation)
-        margin = margin_of(self.interpolation, self.edge)
+        weight, slope, shift = pieces(self.interpolation)
+        margin, ring = (of(self.interpolation, self.edge) for of in (margin_of, ring_of))
         edge = REFLECTED if self.edge == REFLECT_101 else EDGES[Edge(self.edge)]
-        height, width = int(source_shape[0]), int(source_shape[1])
-        return Lens(
-            polynomials, rules(), shift, (height, width), (margin, margin), edge,
-            float(self.quality),
-        )  # fmt: skip
+        size = int(source_shape[0]), int(source_shape[1])
+        quality = float(self.quality)
+        return Lens(weight, slope, rules(), shift, size, margin, float(ring), edge, quality)
+
+
+def _plate(coefficients: Doubles) -> Plate:
+    """Coefficients (rows, columns, C) as kernels read them."""
+    _, columns, channels = coefficients.shape
+    return Plate(coefficients.reshape(-1), columns, channels, 0, 0)
 
 
 def _threads(count: int | None) -> Any:
@@ -181,33 +191,28 @@ def _boxes(seen: Doubles, tiles: Integers, lens: Lens) -> Integers:
         low, high = seen[..., axis] - reach, seen[..., axis] + reach
         is_seen = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(is_seen, low, np.inf), np.where(is_seen, high, -np.inf)
-        size, margin = lens.size[1 - axis], lens.margin[1 - axis]
         for n, (left, top, right, bottom) in enumerate(tiles):
             ends = low[top:bottom, left:right].min(), high[top:bottom, left:right].max()
             if ends[0] <= ends[1]:
-                boxes[n, axis], boxes[n, 2 + axis] = _range(*ends, lens, size, margin)
+                first, last = _within(*ends, float(lens.size[1 - axis]), lens)
+                before = lens.margin - math.ceil(0.5 * lens.weight.shape[1]) - 1
+                boxes[n, axis] = math.floor(first) + before
+                boxes[n, 2 + axis] = math.ceil(last) + 2 * lens.margin - before
     return boxes
 
 
-def _range(low: float, high: float, lens: Lens, size: int, margin: int) -> tuple[int, int]:
-    """First and last + 1 of the coefficients along an axis that places between two ends may see."""
-    taps, whole = lens.pieces.shape[0], size + 2 * margin
-    if lens.edge == EDGES[Edge.TRANSPARENT]:
-        low, high = min(max(low, 0.0), size), min(max(high, 0.0), size)
-    limit = 4.0 * whole + 64.0  # beyond it all of them are seen anyway, or the last ones
-    low, high = max(low, -limit), min(high, limit + size)
-    low, high = min(low, limit + size), max(high, -limit)
-    first = int(np.floor(low - lens.shift)) - (taps - 1) // 2 + margin - 1
-    last = int(np.floor(high - lens.shift)) - (taps - 1) // 2 + margin + taps
-    if lens.edge == EDGES[Edge.CLAMP]:
-        return min(max(first, 0), whole - 1), min(max(last, 0), whole - 1) + 1
-    if first >= 0 and last < whole:
-        return first, last + 1
-    if lens.edge == EDGES[Edge.WRAP] or first < -whole or last >= 2 * whole:
-        return 0, whole
-    if first < 0:
-        return 0, min(max(last, -first), whole - 1) + 1
-    return max(min(first, 2 * whole - 2 - last), 0), whole
+def _within(low: float, high: float, size: float, lens: Lens) -> tuple[float, float]:
+    """Ends between which places are, in the source and its ring, that lie between two ends."""
+    if lens.edge in (EDGES[Edge.TRANSPARENT], EDGES[Edge.CLAMP]):
+        low, high = (min(max(end, -lens.ring), size + lens.ring) for end in (low, high))
+        return low, high
+    if low >= 0.0 and high <= size:
+        return low, high
+    if lens.edge == EDGES[Edge.WRAP] or low < -size or high > 2.0 * size:
+        return 0.0, size
+    if low < 0.0:
+        return 0.0, min(max(high, 1.0 - low), size)
+    return max(min(low, 2.0 * size - 1.0 - high), 0.0), size
 
 
 def _picture(given: ArrayLike, name: str) -> Doubles:
