@@ -60,7 +60,18 @@ def test_a_small_particle_before_a_large_one_hides_it_and_one_behind_is_hidden()
     assert blue < 0.2
 
 
-@pytest.mark.parametrize("name", ["scattered", "particles"])
+def test_registration_finds_the_matrix_between_two_pictures():
+    module = example("registration")
+    found = module.registered(*module.pictures())
+    truth = module.SECOND @ np.linalg.inv(module.FIRST)
+    wide, high = module.WIDTH, module.HEIGHT
+    corners = np.array([[0, wide, wide, 0], [0, 0, high, high], [1, 1, 1, 1.0]])
+    expected, ours = ((m @ corners)[:2] / (m @ corners)[2] for m in (truth, found))
+    assert np.abs(expected - corners[:2]).max() > 10  # px that they are apart at first
+    assert np.abs(expected - ours).max() < 0.03
+
+
+@pytest.mark.parametrize("name", ["scattered", "particles", "registration"])
 def test_examples_draw_the_pictures_of_the_page(name, tmp_path):
     example(name).main(tmp_path / "picture.png")
     assert 1000 < (tmp_path / "picture.png").stat().st_size <= 60_000

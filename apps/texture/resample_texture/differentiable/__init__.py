@@ -1,0 +1,15 @@
+"""Warps with gradients: by the picture, by where pixels look, by a matrix or a map."""
+
+from typing import TYPE_CHECKING
+
+from resample.lazy import attributes
+
+if TYPE_CHECKING:
+    from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
+    from resample_texture.differentiable.warping import LinearWarp
+
+_HOMES = {"LinearWarp": "warping", "MapPlaces": "places", "MatrixPlaces": "places"}
+
+__all__ = ["LinearWarp", "MapPlaces", "MatrixPlaces"]
+
+__getattr__ = attributes(__name__, _HOMES)

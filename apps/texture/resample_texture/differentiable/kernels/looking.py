@@ -1,0 +1,309 @@
+"""Pixels as means of an interpolated source, and how they change with its samples and with places.
+
+Pixels see parallelograms (h, w, 6): u and v of their middle, steps of both to the right, and down.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, parallel_kernel, tasks
+from resample.types import Doubles
+from resample_texture.differentiable.kernels.points import (
+    Integers,
+    Lens,
+    Node,
+    Room,
+    counts_of,
+    cut_at_edges,
+    fill_weights,
+    first_of,
+    folded_in,
+    is_cut,
+    is_seen,
+    node_of,
+    place_in,
+    room_for,
+    sides,
+    slopes_of_cut,
+)
+
+Place = Any  # a number kept in uint64, which needs no look at its sign
+
+
+class Plate(NamedTuple):
+    """Coefficients, or a part of them."""
+
+    flat: Doubles  # rows × columns × channels
+    columns: int
+    channels: int
+    left: int  # first column and row, of all coefficients
+    top: int
+
+
+class Landing(NamedTuple):
+    """Where a point of a pixel lies in the source."""
+
+    u: float
+    v: float
+    share_u: float  # of the point's box that is left along both axes
+    share_v: float
+
+
+@inner_step
+def _reaches(seen: Doubles, node: Node, axis: int) -> tuple[float, float]:
+    """What a point's box has before and after the point, samples along an axis."""
+    along_x, along_y = seen[2 + axis], seen[4 + axis]
+    by_x, by_y = sides(along_x, along_y, node, -1.0)
+    to_x, to_y = sides(along_x, along_y, node, 1.0)
+    return by_x * along_x + by_y * along_y, to_x * along_x + to_y * along_y
+
+
+@inner_kernel
+def _cut_along(
+    lens: Lens, seen: Doubles, node: Node, axis: int, place: float
+) -> tuple[float, float]:
+    """Where a point lies along an axis, and the share of its box that is left there."""
+    before, after = _reaches(seen, node, axis)
+    return cut_at_edges(place, before, after, float(lens.size[1 - axis]))
+
+
+@inner_step
+def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
+    """Where a point lies, and what is left of it."""
+    u, v = place_in(seen, node)
+    share_u = share_v = 1.0
+    if cut:
+        u, share_u = _cut_along(lens, seen, node, 0, u)
+        v, share_v = _cut_along(lens, seen, node, 1, v)
+    return Landing(u, v, share_u, share_v)
+
+
+@inner_step
+def _window(lens: Lens, plate: Plate, spot: Landing, room: Room) -> int:
+    """Fill in weights along both axes; gives where the window begins in the plate."""
+    u, _ = folded_in(lens, spot.u, 0)
+    v, _ = folded_in(lens, spot.v, 1)
+    column, along_u = first_of(lens, u)
+    row, along_v = first_of(lens, v)
+    fill_weights(lens.weight, along_u, room.along_u)
+    fill_weights(lens.weight, along_v, room.along_v)
+    return ((row - plate.top) * plate.columns + column - plate.left) * plate.channels
+
+
+@inner_step
+def _sum_rows(plate: Plate, first: int, weights: Doubles, line: Doubles) -> None:
+    """Sums of a window's rows by weights, number by number."""
+    stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
+    line[:] = 0.0
+    for k in range(weights.size):
+        weight = weights[k]
+        for n in range(line.size):
+            line[n] += weight * plate.flat[at + np.uint64(n)]
+        at += stride
+
+
+@inner_step
+def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> None:
+    """Add what numbers of channels side by side sum to."""
+    channels = total.size
+    for k in range(weights.size):
+        weight = share * weights[k]
+        for c in range(channels):
+            total[c] += weight * line[k * channels + c]
+
+
+@kernel
+def _look_along_row(
+    plate: Plate, places: Doubles, lens: Lens, room: Room, picture: Doubles
+) -> None:
+    """Fill a row of the picture."""
+    for column in range(places.shape[0]):
+        seen, total = places[column], picture[column]
+        total[:] = 0.0
+        if not is_seen(lens, seen):
+            continue
+        cut = is_cut(lens, seen)
+        counts = counts_of(lens, seen, cut)
+        for n in range(counts[0] * counts[1]):
+            node = node_of(lens.rules, counts, n)
+            spot = _spot_of(lens, seen, cut, node)
+            share = node.weight * spot.share_u * spot.share_v
+            if share > 0.0:
+                first = _window(lens, plate, spot, room)
+                _sum_rows(plate, first, room.along_v, room.line)
+                _add_line(room.line, room.along_u, share, total)
+
+
+@parallel_kernel
+def look(counter: Counter, plate: Plate, places: Doubles, lens: Lens, picture: Doubles) -> None:
+    """Fill a picture (h, w, C) with means of what coefficients interpolate."""
+    room = room_for(lens.weight.shape[1], plate.channels)
+    for row in tasks(counter, places.shape[0]):
+        _look_along_row(plate, places[row], lens, room, picture[row])
+
+
+@inner_step
+def _give_point(plate: Plate, first: int, share: float, room: Room, gradient: Doubles) -> None:
+    """Transposed `_sum_rows` and `_add_line`."""
+    stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
+    channels, line = gradient.size, room.line
+    for k in range(room.along_u.size):
+        weight = share * room.along_u[k]
+        for c in range(channels):
+            line[k * channels + c] = weight * gradient[c]
+    for k in range(room.along_v.size):
+        weight = room.along_v[k]
+        for n in range(line.size):
+            plate.flat[at + np.uint64(n)] += weight * line[n]
+        at += stride
+
+
+@kernel
+def _give_tile(
+    gradient: Doubles, places: Doubles, lens: Lens, tile: Integers, plate: Plate, room: Room
+) -> None:
+    """Give back what the pixels of a tile say about a part of the coefficients."""
+    plate.flat[:] = 0.0
+    for row in range(tile[1], tile[3]):
+        for column in range(tile[0], tile[2]):
+            seen = places[row, column]
+            if not is_seen(lens, seen):
+                continue
+            cut = is_cut(lens, seen)
+            counts = counts_of(lens, seen, cut)
+            for n in range(counts[0] * counts[1]):
+                node = node_of(lens.rules, counts, n)
+                spot = _spot_of(lens, seen, cut, node)
+                share = node.weight * spot.share_u * spot.share_v
+                if share > 0.0:
+                    first = _window(lens, plate, spot, room)
+                    _give_point(plate, first, share, room, gradient[row, column])
+
+
+@parallel_kernel
+def give_back(
+    counter: Counter,
+    gradient: Doubles,
+    places: Doubles,
+    lens: Lens,
+    tiles: Integers,
+    boxes: Integers,
+    start: Integers,
+    patches: Doubles,
+) -> None:
+    """Transposed `look`, tile by tile, each into a patch of its own.
+
+    Parameters
+    ----------
+    tiles
+        (T, 4) left, top, right and bottom of pixels.
+    boxes
+        (T, 4) of the coefficients that they may see.
+    start
+        (T + 1,) where the patch (rows, columns, C) of each tile begins.
+    """
+    channels = gradient.shape[2]
+    room = room_for(lens.weight.shape[1], channels)
+    for n in tasks(counter, tiles.shape[0]):
+        box, flat = boxes[n], patches[start[n] : start[n + 1]]
+        plate = Plate(flat, box[2] - box[0], channels, box[0], box[1])
+        _give_tile(gradient, places, lens, tiles[n], plate, room)
+
+
+@inner_step
+def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
+    """What numbers of channels side by side sum to, times a pixel's gradient."""
+    total, channels = 0.0, gradient.size
+    for k in range(weights.size):
+        part = 0.0
+        for c in range(channels):
+            part += gradient[c] * line[k * channels + c]
+        total += weights[k] * part
+    return total
+
+
+@inner_step
+def _rates(
+    lens: Lens, plate: Plate, spot: Landing, gradient: Doubles, room: Room
+) -> tuple[float, float, float]:
+    """What is seen at a point, times a pixel's gradient, and how that changes with u and v."""
+    first = _window(lens, plate, spot, room)
+    u, turn_u = folded_in(lens, spot.u, 0)
+    v, turn_v = folded_in(lens, spot.v, 1)
+    fill_weights(lens.slope, first_of(lens, u)[1], room.slope_u)
+    fill_weights(lens.slope, first_of(lens, v)[1], room.slope_v)
+    _sum_rows(plate, first, room.along_v, room.line)
+    _sum_rows(plate, first, room.slope_v, room.sloped)
+    value = _weighed(room.line, room.along_u, gradient)
+    by_u = turn_u * _weighed(room.line, room.slope_u, gradient)
+    return value, by_u, turn_v * _weighed(room.sloped, room.along_u, gradient)
+
+
+@inner_step
+def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
+    """Add what a point's move along an axis changes, as if its pixel had no edge in it."""
+    change[axis] += rate
+    change[2 + axis] += rate * node.x
+    change[4 + axis] += rate * node.y
+
+
+@inner_kernel
+def _add_cut_rate(
+    lens: Lens, seen: Doubles, node: Node, axis: int, rates: tuple[float, float], change: Doubles
+) -> None:
+    """Add what a cut point's move along an axis changes; `rates` are by its place and its share."""
+    place = place_in(seen, node)[axis]
+    before, after = _reaches(seen, node, axis)
+    slopes = slopes_of_cut(place, before, after, float(lens.size[1 - axis]))
+    _add_rate(node, axis, rates[0] * slopes[0] + rates[1] * slopes[3], change)
+    by_before = rates[0] * slopes[1] + rates[1] * slopes[4]
+    by_after = rates[0] * slopes[2] + rates[1] * slopes[5]
+    along_x, along_y = seen[2 + axis], seen[4 + axis]
+    for sign, rate in ((-1.0, by_before), (1.0, by_after)):
+        by_x, by_y = sides(along_x, along_y, node, sign)
+        change[2 + axis] += rate * by_x
+        change[4 + axis] += rate * by_y
+
+
+@kernel
+def _change_along_row(
+    plate: Plate, places: Doubles, lens: Lens, gradient: Doubles, room: Room, changes: Doubles
+) -> None:
+    """Fill a row of changes."""
+    for column in range(places.shape[0]):
+        seen, change = places[column], changes[column]
+        change[:] = 0.0
+        if not is_seen(lens, seen):
+            continue
+        cut = is_cut(lens, seen)
+        counts = counts_of(lens, seen, cut)
+        for n in range(counts[0] * counts[1]):
+            node = node_of(lens.rules, counts, n)
+            spot = _spot_of(lens, seen, cut, node)
+            both = node.weight * spot.share_u * spot.share_v
+            if both <= 0.0:
+                continue
+            value, by_u, by_v = _rates(lens, plate, spot, gradient[column], room)
+            if cut:
+                by_share = node.weight * spot.share_v * value, node.weight * spot.share_u * value
+                _add_cut_rate(lens, seen, node, 0, (both * by_u, by_share[0]), change)
+                _add_cut_rate(lens, seen, node, 1, (both * by_v, by_share[1]), change)
+            else:
+                _add_rate(node, 0, both * by_u, change)
+                _add_rate(node, 1, both * by_v, change)
+
+
+@parallel_kernel
+def change(
+    counter: Counter,
+    plate: Plate,
+    places: Doubles,
+    lens: Lens,
+    gradient: Doubles,
+    changes: Doubles,
+) -> None:
+    """Fill in how the sum of gradient × picture changes with places, (h, w, 6)."""
+    room = room_for(lens.weight.shape[1], plate.channels)
+    for row in tasks(counter, places.shape[0]):
+        _change_along_row(plate, places[row], lens, gradient[row], room, changes[row])
