@@ -9,6 +9,7 @@ from resample import registry
 from resample.profiles.interpolation import AreaSpline, Bilinear, CatmullRom, Lanczos, Nearest
 from resample_texture import BackwardMap, Edge, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.methods.forward import Hybrid
 from resample_texture.texels.forward import Cells
 from resample_texture.texels.looking import look
 from tests.bits import assert_threads_change_nothing
@@ -240,6 +241,24 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
     assert (warped.coverage <= 1).all()
     if edge is not Edge.TRANSPARENT:
         assert (warped.coverage == 1).all()
+
+
+@pytest.mark.parametrize("error", [0.02, 0.007, 0.002, 0.001])
+def test_an_error_that_is_asked_for_holds(error):
+    source = noise(60, 60, 1)
+    worst = about(45.0, 0.3)
+    for geometry in (worst, about(15.0, 1.0), VIEWS["uneven"], VIEWS["shrunk"]):
+        matrix = geometry.matrix @ [[1.0, 0.0, -17.0], [0.0, 1.0, -18.5], [0.0, 0.0, 1.0]]
+        exact, _ = rays(source, Homography(matrix), SHAPE, Edge.MIRROR, LINEAR, 24)
+        method = Hybrid(interpolation=LINEAR, error=error)
+        found = method(source, Homography(matrix), SHAPE, Edge.MIRROR).image
+        assert np.sqrt(np.mean((found - exact) ** 2)) < error
+
+
+@pytest.mark.parametrize("error", [0.0, 0.0001, -1.0, np.nan, np.inf, "small"])
+def test_an_error_that_cannot_be_held_is_refused(error):
+    with pytest.raises(ValueError, match=r"error is a share of the range, 0\.0007 or more, not"):
+        Hybrid(error=error)
 
 
 @pytest.mark.parametrize("name", registry.names("interpolations"))
