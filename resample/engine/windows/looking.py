@@ -40,7 +40,7 @@ from resample.types import Doubles, Floats, Single
 Integers = NDArray[np.int64]
 Look = Any  # a bundle of the application's, whose class settles where pixels lie
 
-LEAN = 0.04  # samples², of a part's mixed moment times 12, from which on two boxes stand for it
+LEAN = 0.1  # samples², of a part's mixed moment times 12, from which on two boxes stand for it
 LEANEST = 0.5  # samples², of the mixed moment of one side of a part
 MOST_PARTS = 64.0  # of a pixel along an axis
 AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid runs through it
@@ -121,7 +121,7 @@ def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
     u, v = seen.u - view.plate.left, seen.v - view.plate.top
     boxes = 1
     apart_u = apart_v = 0.0
-    if abs(uv) > LEAN:
+    if abs(uv) > LEAN * view.finest:
         boxes, share, ratio = 2, np.float32(0.5) * share, math.sqrt(uu / vv)
         apart_u = math.sqrt(abs(uv) * ratio / 12.0)
         apart_v = math.copysign(math.sqrt(abs(uv) / ratio / 12.0), uv)
