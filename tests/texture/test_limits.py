@@ -180,6 +180,35 @@ def test_what_is_drawn_with_hard_edges_keeps_its_levels():
     assert 0.2 - 1e-6 < image.min() < image.max() < 1 + 1e-6
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("is_across", [False, True])
+def test_long_pixels_are_kept_within_the_mean_of_limits(is_across, channels):
+    source = np.repeat(np.kron(noise(8, 9, channels) > 0.5, np.ones((5, 5, 1))), 4, axis=0)
+    source = source.astype(np.float32).swapaxes(0, 1) if is_across else source.astype(np.float32)
+    scale = (0.2, 1.5) if is_across else (1.5, 0.2)
+    matrix, shape = np.diag([*scale, 1.0]), (30, 32)
+    free, kept = (
+        warp(source, matrix, shape, edge="clamp", interpolation=f"area-spline:limit={each}").image
+        for each in ("none", "peaks")
+    )
+    y, x = (each.ravel() + 0.5 for each in np.mgrid[: shape[0], : shape[1]])
+    apart = (np.arange(5) + 0.5) / 5 - 0.5
+    each = [
+        limits(
+            source,
+            (x + t * is_across) / scale[0],
+            (y + t * (not is_across)) / scale[1],
+            "clamp",
+            1.0,
+        )
+        for t in apart
+    ]
+    low, high = np.mean(each, axis=0)
+    expected = np.clip(free.reshape(-1, channels), low, high).reshape(free.shape)
+    assert (np.abs(expected - free) > 0.01).mean() > 0.01
+    np.testing.assert_allclose(kept, expected, atol=1e-5)
+
+
 def test_pixels_of_many_texels_are_what_they_were():
     source, matrix = noise(90, 90), np.diag([0.4, 0.4, 1.0])
     free = warp(

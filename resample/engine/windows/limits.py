@@ -16,8 +16,8 @@ from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import Place, Plate, Whole
 from resample.types import Doubles, Floats, Single
 
-MOST = 96 * 96 * 4  # numbers of the corners that a tile may have
-MOST_BESIDE = MOST // 8  # numbers of a row of samples
+MOST = 96 * 96 * 12  # numbers of the corners that a tile may have
+MOST_BESIDE = MOST // 24  # numbers of a row of samples
 SLOPE = 2.0  # steps behind a sample's neighbours that it may stand out by, at most
 RIM = 3  # samples around a corner that tell its limits
 
@@ -140,18 +140,49 @@ def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y
 @inner_step
 def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats) -> None:
     """Keep a pixel's channels within the limits at a place, in coordinates of the plain grid."""
-    x, y = np.float32(u - part.left), np.float32(v - part.top)
-    zero, wide, high = np.float32(0), np.float32(part.wide - 1), np.float32(part.high - 1)
-    x, y = min(max(x, zero), wide), min(max(y, zero), high)
-    column: Whole = np.int32(min(x, wide - np.float32(1)))
-    row: Whole = np.int32(min(y, high - np.float32(1)))
-    x, y = x - np.float32(column), y - np.float32(row)
-    at = np.uint64((row * part.wide + column) * total.size)
+    at, x, y = _place_in(part, u, v, total.size)
     steps = np.uint64(total.size), np.uint64(part.wide * total.size)
     for c in range(total.size):
         k = at + np.uint64(c)
         low = _between(corners.low, k, steps, x, y)
         total[c] = min(max(total[c], low), _between(corners.high, k, steps, x, y))
+
+
+@inner_step
+def keep_within_mean(
+    corners: Corners,
+    part: Part,
+    middle: tuple[float, float],
+    side: tuple[float, float],
+    total: Floats,
+) -> None:
+    """As `keep_within`, by the mean of the limits along a side (u, v) around a place.
+
+    What stays within limits everywhere has a mean within their mean.
+    """
+    count = math.ceil(max(abs(side[0]), abs(side[1]), 1.0))
+    share = np.float32(1.0 / count)
+    steps = np.uint64(total.size), np.uint64(part.wide * total.size)
+    for c in range(total.size):
+        low = high = np.float32(0)
+        for n in range(count):
+            t = (n + 0.5) / count - 0.5
+            at, x, y = _place_in(part, middle[0] + t * side[0], middle[1] + t * side[1], total.size)
+            low += share * _between(corners.low, at + np.uint64(c), steps, x, y)
+            high += share * _between(corners.high, at + np.uint64(c), steps, x, y)
+        total[c] = min(max(total[c], low), high)
+
+
+@inner_step
+def _place_in(part: Part, u: float, v: float, channels: int) -> tuple[Place, Single, Single]:
+    """First number of the corners around a place, and how far beyond the first corner it is."""
+    x, y = np.float32(u - part.left), np.float32(v - part.top)
+    zero, wide, high = np.float32(0), np.float32(part.wide - 1), np.float32(part.high - 1)
+    x, y = min(max(x, zero), wide), min(max(y, zero), high)
+    column: Whole = np.int32(min(x, wide - np.float32(1)))
+    row: Whole = np.int32(min(y, high - np.float32(1)))
+    at = np.uint64((row * part.wide + column) * channels)
+    return at, x - np.float32(column), y - np.float32(row)
 
 
 @kernel

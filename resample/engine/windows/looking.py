@@ -30,6 +30,7 @@ from resample.engine.windows.limits import (
     Part,
     fill_corners,
     keep_within,
+    keep_within_mean,
     part_around,
     part_of,
     room_for_corners,
@@ -45,7 +46,8 @@ LEANEST = 0.5  # samples², of the mixed moment of one side of a part
 MOST_PARTS = 64.0  # of a pixel along an axis
 AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid runs through it
 FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
-LIMITED = 2.0  # samples along u and v that a pixel with limits covers at most
+LIMITED = 2.0  # samples along u and v that a pixel covers at most which one place tells limits of
+LONGEST_LIMITED = 24.0  # samples along one axis, and `LIMITED` along the other: it has several
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 
 
@@ -241,11 +243,21 @@ def _look(view: View, seen: Seen, room: Room) -> float:
 
 
 @inner_step
-def _is_limited(view: View, seen: Seen) -> bool:
-    """Whether a pixel is so small that the samples around its middle tell what it may be."""
+def _is_small(seen: Seen) -> bool:
+    """Whether the samples around a pixel's middle tell what it may be."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
-    is_small = max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED
-    return bool(is_small and view.limits.excess >= 0.0)
+    return bool(max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED)
+
+
+@inner_step
+def _longer_side(seen: Seen) -> tuple[float, float]:
+    """Side of a long pixel along which limits are averaged; none of a pixel that has none."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    is_along_x = ux * ux + vx * vx > uy * uy + vy * vy
+    longer, other = (seen.along_x, seen.along_y) if is_along_x else (seen.along_y, seen.along_x)
+    extent = max(abs(longer[0]), abs(longer[1]))
+    is_thin = max(abs(other[0]), abs(other[1])) <= LIMITED
+    return longer if is_thin and extent <= LONGEST_LIMITED else (0.0, 0.0)
 
 
 @inner_kernel
@@ -270,13 +282,14 @@ def _fill_tile(
 ) -> None:
     """Fill one tile of the target."""
     part, is_filled = part_of(view.limits, bounds), False
+    has_limits = view.limits.excess >= 0.0
     is_apart = part.wide == 0 or view.margin < math.inf
     left, top = view.limits.plain.left, view.limits.plain.top
     for row in range(tile[TOP], tile[BOTTOM]):
         for column in range(tile[LEFT], tile[RIGHT]):
             seen = seen_at(look, row, column)
             coverage = np.float32(_look(view, seen, room))
-            if coverage > 0.0 and _is_limited(view, seen):
+            if coverage > 0.0 and has_limits and _is_small(seen):
                 u, v = seen.u - left, seen.v - top
                 if is_apart:
                     part, u, v = _part_around(view, seen, room)
@@ -284,6 +297,14 @@ def _fill_tile(
                     fill_corners(view.limits, part, room.corners)
                     is_filled = True
                 keep_within(room.corners, part, u, v, room.total)
+            elif coverage > 0.0 and has_limits and not is_apart:
+                side = _longer_side(seen)
+                if side[0] != 0.0 or side[1] != 0.0:
+                    if not is_filled:
+                        fill_corners(view.limits, part, room.corners)
+                        is_filled = True
+                    at = seen.u - left, seen.v - top
+                    keep_within_mean(room.corners, part, at, side, room.total)
             covered[row, column] = coverage
             for c in range(image.shape[2]):
                 image[row, column, c] = coverage * room.total[c]
