@@ -13,10 +13,8 @@ from resample.types import Doubles
 from resample_texture.asking import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap, oriented, pixel_centers
 from resample_texture.geometry.matrices import homography
+from resample_texture.texels.kernels.looking import FARTHEST, TORN, TWELFTH
 
-TWELFTH = 1.0 / 12.0  # second moment of a pixel
-FARTHEST = 2.0**52  # texels beyond which a step is none
-TORN = 8.0  # a step this many times as long as that on the pixel's other side leads across a tear
 MOVED = {"corner": 0.0, "opencv": 0.5}  # where a convention's first pixel center is not
 
 
