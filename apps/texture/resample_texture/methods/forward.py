@@ -12,6 +12,7 @@ from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry
 from resample_texture.types import Edge, Warped
 
 if TYPE_CHECKING:
+    from resample_texture.geometry.windows import SeenTiles
     from resample_texture.texels.forward import Cells
 
 LARGEST_QUALITY = 16.0
@@ -78,6 +79,19 @@ class Hybrid:
         from resample.profiles.filters import Area
 
         return isinstance(self.filter, Area) and self.magnified == "cells"
+
+    def seen_tiles(
+        self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> "SeenTiles | None":
+        """What parts of a target (height, width) see of a source (height, width).
+
+        None if that cannot be told: parts are not drawn alone.
+        """
+        if self.total or not self.keeps_texels or isinstance(geometry, ForwardMap):
+            return None
+        from resample_texture.texels.looking import seen_tiles
+
+        return seen_tiles(size, geometry, shape, edge, self._cells())
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge

@@ -18,6 +18,7 @@ from resample.engine.windows.looking import Extent, View
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample_texture.geometry.windows import SeenTiles
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
@@ -54,8 +55,8 @@ def look(
     if source.shape[0] * source.shape[1] + shape[0] * shape[1] <= FEW and workers() > 1:
         with threads(1):  # to wake another takes longer
             return look(source, geometry, shape, edge, cells)
-    view = _view(source, edge, cells)
-    places = _places(source, geometry, shape)
+    view = _view(source.shape, edge, cells)
+    places = _places(source.shape[:2], geometry, shape)
     tiles = _measured(places, view, shape)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
@@ -73,12 +74,28 @@ def look(
     return warped
 
 
+def seen_tiles(
+    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
+    cells: Cells,
+) -> SeenTiles | None:  # fmt: skip
+    """What tiles of a picture (height, width) see of a source (height, width).
+
+    None if not all of them look: texels that are projected have no part of their own.
+    """
+    view = _view((*size, 1), edge, cells)
+    tiles = _measured(_places(size, geometry, shape), view, shape)
+    reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
+    is_endless = edge in (Edge.WRAP, Edge.MIRROR)
+    whole = SeenTiles(tiles.bounds, tiles.extent.bounds, reach, is_endless)
+    return whole if tiles.is_near.all() else None
+
+
 def _places(
-    source: Floats, geometry: Homography | BackwardMap, shape: tuple[int, int]
+    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
 ) -> Plane | Map:
     """Where pixels lie, as kernels take it."""
     if isinstance(geometry, Homography):
-        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, source.shape[:2]))))
+        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, size))))
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
@@ -126,9 +143,9 @@ def _with_plate(
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
 
 
-def _view(source: Floats, edge: Edge, cells: Cells) -> View:
-    """How pixels take a source, of which there is no plate as yet."""
-    height, width, channels = source.shape
+def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
+    """How pixels take a source (H, W, C), of which there is no plate as yet."""
+    height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels)
     finest = 1.5 / cells.quality
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
