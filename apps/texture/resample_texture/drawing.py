@@ -40,7 +40,11 @@ def drawn(
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
-        return picked(image, picks, alpha)
+        moved = picked(image, picks, alpha)
+        if drawing.as_light:
+            light, _ = decoded(moved.image, linear_light=linear_light, alpha=alpha)
+            return Warped(light, moved.coverage)
+        return moved
     windows = _windows(image, drawing)
     if windows is not None:
         return _drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
