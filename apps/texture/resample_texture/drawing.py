@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.asking import REFLECT_101, within
+from resample_texture.asking import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
 from resample_texture.geometry.windows import Window, between, windows_of
@@ -67,6 +67,13 @@ def _drawn_whole(
         plain = mended(warped, encoding.gaps)
     result = encoded(plain.image, plain.coverage, encoding, missing=plain.missing)
     return Warped(result, plain.coverage)
+
+
+def put(warped: Warped, out: NDArray[Any]) -> Warped:
+    """Result in an array that was given for it."""
+    check_out(out, warped.image.shape, warped.image)
+    out[...] = warped.image
+    return Warped(out, warped.coverage)
 
 
 def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[Window] | None:
