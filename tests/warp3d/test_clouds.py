@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.spatial
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.engine.jit import threads, workers
 from resample.types import Frame
+from resample_warp3d.clouds import spacing
 from resample_warp3d.clouds.files import Cloud, read_cloud
 from resample_warp3d.clouds.framing import framed
 from resample_warp3d.clouds.kernels.discs import REACH
@@ -387,6 +390,42 @@ def test_a_parallel_camera_is_refused():
 def test_arrays_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match=r"color of a cloud has the shape \(3, 3\)"):
         prepare_cloud(_cloud(_grid(4), np.zeros((3, 3))))
+
+
+@pytest.mark.parametrize("name", ["position", "normal", "color", "radius"])
+@pytest.mark.parametrize("use", [prepare_cloud, lambda cloud: _render(cloud, _camera(1.0))])
+def test_none_is_refused_in_words(name, use):
+    cloud = _cloud(_grid(4))._replace(**{name: None})
+    with pytest.raises(ValueError, match=f"{name} of a cloud is None; give an array of the shape"):
+        use(cloud)
+
+
+def test_a_frame_of_none_is_refused_in_words():
+    with pytest.raises(ValueError, match="position of a cloud is None"):
+        framed(_cloud(_grid(4))._replace(position=None), size=SIZE)
+
+
+@pytest.mark.parametrize("count", [1, 2, None])
+def test_neighbours_are_looked_up_by_as_many_threads_as_allowed(count, monkeypatch):
+    used = []
+
+    class Spy(scipy.spatial.cKDTree):
+        def query(self, *args, workers=1, **kwargs):
+            used.append(workers)
+            return super().query(*args, workers=workers, **kwargs)
+
+    monkeypatch.setattr(scipy.spatial, "cKDTree", Spy)
+    with threads(count):
+        prepare_cloud(_cloud(_grid(20)))
+        assert set(used) == {workers()}
+
+
+def test_threads_are_limited_by_an_argument(monkeypatch):
+    limits = []
+    monkeypatch.setattr(spacing, "_measured", lambda *_: limits.append(workers()))
+    prepare_cloud(_cloud(_grid(20)), threads=1)
+    render_cloud(_cloud(_grid(20)), _camera(1.0), size=SMALL, threads=1)
+    assert limits == [1, 1]
 
 
 def test_absurd_coordinates_are_refused():

@@ -5,13 +5,14 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Doubles, Floats
+from resample_warp3d.clouds.cloud import Cloud, some_of
 
 Fields = Mapping[str, NDArray[Any]]  # columns of a file by name, (N,) each
 
@@ -24,7 +25,13 @@ COLORS = (
 )
 PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
 LONGEST_HEADER = 1000  # lines
+PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 COLUMNS = {3: "x y z", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
+
+GAUSSIANS = (  # columns that points of surfaces do not have; each set tells for itself
+    {"f_dc_0", "opacity", "scale_0", "rot_0"},
+    {"packed_position", "packed_rotation", "packed_scale"},
+)
 
 PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -34,15 +41,6 @@ PLY_TYPES = {
 }  # fmt: skip
 PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
-
-
-class Cloud(NamedTuple):
-    """N points of surfaces; what is not known of any of them has the length 0."""
-
-    position: Floats | Doubles  # (N, 3) scene units
-    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
-    color: Floats  # (N, 3) linear light; or (0, 3)
-    radius: Floats  # (N,) scene units, of the disc that a point stands for; or (0,)
 
 
 def read_cloud(path: str | Path) -> Cloud:
@@ -82,17 +80,6 @@ def read_cloud(path: str | Path) -> Cloud:
     if not known.any():
         raise ValueError(f"{source.name} has no points")
     return some_of(cloud, known)
-
-
-def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
-    """Points of a cloud by a mask or by their indices."""
-    position, normal, color, radius = cloud
-    return Cloud(
-        position[which],
-        normal[which] if len(normal) else normal,
-        color[which] if len(color) else color,
-        radius[which] if len(radius) else radius,
-    )
 
 
 def _cloud(fields: Fields) -> Cloud:
@@ -142,21 +129,26 @@ def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
 def _read_arrays(path: Path) -> Cloud:
     try:
         with np.load(path) as stored:
-            known = {name: stored[name] for name in Cloud._fields if name in stored}
+            known = {name: stored[name] for name in stored.files}
     except (OSError, ValueError, EOFError) as error:
         raise OSError(f"{path} is damaged: {error}") from None
     if "position" not in known:
-        raise ValueError(f"has no array position; a cloud has {', '.join(Cloud._fields)}")
-    nothing = {name: np.zeros((0,) if name == "radius" else (0, 3)) for name in Cloud._fields}
-    parts = {name: known.get(name, nothing[name]) for name in Cloud._fields}
-    count = len(parts["position"])
+        raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
+    count = len(known["position"]) if known["position"].ndim else 0
+    parts = {name: known.pop(name, np.zeros((0, *rest))) for name, rest in PARTS.items()}
     for name, part in parts.items():
-        expected = nothing[name].shape[1:]
-        if part.shape[1:] != expected or len(part) not in {count, 0}:
-            raise ValueError(f"{name} has the shape {part.shape}; give {(count, *expected)}")
+        if part.shape[1:] != PARTS[name] or len(part) not in {count, 0}:
+            raise ValueError(f"{name} has the shape {part.shape}; give {(count, *PARTS[name])}")
     position = parts.pop("position")
     kind = np.float32 if position.dtype == np.float32 else np.float64
-    return Cloud(position.astype(kind), *(part.astype(np.float32) for part in parts.values()))
+    single = {name: part.astype(np.float32) for name, part in parts.items()}
+    columns = {name: part for name, part in known.items() if _is_column(part, count)}
+    return Cloud(position.astype(kind), **single, columns=columns)
+
+
+def _is_column(part: NDArray[Any], count: int) -> bool:
+    """Whether an array holds a number for each point."""
+    return part.shape == (count,) and part.dtype.kind in "iufb"
 
 
 def _read_columns(path: Path) -> Cloud:
@@ -223,11 +215,20 @@ def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]
             if len(words) != 3 or words[1] not in PLY_TYPES:
                 raise ValueError(f"has vertices with '{' '.join(words)}', which is no number")
             fields.append((words[2], PLY_FORMATS.get(encoding, "") + PLY_TYPES[words[1]]))
+    _refuse_gaussians({name for name, _ in fields})
     if encoding not in PLY_FORMATS or count < 0:
         raise ValueError(f"has no element vertex, or is none of {', '.join(PLY_FORMATS)}")
     if before and encoding != "ascii":
         raise ValueError("has something before its vertices; write the vertices first")
     return encoding, before, count, np.dtype(fields)
+
+
+def _refuse_gaussians(names: set[str]) -> None:
+    if any(own <= names for own in GAUSSIANS):
+        raise ValueError(
+            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which only a renderer of them "
+            "can draw; give a cloud of points with x y z red green blue"
+        )
 
 
 def _length(words: list[str]) -> int:

@@ -5,7 +5,7 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.types import Doubles
-from resample_warp3d.clouds.files import Cloud
+from resample_warp3d.clouds.cloud import Cloud, places
 from resample_warp3d.clouds.spacing import Surfels
 
 FIELD = 40.0  # degrees that `framed` sees along the frame's shorter side
@@ -53,7 +53,7 @@ def framed(
 
 def _box(cloud: Cloud | Surfels) -> tuple[Doubles, Doubles]:
     """Least and greatest coordinates of all points."""
-    position = cloud.position[np.isfinite(cloud.position).all(axis=1)]
+    position = cloud.position if isinstance(cloud, Surfels) else places(cloud)
     if not len(position):
         raise ValueError("a cloud without points cannot be looked at")
     origin = cloud.origin if isinstance(cloud, Surfels) else np.zeros(3)

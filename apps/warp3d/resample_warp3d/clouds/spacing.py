@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_warp3d.clouds.files import Cloud, some_of
+from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
 NEAREST = 4  # of them, whose discs limit a point's own
 LARGEST = 3.0  # times the largest disc of the nearest neighbours a disc may be
-FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
 AT_ONCE = 1 << 18  # points whose neighbours are looked up together
 
 Indices = NDArray[np.int64]
@@ -34,7 +33,9 @@ class Surfels(NamedTuple):
     is_oriented: bool  # normals are known to point outward
 
 
-def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
+def prepare_cloud(
+    cloud: Cloud, *, radius: float | None = None, threads: int | None = None
+) -> Surfels:
     """Prepare a point cloud.
 
     Parameters
@@ -47,6 +48,8 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
         Of all discs, scene units. Left out, it is the cloud's own; where there is none, each disc
         is the least ellipse about its point that contains the part of the surface which is nearer
         to it than to its neighbours: discs then meet, and leave no gaps.
+    threads
+        At most this many. Discs do not depend on it.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
     ValueError
         Lengths do not fit, or no radius is known and all points are in one place.
     """
-    points = _checked(cloud)
+    points = checked(cloud)
     if radius is not None:
         if not (np.isfinite(radius) and radius > 0):
             raise ValueError(f"a radius of {radius}; give a length above 0")
@@ -65,32 +68,10 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
     origin = _middle(points.position)
     position = (points.position - origin).astype(np.float32)
     order = _canonical(points._replace(position=position))
-    return _discs(origin, some_of(points._replace(position=position), order))
+    from resample.engine import jit
 
-
-def _checked(cloud: Cloud) -> Cloud:
-    """Points that can be drawn, in arrays of the shapes that they must have."""
-    count = len(cloud.position)
-    shapes = {"position": (count, 3), "normal": (count, 3), "color": (count, 3), "radius": (count,)}
-    for (name, shape), part in zip(shapes.items(), cloud, strict=True):
-        if part.shape not in {shape, (0, *shape[1:])}:
-            raise ValueError(f"{name} of a cloud has the shape {part.shape}; it must be {shape}")
-    known = np.asarray(np.isfinite(cloud.position).all(axis=1))
-    if len(cloud.color):
-        known &= np.isfinite(cloud.color).all(axis=1)
-    if len(cloud.radius):
-        known &= np.isfinite(cloud.radius) & (cloud.radius > 0)
-    position, normal, color, radius = some_of(cloud, known)
-    farthest = float(np.abs(position).max(initial=0.0))
-    if farthest > FARTHEST:
-        raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
-    is_normal = np.isfinite(normal).all(axis=1, keepdims=True)
-    return Cloud(
-        np.asarray(position, np.float64),
-        np.asarray(np.where(is_normal, normal, 0.0), np.float32),
-        np.asarray(color, np.float32),
-        np.asarray(radius, np.float32),
-    )
+    with jit.threads(jit.workers() if threads is None else threads):
+        return _discs(origin, some_of(points._replace(position=position), order))
 
 
 def _middle(position: Floats | Doubles) -> Doubles:
@@ -109,7 +90,7 @@ def _canonical(cloud: Cloud) -> Indices:
     shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
     if shared.size:
         among = order[shared]
-        columns = [part[among].reshape(among.size, -1).T for part in cloud[::-1] if len(part)]
+        columns = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
         keys = [column for columns_of in columns for column in columns_of[::-1]]
         order[shared] = among[np.lexsort([*keys, code[among]])]
     return order
@@ -159,6 +140,7 @@ def _measured(position: Floats, normal: Floats, axes: Floats, has_radius: bool) 
     """Fill in normals and discs by the neighbours of each point."""
     from scipy.spatial import cKDTree
 
+    from resample.engine.jit import workers
     from resample_warp3d.clouds.kernels.cells import limit, measure
 
     is_first = np.ones(len(position), np.bool_)
@@ -173,12 +155,14 @@ def _measured(position: Floats, normal: Floats, axes: Floats, has_radius: bool) 
     nearest = np.zeros((len(place), min(NEAREST, few)), np.int64)
     for first in range(0, len(place), AT_ONCE):
         some = np.arange(first, min(first + AT_ONCE, len(place)))
-        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=-1)[1]
+        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=workers())[1]
         is_open = np.zeros(len(some), np.bool_)
         measure(place, neighbour, few == many, upward, size, is_open)
         nearest[some] = neighbour[:, : nearest.shape[1]]
         if is_open.any() and few < many:
-            neighbour = tree.query(place[some[is_open]], np.arange(1, many + 1), workers=-1)[1]
+            neighbour = tree.query(place[some[is_open]], np.arange(1, many + 1), workers=workers())[
+                1
+            ]
             measure(place, neighbour, True, upward, size, np.zeros(len(neighbour), np.bool_))
     before = np.linalg.norm(size, axis=2).max(axis=1)
     limit(np.ascontiguousarray(nearest[:, 1:]), before, LARGEST, size)

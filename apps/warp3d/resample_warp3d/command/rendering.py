@@ -22,7 +22,7 @@ from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
 
 if TYPE_CHECKING:
-    from resample_warp3d.clouds.files import Cloud
+    from resample_warp3d.clouds.cloud import Cloud
 
 BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
 FEW = 1e-4  # of the pixels; fewer are not spoken about
