@@ -341,6 +341,34 @@ def test_a_stray_point_stays_small():
     assert size < 4.0  # its neighbours are 60 away
 
 
+@pytest.mark.parametrize(("strays", "factor"), [(1, 1.0), (2, 1.0), (3, 2.0), (5, 2.0)])
+def test_strays_are_not_larger_than_what_they_strayed_from(strays, factor):
+    away = np.array([(0.0, 0, -9), (6, 1, -9), (-6, 2, -8), (1, 7, -9), (2, -6, -8)])[:strays]
+    surfels = prepare_cloud(_cloud(np.concatenate([_grid(40), away])))
+    size = np.linalg.norm(surfels.axes, axis=2).max(axis=1)
+    is_stray = (surfels.position + surfels.origin)[:, 2] < -4
+    assert is_stray.sum() == strays
+    assert size[is_stray].max() <= 1.01 * factor * np.median(size)
+
+
+def test_strays_keep_their_size_where_no_limit_is_asked_for():
+    cloud = _cloud(np.concatenate([_grid(40), [(0, 0, -9.0)]]))
+    assert np.linalg.norm(prepare_cloud(cloud, largest=math.inf).axes, axis=2).max() > 4
+    with pytest.raises(ValueError, match="discs of at most 0 times"):
+        prepare_cloud(cloud, largest=0.0)
+
+
+def test_a_sparse_surface_beside_a_dense_one_keeps_its_discs():
+    sparse, dense = _grid(60, spacing=2.0), _grid(90, spacing=0.5)
+    is_right = sparse[:, 0] > 0
+    cloud = _cloud(np.concatenate([sparse[is_right], dense - (23.0, 0, 0)]))
+    size = (60, 40)
+    pose = look_at((12.0, 0, -50), (12.0, 0, 0), (0, -1, 0))
+    camera = Camera(np.array([[100.0, 0, 20], [0, 100, 30], [0, 0, 1]]), pose)
+    frame = render_cloud(cloud, camera, size=size)  # from the seam at 0 to the right
+    assert frame.coverage[:, 1:].mean() > 0.99
+
+
 def test_rows_far_apart_get_long_discs():
     x, y = np.meshgrid(np.arange(60) * 0.25, np.arange(20) * 1.0)
     surfels = prepare_cloud(_cloud(np.c_[x.ravel(), y.ravel(), np.zeros(x.size)]))
