@@ -13,7 +13,7 @@ from resample.engine.jit import threads, workers
 from resample.types import Frame
 from resample_warp3d.clouds import spacing
 from resample_warp3d.clouds.files import Cloud, read_cloud
-from resample_warp3d.clouds.framing import framed
+from resample_warp3d.clouds.framing import framed, framed_together
 from resample_warp3d.clouds.kernels.discs import REACH
 from resample_warp3d.clouds.kernels.painting import AMPLE
 from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Light, render_cloud
@@ -384,6 +384,82 @@ def test_a_frame_holds_all_of_a_cloud():
     assert frame.coverage[30, 40] == 1
     border = [frame.coverage[[0, -1]].max(), frame.coverage[:, [0, -1]].max()]
     assert max(border) == 0
+
+
+def _filled(cloud, size, **camera) -> tuple[float, float]:
+    """Share of the frame's width and height between the first and the last covered pixel."""
+    surfels = prepare_cloud(cloud)
+    covered = render_cloud(surfels, framed(surfels, size=size, **camera), size=size).coverage > 0.5
+    return covered.any(axis=0).mean(), covered.any(axis=1).mean()
+
+
+@pytest.mark.parametrize("size", [(60, 80), (80, 60), (50, 200)])
+@pytest.mark.parametrize("angles", [(0, 0), (30, 20), (250, -60)])
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (5, 1, 1), (1, 3, 0.2)])
+def test_a_cloud_fills_its_frame(size, angles, stretch):
+    cloud = _cloud(_ball(1500) * stretch + (50, 6, 7))
+    width, height = _filled(cloud, size, azimuth=angles[0], elevation=angles[1])
+    assert 0.88 < max(width, height) < 0.99  # a pixel is 2 %
+
+
+@pytest.mark.parametrize("far", [3.0, 30.0, 3000.0])
+def test_strays_do_not_make_the_rest_small(far):
+    strays = np.array([(far, far, 0), (-far, 0, far), (0, 0, 2 * far)])
+    cloud = _cloud(np.concatenate([_ball(3000), strays]))
+    assert max(_filled(cloud, (60, 80), azimuth=20, elevation=10)) > 0.88
+
+
+def test_strays_in_many_clumps_do_not_either(rng):
+    middles = np.repeat(rng.normal(size=(20, 3)) * 40, 2, axis=0)
+    cloud = _cloud(np.concatenate([_ball(6000), middles + rng.normal(size=middles.shape)]))
+    assert max(_filled(cloud, (60, 80))) > 0.88
+
+
+def test_a_thin_pole_is_no_stray():
+    pole = np.c_[np.zeros((30, 2)), np.linspace(1.0, 3.0, 30)]
+    camera = framed(_cloud(np.concatenate([_ball(20000), pole])), size=(80, 60))
+    top = camera.world_to_camera @ (0, 0, 3.0, 1)
+    row = (camera.matrix @ top[:3])[1] / top[2]
+    assert 0 < row < 4
+
+
+def test_few_points_are_all_framed(rng):
+    position = rng.normal(size=(60, 3)) * 10
+    camera = framed(_cloud(position), size=(60, 80))
+    seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+    x, y = (seen @ camera.matrix.T)[:, :2].T / seen[:, 2]
+    assert (x > 0).all()
+    assert (x < 80).all()
+    assert (y > 0).all()
+    assert (y < 60).all()
+
+
+def test_a_lone_disc_fills_its_frame():
+    cloud = _cloud([(5.0, 6, 7)], normal=[(0, -1.0, 0)], radius=[2.0])
+    _, height = _filled(cloud, (60, 80))
+    assert height > 0.9
+
+
+@pytest.mark.parametrize("fov", [0.0, 180.0, math.nan])
+def test_fields_of_view_that_are_none_are_refused(fov):
+    with pytest.raises(ValueError, match="a field of view of"):
+        framed(_cloud(_grid(4)), size=SIZE, fov=fov)
+
+
+def test_all_cameras_of_an_orbit_see_all_of_a_cloud_from_one_distance():
+    size, position = (60, 80), _ball(1500) * (5, 1, 1) + (50, 6, 7)
+    angles = [(azimuth, 10.0) for azimuth in range(0, 360, 15)]
+    cameras = framed_together(prepare_cloud(_cloud(position)), size=size, angles=angles)
+    filled, away = [], set()
+    for camera in cameras:
+        seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+        x, y = (seen @ camera.matrix.T)[:, :2].T / seen[:, 2]
+        assert min(x.min(), y.min()) > 0
+        filled.append(max(np.ptp(x) / 80, np.ptp(y) / 60))
+        middle = np.array([*(0.5 * (position.min(axis=0) + position.max(axis=0))), 1.0])
+        away.add(round(float(np.linalg.norm(camera.world_to_camera @ middle)), 3))
+    assert len(away) == 1
+    assert 0.85 < max(filled) < 1
 
 
 @pytest.mark.parametrize(
