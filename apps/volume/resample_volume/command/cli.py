@@ -61,14 +61,15 @@ def render(
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
+    from resample.measuring.color_bars import check_bar
     from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
-    from resample_volume.files.writing import check_color_bar, with_bar
+    from resample_volume.files.writing import with_bar
 
     check_suffix(output)
     size = picture.height_and_width()
     if color_bar:
-        check_color_bar(output, size[0])
+        check_bar(output, size[0])
     background = _background(picture.background, output)
     resampler = look.renderer(resampling)
     viewpoint = look.viewpoint()

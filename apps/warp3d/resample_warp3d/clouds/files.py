@@ -25,8 +25,9 @@ COLORS = (
 )
 PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
 LONGEST_HEADER = 1000  # lines
+COMMENTS = ("#", "//")  # what lines that are no numbers begin with
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
-COLUMNS = {3: "x y z", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
+COLUMNS = {3: "x y z", 4: "x y z value", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
 
 GAUSSIANS = (  # columns that points of surfaces do not have; each set tells for itself
     {"f_dc_0", "opacity", "scale_0", "rot_0"},
@@ -50,10 +51,11 @@ def read_cloud(path: str | Path) -> Cloud:
     ----------
     path
         By its suffix: `.ply` and `.pcd`, ASCII and binary of all kinds; text of numbers in columns,
-        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal) and `.xyzn` (x y z and a
-        normal); `.npz` with the arrays position, and, if known, normal, color (linear light) and
-        radius. Colors of all others are taken for sRGB: whole numbers of their type's range, floats
-        from 0 to 1; in text 0 to 255 if any is above 1.
+        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal; or x y z and a value;
+        or what the first line says by as many names) and `.xyzn` (x y z and a normal); `.npz` with
+        the arrays position, and, if known, normal, color (linear light) and radius. Colors of all
+        others are taken for sRGB: whole numbers of their type's range, floats from 0 to 1; in text
+        0 to 255 if any is above 1. What else there is of each point is kept as a column.
 
     Returns
     -------
@@ -90,11 +92,18 @@ def _cloud(fields: Fields) -> Cloud:
     single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
     normal = _stacked(fields, NORMALS)
     radius = fields.get("radius", np.zeros(0))
+    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
+    known |= {*PACKED, "radius"}
     return Cloud(
         position.astype(np.float32 if single else np.float64),
         np.zeros((0, 3), np.float32) if normal is None else normal.astype(np.float32),
         _colors(fields),
         radius.astype(np.float32),
+        {
+            name: column
+            for name, column in fields.items()
+            if name not in known and not name.startswith("_")  # PCD's padding
+        },
     )
 
 
@@ -157,23 +166,48 @@ def _read_columns(path: Path) -> Cloud:
         lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
     except UnicodeDecodeError:
         raise ValueError("is no text") from None
-    table = _table(lines)
-    width = table.shape[1]
-    with_normals = path.suffix.lower() == ".xyzn"
-    if width not in COLUMNS or (with_normals and width != 6):
-        known = "x y z nx ny nz" if with_normals else ", ".join(COLUMNS.values())
-        raise ValueError(f"has {width} columns; known are {known}")
-    rest = table[:, 3:].astype(np.float32)
-    normal = rest if with_normals else rest[:, 3:]
-    color = np.zeros((0, 3), np.float32) if with_normals else rest[:, :3]
-    if (color > 1).any():
-        color = color / np.float32(255)
-    return Cloud(
-        table[:, :3],
-        normal if normal.shape[1] else np.zeros((0, 3), np.float32),
-        from_srgb(color) if color.shape[1] else np.zeros((0, 3), np.float32),
-        np.zeros(0, np.float32),
-    )
+    first = next((n for n, line in enumerate(lines) if line.strip()), 0)
+    names = _names(lines[first]) if lines else []
+    is_comment = bool(lines) and lines[first].lstrip().startswith(COMMENTS)
+    table = _table(lines[first + 1 :] if names and not is_comment else lines)
+    if names and not is_comment and len(names) != table.shape[1]:
+        raise ValueError(f"names {len(names)} columns and has {table.shape[1]}")
+    if len(names) != table.shape[1] or not set(names).issuperset("xyz"):
+        names = _usual_names(table.shape[1], path.suffix.lower() == ".xyzn")
+    fields = dict(zip(names, table.T, strict=True))
+    for group in COLORS:
+        levels = [fields[name] for name in group if name in fields]
+        if len(levels) == 3 and np.max(levels, initial=0.0) > 1:
+            fields.update({name: fields[name] / 255 for name in group})
+    return _cloud(fields)
+
+
+def _names(line: str) -> list[str]:
+    """Names of columns that a line holds; none if it holds a number."""
+    words = line.strip().lstrip("#/").split()
+    if any(_is_number(word) for word in words):
+        return []
+    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
+    return [word.lower() if word.lower() in known else word for word in words]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _usual_names(width: int, with_normals: bool) -> list[str]:
+    """Names of the columns of a table that does not say them."""
+    usual = {6: "x y z nx ny nz"} if with_normals else COLUMNS
+    if width not in usual:
+        raise ValueError(
+            f"has {width} columns; known are {', '.join(usual.values())}, or what the first line "
+            "says by as many names"
+        )
+    return usual[width].split()
 
 
 def _header(file: BinaryIO, last: str) -> list[list[str]]:
@@ -265,7 +299,7 @@ def _table(lines: list[str]) -> Doubles:
     if not any(line.strip() for line in lines):
         return np.zeros((0, 3))
     try:
-        table: Doubles = np.loadtxt(lines, np.float64, comments=("#", "//"), ndmin=2)
+        table: Doubles = np.loadtxt(lines, np.float64, comments=COMMENTS, ndmin=2)
         return table
     except ValueError as error:
         raise ValueError(f"is no table of numbers: {str(error).partition(';')[0]}") from None
