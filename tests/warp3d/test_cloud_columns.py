@@ -162,6 +162,7 @@ def test_equal_values_have_the_color_in_the_middle():
         ("z", {"span": "1,2,3"}, "give low,high"),
         ("z", {"span": "1,inf"}, "give low,high"),
         ("z", {"span": "-1%,50%"}, "give low,high"),
+        ("class", {"span": "0%,5%"}, "a range of '0%,5%', which is from 0 to 0; give a wider"),
         ("z", {"span": (2, 1)}, "give the smaller first"),
     ],
 )

@@ -25,7 +25,14 @@ def test_importing_the_package_imports_no_heavy_library():
 
 @pytest.mark.parametrize(
     "words",
-    [["--help"], ["--version"], ["render", "--help"], ["animate", "--help"], ["cloud", "--help"]],
+    [
+        ["--help"],
+        ["--version"],
+        ["render", "--help"],
+        ["animate", "--help"],
+        ["cloud", "--help"],
+        ["animate-cloud", "--help"],
+    ],
 )
 def test_help_imports_nothing_heavy(words):
     imported = modules_after(

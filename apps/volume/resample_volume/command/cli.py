@@ -56,7 +56,7 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     color_bar
-        Add a bar of colors, opacities and values to the right (.png).
+        Add a bar to the right: of colors, opacities and values (.png).
     """
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame

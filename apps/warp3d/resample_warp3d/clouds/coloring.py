@@ -99,6 +99,8 @@ def span_of(given: str | Range | None, values: NDArray[Any]) -> Range:
         first, last = (_end(word.strip(), values) for word in words)
     except ValueError:
         raise ValueError(f"a range of {given!r}; give low,high, such as 0,255 or 2%,98%") from None
+    if first == last:
+        raise ValueError(f"a range of {given!r}, which is from {first:g} to {last:g}; give a wider")
     if not first < last:
         raise ValueError(
             f"a range from {first:g} to {last:g}; give the smaller first, and a colormap with _r "

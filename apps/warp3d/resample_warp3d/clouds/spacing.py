@@ -3,6 +3,7 @@
 Done once per cloud; the result serves every camera.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ def prepare_cloud(
     radius: float | None = None,
     largest: float = LARGEST,
     threads: int | None = None,
+    cache: bool = False,
 ) -> Surfels:
     """Prepare a point cloud.
 
@@ -57,6 +59,9 @@ def prepare_cloud(
         both. Of discs whose radius is not known.
     threads
         At most this many. Discs do not depend on it.
+    cache
+        Keep what the neighbours say in the user's cache, and take it from there if it is; see
+        `resample_warp3d.clouds.storing`.
 
     Returns
     -------
@@ -80,7 +85,8 @@ def prepare_cloud(
     from resample.engine import jit
 
     with jit.threads(jit.workers() if threads is None else threads):
-        return _discs(origin, some_of(points._replace(position=position), order), largest)
+        ordered = some_of(points._replace(position=position), order)
+        return _discs(origin, ordered, largest, cache)
 
 
 def _middle(position: Floats | Doubles) -> Doubles:
@@ -130,7 +136,7 @@ def _spaced(bits: Codes) -> Codes:
     return bits
 
 
-def _discs(origin: Doubles, cloud: Cloud, largest: float) -> Surfels:
+def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfels:
     """Discs of points that are in order and relative to an origin."""
     count = len(cloud.position)
     normal = cloud.normal.copy() if len(cloud.normal) else np.zeros((count, 3), np.float32)
@@ -138,7 +144,13 @@ def _discs(origin: Doubles, cloud: Cloud, largest: float) -> Surfels:
     axes = np.zeros((count, 2, 3), np.float32)
     if count and not (is_oriented and len(cloud.radius)):
         position = np.asarray(cloud.position, np.float32)
-        _measured(position, normal, axes, None if len(cloud.radius) else largest)
+        if len(cloud.radius) or not cache:
+            _measured(position, normal, axes, None if len(cloud.radius) else largest)
+        else:
+            from resample_warp3d.clouds.storing import measured_once
+
+            measure = partial(_measured, position, normal, axes, largest)
+            measured_once(position, normal, axes, largest, measure)
     if count and len(cloud.radius):
         from resample_warp3d.clouds.kernels.cells import lay
 
