@@ -175,3 +175,13 @@ def test_what_cannot_be_shown_is_refused(column, choice, message):
 def test_a_column_of_nothing_is_refused():
     with pytest.raises(ValueError, match="no finite value"):
         colored(CLOUD._replace(columns={"t": np.full(30, np.nan)}), "t")
+
+
+def test_a_cloud_of_none_is_refused_in_words():
+    with pytest.raises(ValueError, match="position of a cloud is None"):
+        colored(CLOUD._replace(position=None), "z")
+
+
+def test_columns_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match=r"column 't' has the shape \(3,\); it must be \(30,\)"):
+        colored(CLOUD._replace(columns={"t": np.zeros(3)}), "t")

@@ -43,7 +43,7 @@ def places(cloud: Cloud) -> Floats | Doubles:
     ValueError
         Positions are no array of that shape.
     """
-    position: Floats | Doubles = _array(cloud, "position")
+    position: Floats | Doubles = part_of(cloud, "position")
     known: Floats | Doubles = position[np.isfinite(position).all(axis=1)]
     return known
 
@@ -56,7 +56,7 @@ def checked(cloud: Cloud) -> Cloud:
     ValueError
         Lengths do not fit, something is no array, or a coordinate is absurd.
     """
-    parts = {name: _array(cloud, name) for name in ("position", "normal", "color", "radius")}
+    parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
     known = np.asarray(np.isfinite(parts["position"]).all(axis=1))
     if len(parts["color"]):
         known &= np.isfinite(parts["color"]).all(axis=1)
@@ -75,7 +75,7 @@ def checked(cloud: Cloud) -> Cloud:
     )
 
 
-def _array(cloud: Cloud, name: str) -> Any:
+def part_of(cloud: Cloud, name: str) -> Any:
     """A part of a cloud, whose shape fits the positions."""
     count = len(cloud.position) if cloud.position is not None else "N"
     rest = () if name == "radius" else (3,)

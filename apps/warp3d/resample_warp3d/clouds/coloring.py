@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.colors import mapped
 from resample.types import Floats
-from resample_warp3d.clouds.cloud import Cloud
+from resample_warp3d.clouds.cloud import Cloud, part_of
 
 AXES = ("x", "y", "z")
 UNKNOWN = 0.2  # linear gray of points at which nothing was measured
@@ -78,10 +78,13 @@ def columns_of(cloud: Cloud) -> list[str]:
 
 def _column(cloud: Cloud, name: str) -> NDArray[Any]:
     if name in cloud.columns:
-        return cloud.columns[name]
+        values, count = np.asarray(cloud.columns[name]), len(part_of(cloud, "position"))
+        if values.shape != (count,):
+            raise ValueError(f"column {name!r} has the shape {values.shape}; it must be ({count},)")
+        return values
     if name not in AXES:
         raise ValueError(f"there is no column {name!r}; there are {', '.join(columns_of(cloud))}")
-    return np.asarray(cloud.position[:, AXES.index(name)])
+    return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
 
 
 def span_of(given: str | Range | None, values: NDArray[Any]) -> Range:

@@ -14,6 +14,7 @@ from resample_warp3d.clouds.spacing import Surfels
 
 FIELD = 40.0  # degrees that `framed` sees along the frame's shorter side
 FILLED = 0.95  # of the frame's width or height, by what is visible
+DIRECTIONS = 25  # of all that a film looks along, which its distance is made for
 LEAST = 1e-12  # scene units from the eye to what it looks at
 STRAY = 0.01  # of all points: clumps that stand apart and hold less than this are not framed
 PER_CELL = 8  # points, on average, if they were spread evenly in the box around them
@@ -27,14 +28,14 @@ class Framing(NamedTuple):
 
     position: Doubles  # (N, 3)
     axes: Floats  # (N, 2, 3) half axes of the discs; or (0, 2, 3)
+    reach: float  # scene units, how far the largest disc reaches
 
     def farthest(self, along: Doubles) -> float:
         """Greatest product of a direction (3,) and a place on a disc."""
         center = self.position @ along
         if not len(self.axes):
             return float(center.max())
-        reach = np.linalg.norm(self.axes, axis=2).max() * np.linalg.norm(along) * np.sqrt(2.0)
-        near = center >= center.max() - reach
+        near = center >= center.max() - self.reach * np.linalg.norm(along)
         return float((center[near] + np.linalg.norm(self.axes[near] @ along, axis=1)).max())
 
 
@@ -111,10 +112,16 @@ def framed_together(
     slope = _slopes(camera, size)
     around = seen._replace(position=seen.position - middle)
     away = LEAST
-    for pair in set(angles):
+    for pair in _some(angles):
         sides = _sides(around, orbit(np.zeros(3), 1.0, *pair, up)[:3, :3], slope)
         away = max(away, float((sides / slope).max()))
     return [camera.moved(orbit(middle, away, *pair, up)) for pair in angles]
+
+
+def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Angles that stand for all: of an orbit, cosines between two change by under a hundredth."""
+    each = sorted(set(angles))
+    return [each[n] for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int)]
 
 
 def _camera(size: tuple[int, int], fov: float) -> Camera:
@@ -168,8 +175,9 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
         stray -= len(kept) - int(is_near.sum())
         kept = kept[is_near]
     if isinstance(cloud, Surfels):
-        return Framing(cloud.position[kept] + cloud.origin, cloud.axes[kept])
-    return Framing(np.asarray(position[kept], np.float64), np.zeros((0, 2, 3), np.float32))
+        reach = np.linalg.norm(cloud.axes[kept], axis=(1, 2)).max()
+        return Framing(cloud.position[kept] + cloud.origin, cloud.axes[kept], float(reach))
+    return Framing(np.asarray(position[kept], np.float64), np.zeros((0, 2, 3), np.float32), 0.0)
 
 
 def _together(position: Floats | Doubles, most: int) -> Flags:
