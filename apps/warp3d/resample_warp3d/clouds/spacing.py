@@ -14,7 +14,7 @@ from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
-LARGEST = 2.0  # times the median size of the discs around it a disc may be
+LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
 AT_ONCE = 1 << 18  # points whose neighbours are looked up together
 
 Indices = NDArray[np.int64]
@@ -54,8 +54,8 @@ def prepare_cloud(
         is the least ellipse about its point that contains the part of the surface which is nearer
         to it than to its neighbours: discs then meet, and leave no gaps.
     largest
-        How many times the median size of its 12 neighbours' discs a disc may be; the disc of a
-        stray point, to which at most one neighbour is half as lonely, at most once. Infinity lifts
+        How many times the upper quartile of its 12 neighbours' sizes a disc may be large; that of a
+        stray point, of whose neighbours at most one is half as lonely, at most once. Infinity lifts
         both. Of discs whose radius is not known.
     threads
         At most this many. Discs do not depend on it.

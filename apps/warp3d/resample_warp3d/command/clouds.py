@@ -58,7 +58,7 @@ class CloudLook(Choices):
         float | None,
         Field(
             description="How many times as large as those around it a point may be; inf for no "
-            "limit. 2, and 1 for stray points."
+            "limit. 1.75, and 1 for stray points."
         ),
     ] = None
     filter: Annotated[

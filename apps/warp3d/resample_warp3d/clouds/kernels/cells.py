@@ -331,15 +331,15 @@ def measure(
 
 
 @kernel
-def _middle_of(numbers: Doubles, count: int) -> float:
-    """Median of the first numbers, which change their order; the greater of two in the middle."""
+def _upper_of(numbers: Doubles, count: int) -> float:
+    """Upper quartile of the first numbers, which change their order."""
     for n in range(1, count):
         number, place = numbers[n], n
         while place > 0 and numbers[place - 1] > number:
             numbers[place] = numbers[place - 1]
             place -= 1
         numbers[place] = number
-    return float(numbers[count // 2])
+    return float(numbers[3 * count // 4])
 
 
 @kernel
@@ -356,7 +356,7 @@ def _limit(
             sizes[j] = size[there]
             if spacing[there] >= ALIKE * spacing[n]:
                 alike += 1
-        reach = _middle_of(sizes, count) * (most if alike > FEW else 1.0)
+        reach = _upper_of(sizes, count) * (most if alike > FEW else 1.0)
         for k in range(2):
             x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
             length = math.sqrt(x * x + y * y + z * z)
@@ -376,9 +376,10 @@ def limit(
 ) -> None:
     """Shorten the half axes of discs that are far larger than those around them.
 
-    A half axis is at most `most` times as long as the median of the sizes around it; of a stray
-    point, to which nothing around is as lonely as itself, not longer than that median. Points far
-    from a surface would else cover it, and thorns stand out from its rims.
+    A half axis is at most `most` times as long as the upper quartile of the sizes around it, which
+    three of twelve cannot raise; of a stray point, as no more than one around is half as lonely,
+    not longer than that. Points far from a surface would else cover it, and thorns stand out from
+    its rims.
 
     Parameters
     ----------
