@@ -9,6 +9,11 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
+    from resample_warp3d.clouds.cloud import Cloud
+    from resample_warp3d.clouds.files import read_cloud
+    from resample_warp3d.clouds.framing import framed
+    from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
+    from resample_warp3d.clouds.spacing import prepare_cloud
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.merging import merge
@@ -18,6 +23,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Camera": "resample.cameras.models",
+    "Cloud": "clouds.cloud",
+    "CloudStyle": "clouds.rendering",
     "DepthImage": "types",
     "Equation": "types",
     "Hole": "types",
@@ -25,16 +32,22 @@ _HOMES = {
     "Source": "types",
     "Warped": "types",
     "between": "depth.equation",
+    "framed": "clouds.framing",
     "merge": "merging",
     "of_rectified": "depth.equation",
     "prepare": "depth.preparation",
+    "prepare_cloud": "clouds.spacing",
+    "read_cloud": "clouds.files",
     "render": "warping",
+    "render_cloud": "clouds.rendering",
     "warp": "warping",
     "warp_disparity": "warping",
 }
 
 __all__ = [
     "Camera",
+    "Cloud",
+    "CloudStyle",
     "DepthImage",
     "Equation",
     "Hole",
@@ -42,10 +55,14 @@ __all__ = [
     "Source",
     "Warped",
     "between",
+    "framed",
     "merge",
     "of_rectified",
     "prepare",
+    "prepare_cloud",
+    "read_cloud",
     "render",
+    "render_cloud",
     "warp",
     "warp_disparity",
 ]

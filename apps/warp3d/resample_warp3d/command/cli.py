@@ -11,6 +11,7 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
 from resample_warp3d.command.choices import Aim, Depth, Extras, SourceCamera, Travel, Warping
+from resample_warp3d.command.clouds import CloudLook
 
 app = App(
     name="resample-warp3d",
@@ -21,7 +22,7 @@ app = App(
 )
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
-WRITTEN, EXTRAS, TRAVEL = Written(), Extras(), Travel()
+WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -245,16 +246,14 @@ def cloud(
     pose: str | None = None,
     intrinsics: Annotated[str | None, flags.Hyphen] = None,
     size: flags.Size = "640x480",
-    point_size: float = 1.0,
-    filter: str | None = None,  # noqa: A002
-    light: Literal["none", "eye"] | None = None,
-    one_sided: Annotated[bool, flags.Switch] = False,
+    look: Annotated[CloudLook, flags.Flat] = CLOUD,
     background: str | None = None,
     bits: flags.Bits = 8,
 ) -> None:
     """Show a point cloud with normals, where it has them, and colors.
 
-    Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y -o scan.png
+    Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y --color-by intensity
+    --color-bar -o scan.png
 
     Parameters
     ----------
@@ -264,43 +263,85 @@ def cloud(
         File or file:frame of a pose: in place of the camera, with intrinsics.
     intrinsics
         fx,fy,cx,cy[,skew] in px; for a pose.
-    point_size
-        Factor of what the points' spacing suggests.
-    filter
-        Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel.
-    light
-        Where light comes from: eye, for clouds without colors, or none, for others.
-    one_sided
-        Leave out what is seen from behind.
     background
         Behind the picture: black, white, #rrggbb or none for transparent. None.
     """
-    from resample.cameras.files import viewpoint
     from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_warp3d.clouds.files import read_cloud
-    from resample_warp3d.clouds.rendering import CloudStyle, Light, render_cloud
-    from resample_warp3d.command.rendering import announce, check_memory, cloud_camera
+    from resample_warp3d.command.clouds import (
+        beside,
+        calibrated_of,
+        camera_of,
+        scene_of,
+        start_of,
+    )
+    from resample_warp3d.command.rendering import check_memory
 
     check_suffix(output)
     shape = height_and_width(size)
-    seen_from = viewpoint(camera, up=up)
-    if (pose is None) != (intrinsics is None):
-        raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
-    calibrated = None if pose is None or intrinsics is None else (pose, intrinsics)
+    seen_from, calibrated = start_of(camera, up), calibrated_of(pose, intrinsics)
     behind = None if background is None else linear_color(background)
-    lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
-    style = CloudStyle(point_size=point_size, light=lights[light], cull=one_sided)
+    look.check(output, shape[0])
     check_targets(output)
     check_memory(shape, 4)
-    points = read_cloud(file)
-    placed = cloud_camera(points, shape, seen_from, calibrated)
-    announce()
-    with Session().stage("paint", bar="painting"):
-        frame = render_cloud(points, placed, size=shape, style=style, filter=filter)
-    write_frame(output, frame, bits=bits, background=behind)
+    session = Session()
+    scene = scene_of(session, file, look)
+    placed = camera_of(scene.surfels, shape, seen_from) if calibrated is None else calibrated
+    with session.stage("paint", bar="painting"):
+        frame = scene.picture(placed, shape)
+    bar = scene.bar(shape[0], behind)
+    drawn = frame._replace(rgba=beside(frame.rgba, bar, behind))
+    write_frame(output, drawn, bits=bits, background=behind)
+
+
+@app.command
+def animate_cloud(
+    file: Path,
+    /,
+    *,
+    output: flags.FilmOutput,
+    path: str = "orbit",
+    frames: int | None = None,
+    camera: flags.Viewed = "30/20/1",
+    up: flags.Up = "z",
+    fps: flags.FramesPerSecond = 24.0,
+    size: flags.Size = "640x480",
+    look: Annotated[CloudLook, flags.Flat] = CLOUD,
+    background: flags.FilmBackground = "black",
+    resume: flags.Resume = False,
+) -> None:
+    """Move a camera around a point cloud.
+
+    Example: resample-warp3d animate-cloud scan.ply --camera 0/20/1 --up y -o orbit.mp4
+
+    Parameters
+    ----------
+    file
+        As of cloud.
+    path
+        The camera's way: orbit, once around; sway, left and right; or a file of keyframes or poses.
+    frames
+        How many. 96; of a file as many as its times ask for.
+    """
+    from resample.command.session import Session
+    from resample.command.settings import linear_color
+    from resample.files.animations import check_film, write_film
+    from resample_warp3d.command.clouds import cameras_of, film_of, path_of, scene_of, start_of
+    from resample_warp3d.command.rendering import check_memory
+
+    shape = height_and_width(size)
+    check_film(output, fps)
+    viewpoints = path_of(path, frames, fps, start_of(camera, up))
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    look.check(output, shape[0])
+    check_memory(shape, 4)
+    session = Session()
+    scene = scene_of(session, file, look)
+    film = film_of(scene, cameras_of(scene.surfels, viewpoints, shape), shape, behind)
+    with session.stage("film", bar="moving") as progress:
+        write_film(output, film, fps, resume=resume, progress=progress)
 
 
 @app.command

@@ -2,27 +2,23 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import Camera
-from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.colors import Background
 from resample.command.console import say
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.animations import fingerprint
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
-from resample_warp3d.command.choices import Shape, Warping, with_intrinsics
+from resample_warp3d.command.choices import Shape, Warping
 from resample_warp3d.command.inputs import DepthView
 from resample_warp3d.depth.equation import between, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
-
-if TYPE_CHECKING:
-    from resample_warp3d.clouds.files import Cloud
 
 BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
 FEW = 1e-4  # of the pixels; fewer are not spoken about
@@ -135,44 +131,6 @@ def film_of(
         "version": version("hybrid-resample"),
     }
     return Film(frame, job)
-
-
-def cloud_camera(
-    cloud: "Cloud", shape: Shape, viewpoint: Viewpoint, calibrated: tuple[str, str] | None
-) -> Camera:
-    """Camera that looks at a cloud.
-
-    Parameters
-    ----------
-    cloud
-        Points.
-    shape
-        Height and width of the picture, px.
-    viewpoint
-        Where from.
-    calibrated
-        In its place, if not None, the words of a pose and of intrinsics.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        The numbers are no camera's, or a file cannot be read.
-    """
-    from resample.cameras.files import read_pose
-    from resample_warp3d.clouds.framing import framed
-
-    if calibrated is not None:
-        pose, intrinsics = calibrated
-        return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose))
-    if isinstance(viewpoint, Spot | Calibrated):
-        return viewpoint.sized(*shape)
-    if not isinstance(viewpoint, Orbit):
-        return cast(Camera, viewpoint)  # files hold no parallel ones
-    angles = viewpoint.azimuth, viewpoint.elevation
-    camera = framed(cloud, size=shape, azimuth=angles[0], elevation=angles[1], up=viewpoint.up)
-    matrix = camera.matrix.copy()
-    matrix[:2, :2] *= viewpoint.zoom
-    return Camera(matrix, camera.world_to_camera)
 
 
 def check_memory(shape: Shape, channels: int) -> None:
