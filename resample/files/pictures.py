@@ -287,7 +287,7 @@ def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
         ) from None
 
 
-class Page(NamedTuple):
+class StoredPage(NamedTuple):
     """A picture, or rows of one, as a file holds it."""
 
     data: NDArray[Any]  # of the type that is stored
@@ -302,7 +302,7 @@ class Page(NamedTuple):
         return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
 
 
-def page_of(path: Path, picture: Picture, look: Look) -> Page:
+def page_of(path: Path, picture: Picture, look: Look) -> StoredPage:
     """Picture as a file holds it.
 
     Raises
@@ -329,7 +329,7 @@ def page_of(path: Path, picture: Picture, look: Look) -> Page:
         data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
-    return Page(data, kind, about, is_light)
+    return StoredPage(data, kind, about, is_light)
 
 
 def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
@@ -392,7 +392,9 @@ def _bits(suffix: str, source: int) -> int:
     return min(depths) if suffix == ".png" else max(depths)
 
 
-def opened(path: Path, temporary: Path, page: Page, height: int, *, is_next: bool = False) -> Any:
+def opened(
+    path: Path, temporary: Path, page: StoredPage, height: int, *, is_next: bool = False
+) -> Any:
     """File of OpenImageIO for a page of so many rows, the first one or the next.
 
     Raises
@@ -416,7 +418,7 @@ def complaint_of(source: Any) -> str:
     return str(source.geterror()).strip().partition("\n")[0] or "no reason is given"
 
 
-def spec_of(suffix: str, page: Page, height: int) -> Any:
+def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     """What OpenImageIO is told about a page of so many rows."""
     import OpenImageIO
 

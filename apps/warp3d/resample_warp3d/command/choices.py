@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from resample_warp3d.types import Method
 
 Shape = tuple[int, int]  # height and width, px
+FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
+RELATIVE = ("relative", "relative-z")
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 
@@ -34,20 +36,23 @@ class Depth(Choices):
     """What the numbers of the depth file mean."""
 
     depth_kind: Annotated[
-        Literal["z", "ray", "inverse", "disparity"],
+        Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
         Field(
             description="Z along the camera's axis, length of the ray, 1 / z, or disparity of a "
-            "calibrated pair. 0, NaN and inf are unknown."
+            "calibrated pair, where 0, NaN and inf are unknown; or what networks tell: relative, "
+            "larger is nearer, or relative-z, larger is farther."
         ),
     ] = "z"
     depth_scale: Annotated[
         float | None,
         Field(description="Numbers per unit: 1000 for mm, 5000 for TUM. Floats need none."),
     ] = None
-    near: Annotated[float | None, Field(description="Inverse depth: z at the largest number.")] = (
-        None
-    )
-    far: Annotated[float | None, Field(description="Inverse depth: z at 0; may be inf.")] = None
+    near: Annotated[
+        float | None, Field(description="Inverse depth: z at the largest number. Relative: 1.")
+    ] = None
+    far: Annotated[
+        float | None, Field(description="Inverse depth: z at 0; may be inf. Relative: 10.")
+    ] = None
     baseline: Annotated[
         float | None, Field(description="Disparity: distance of the two eyes, scene units.")
     ] = None
@@ -64,14 +69,35 @@ class Depth(Choices):
         """Refuse what can be seen to be wrong without the files."""
         if self.depth_kind == "disparity" and self.baseline is None:
             raise ValueError("disparity needs --baseline; without one, see the command stereo")
-        of_kind = {
-            "inverse": ("near", "far"),
-            "disparity": ("baseline", "focal", "doffs"),
+        of_kinds = {
+            ("inverse", *RELATIVE): ("near", "far"),
+            ("disparity",): ("baseline", "focal", "doffs"),
         }
-        for kind, names in of_kind.items():
+        for kinds, names in of_kinds.items():
             given = [name for name in names if getattr(self, name) not in (None, 0.0)]
-            if given and self.depth_kind != kind:
-                raise ValueError(f"--{given[0]} belongs to --depth-kind {kind}")
+            if given and self.depth_kind not in kinds:
+                raise ValueError(f"--{given[0]} belongs to --depth-kind {' or '.join(kinds)}")
+        if self.is_relative and self.depth_scale is not None:
+            raise ValueError("relative depth has no scale; --near and --far say its range")
+        if self.is_relative:
+            self._relative()
+
+    def range(self) -> tuple[float, float]:
+        """Z that relative depth is taken to lie between."""
+        from resample_warp3d.depth import encodings
+
+        near = encodings.NEAR if self.near is None else self.near
+        return near, encodings.FAR * near if self.far is None else self.far
+
+    def _relative(self) -> "Encoding":
+        from resample_warp3d.depth.encodings import RelativeDepth
+
+        return RelativeDepth(*self.range(), self.depth_kind == "relative-z")
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether the numbers have an unknown scale."""
+        return self.depth_kind in RELATIVE
 
     def encoding(self, camera: "Camera") -> "Encoding":
         """Meaning of the numbers, for a picture of the camera.
@@ -90,7 +116,57 @@ class Depth(Choices):
         if self.depth_kind == "disparity":
             focal = abs(float(camera.matrix[0, 0])) if self.focal is None else self.focal
             return encodings.Disparity(focal, self.baseline or 0.0, self.depth_scale, self.doffs)
+        if self.is_relative:
+            return self._relative()
         return encodings.PlanarDepth(self.depth_scale)
+
+
+class PairDepth(Depth):
+    """What the numbers are that tell how far things are from two eyes."""
+
+    depth_kind: Annotated[
+        Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
+        Field(description="As of render; or pair, px between the pictures of a rectified pair."),
+    ] = "pair"  # type: ignore[assignment]  # and one more
+
+
+class Parallax(Choices):
+    """How two eyes see a picture of any depth."""
+
+    eyes: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Distance of the eyes, scene units. So that parallax is at most 1.5 % of "
+            "the width.",
+        ),
+    ] = None
+    zero_plane: Annotated[
+        float | None,
+        Field(gt=0, description="Distance of what stays in the screen, scene units. The middle."),
+    ] = None
+    layout: Annotated[
+        Literal["one", "side-by-side", "top-bottom", "anaglyph"],
+        Field(
+            description="What is written: the other eye's picture alone, or both: the left one at "
+            "the left, on top, or in red."
+        ),
+    ] = "one"
+
+    def check(self, meaning: PairDepth) -> None:
+        """Refuse what says nothing about a rectified pair.
+
+        Raises
+        ------
+        ValueError
+            There is such a choice.
+        """
+        if meaning.depth_kind != "pair":
+            return
+        for name in ("eyes", "zero_plane"):
+            if getattr(self, name) is not None:
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
 
 
 class SourceCamera(Choices):
@@ -145,6 +221,11 @@ class SourceCamera(Choices):
         """Those of a lens without its intrinsics; none of other lenses."""
         name, _, numbers = (self.lens or "").partition("=")
         return numbers_in("lens", numbers) if name == "k" else []
+
+    def guessed(self) -> "SourceCamera":
+        """Camera that is somehow, if nothing is known about it."""
+        ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
+        return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
         """Camera of a picture (height, width).

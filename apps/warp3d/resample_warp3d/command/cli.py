@@ -10,7 +10,16 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample_warp3d.command.choices import Aim, Depth, Extras, SourceCamera, Travel, Warping
+from resample_warp3d.command.choices import (
+    Aim,
+    Depth,
+    Extras,
+    PairDepth,
+    Parallax,
+    SourceCamera,
+    Travel,
+    Warping,
+)
 from resample_warp3d.command.clouds import CloudLook
 
 app = App(
@@ -23,6 +32,7 @@ app = App(
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
+PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -79,15 +89,15 @@ def render(
         write_extras,
     )
 
-    for choice in (eye, meaning, aim):
-        choice.check()
+    aim.check()
+    reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     check_extras(extras)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     check_output(output, look, transparent=not warping.fill)
     further = [view_names(text) for text in view or []]
     check_targets(output, *extras.paths())
-    session, reader = Session(), Reader(eye, meaning, labels=warping.unmixed)
+    session = Session()
     with session.stage("read"):
         views = [read_view(reader, color, depth)]
         views += [read_view(reader, *names) for names in further]
@@ -118,11 +128,14 @@ def render(
 @app.command
 def stereo(
     picture: str,
-    disparity: str,
+    depth: str,
     /,
     *,
     output: flags.Output,
     disparity_scale: float | None = None,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[PairDepth, flags.Flat] = PAIR_DEPTH,
+    parallax: Annotated[Parallax, flags.Flat] = PARALLAX,
     fraction: Annotated[float, flags.Hyphen] = 1.0,
     given: Annotated[Literal["left", "right"], Parameter(name="--from")] = "left",
     warping: Annotated[Warping, flags.Flat] = WARPING,
@@ -130,16 +143,18 @@ def stereo(
     holes: Path | None = None,
     coverage: Path | None = None,
 ) -> None:
-    """Make one picture of a rectified pair from the other and its disparity.
+    """Make the picture of the other eye from a picture and its disparity or depth, or both in one.
 
-    Example: resample-warp3d stereo im2.png disp2.png --disparity-scale 4 -o right.png
+    Example: resample-warp3d stereo photo.jpg rel.npy --depth-kind relative --layout anaglyph --fill
+    -o photo-3d.png
 
     Parameters
     ----------
     picture
         The left one, unless --from says otherwise.
-    disparity
-        Of the same size: how much further left things are in the right picture; 0 is unknown.
+    depth
+        Of the same size: how much further left things are in the right picture, 0 is unknown; or
+        depth of the kind that --depth-kind says.
     output
         As of render.
     disparity_scale
@@ -156,26 +171,42 @@ def stereo(
     from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, write_picture
     from resample.files.writing import check_targets
-    from resample_warp3d.command.inputs import read_rectified
+    from resample_warp3d.command.inputs import Reader, read_rectified, read_view
+    from resample_warp3d.command.pairs import Eyes, together
     from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
     from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
+    from resample_warp3d.depth.equation import of_rectified
 
     extras = Extras(holes=holes, coverage=coverage)
     check_extras(extras)
+    parallax.check(meaning)
+    is_pair = meaning.depth_kind == "pair"
+    reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
     warping.built()
     look = look_of(written)
     check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
-    seen = read_rectified(picture, disparity, disparity_scale)
+    if reader is None:
+        seen, eyes = read_rectified(picture, depth, disparity_scale), Eyes(1.0, 0.0)
+    else:
+        seen = read_view(reader, picture, depth)
+        eyes = Eyes.of(seen, parallax)
     shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
     check_memory(shape, seen.picture.data.shape[2])
     (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = shifted(session, source.source, way, shape, warping)
+    warped = shifted(session, source.source, of_rectified(way, *eyes), shape, warping)
     if not warping.fill:
         mention_holes(warped)
-    write_picture(output, warped_picture(warped, seen.picture.kind, filled=warping.fill), look)
+    made = warped_picture(warped, seen.picture.kind, filled=warping.fill)
+    if parallax.layout != "one":
+        first = seen.picture
+        if seen.image.place.size:  # a lens, which the other picture is free of
+            unbent = shifted(session, source.source, of_rectified(0.0), shape, warping)
+            first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
+        made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
+    write_picture(output, made, look)
     write_extras(extras, warped, None)
 
 
@@ -215,15 +246,14 @@ def animate(
     from resample_warp3d.command.inputs import Reader, read_view
     from resample_warp3d.command.rendering import check_memory, film_of
 
-    eye.check()
-    meaning.check()
+    reader = Reader.checked(eye, meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     asked = None if size is None else height_and_width(size)
     check_film(output, fps)
     session = Session()
-    seen = read_view(Reader(eye, meaning), color, depth)
+    seen = read_view(reader, color, depth)
     full = seen.picture.data.shape[0], seen.picture.data.shape[1]
     shape = full if asked is None else asked
     check_memory(shape, seen.picture.data.shape[2])
@@ -409,9 +439,8 @@ def compare(
         announce()
         comparison = compare_scene(names, side, chosen)
     else:
-        for choice in (eye, meaning, aim):
-            choice.check()
-        comparison = compare_files(given, Reader(eye, meaning), aim, names)
+        aim.check()
+        comparison = compare_files(given, Reader.checked(eye, meaning), aim, names)
     if output is not None:
         sheet(comparison, output)
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
@@ -465,10 +494,10 @@ def figures(
         announce()
         figure = generated_figure(side, views, names)
     else:
-        for choice in (eye, meaning, aim):
-            choice.check()
+        aim.check()
+        reader = Reader.checked(eye, meaning)
         output.mkdir(parents=True, exist_ok=True)
-        figure = figure_of_files((color, depth), Reader(eye, meaning), aim, names)
+        figure = figure_of_files((color, depth), reader, aim, names)
     write_figures(output, figure)
     sys.stdout.write(plain(figure.rows))
 

@@ -15,7 +15,7 @@ from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import Shape, Warping
 from resample_warp3d.command.inputs import DepthView
-from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
@@ -63,10 +63,10 @@ def warped(
 
 
 def shifted(
-    session: Session, source: Source, fraction: float, shape: Shape, choice: Warping
+    session: Session, source: Source, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
-    """Picture of a rectified pair as seen from a fraction of the way to the other eye."""
-    return _rendered(session, [source], [of_rectified(fraction)], shape, choice)
+    """Picture of a rectified pair as the equation of the other eye, or another place, says."""
+    return _rendered(session, [source], [equation], shape, choice)
 
 
 def _rendered(
