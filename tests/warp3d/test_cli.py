@@ -393,7 +393,7 @@ def test_damaged_files_are_one_line(which, capsys):
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.command.rendering.prepare", None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.refine", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 

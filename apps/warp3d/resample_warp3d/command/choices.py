@@ -54,6 +54,18 @@ class Depth(Choices):
     focal: Annotated[
         float | None, Field(description="Disparity: focal length in px. That of the intrinsics.")
     ] = None
+    depth_intrinsics: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth; what it "
+            "saw is brought to the picture's camera."
+        ),
+    ] = None
+    depth_pose: Annotated[
+        str | None,
+        Field(description="And its pose: file or file:frame, as of --pose. The picture's."),
+    ] = None
     doffs: Annotated[
         float,
         Hyphen,
@@ -72,6 +84,32 @@ class Depth(Choices):
             given = [name for name in names if getattr(self, name) not in (None, 0.0)]
             if given and self.depth_kind != kind:
                 raise ValueError(f"--{given[0]} belongs to --depth-kind {kind}")
+        if self.depth_pose is not None and self.depth_intrinsics is None:
+            raise ValueError("--depth-pose belongs to --depth-intrinsics; give both")
+        if self.depth_intrinsics is not None:
+            intrinsic_numbers("depth-intrinsics", self.depth_intrinsics)
+
+    def camera(self, camera: "Camera", shape: Shape, stored: Shape) -> "Camera":
+        """Camera that took the depth: its own, or the picture's at the depth's size.
+
+        Parameters
+        ----------
+        camera, shape
+            Of the picture.
+        stored
+            Height and width of the depth.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            The numbers are no camera's, or a file cannot be read.
+        """
+        from resample.cameras.files import read_pose
+
+        if self.depth_intrinsics is None:
+            return camera if shape == stored else camera.resized(shape, stored)
+        pose = camera.world_to_camera if self.depth_pose is None else read_pose(self.depth_pose)
+        return with_intrinsics("depth-intrinsics", self.depth_intrinsics, "corner", pose)
 
     def encoding(self, camera: "Camera") -> "Encoding":
         """Meaning of the numbers, for a picture of the camera.
@@ -274,6 +312,14 @@ class Warping(Choices):
         float | None,
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
     ] = None
+    refine: Annotated[
+        Literal["auto", "none", "snap", "sharpen", "complete"],
+        Field(
+            description="What is done about depth that does not fit the picture: snap moves edges "
+            "to those of color, sharpen makes soft ones hard, both fill gaps, complete does that "
+            "alone; auto finds out."
+        ),
+    ] = "auto"
     fill: Annotated[
         bool,
         Switch,

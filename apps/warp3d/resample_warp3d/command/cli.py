@@ -109,9 +109,9 @@ def render(
         write_picture(output, made, look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, *sources[0], extras.export_as)
+            write_geometry(extras.export, *sources[0][:2], extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, report(session, views, seen, warping))
+        write_json(extras.stats, report(session, sources, seen, warping))
 
 
 @app.command
