@@ -22,7 +22,7 @@ Kinds = NDArray[np.uint8]
 
 REFINES = ("auto", "none", "snap", "sharpen", "complete")
 REACH = 8  # px that voters may be away
-DENSE = 3  # px up to which all samples vote; beyond, every other one
+DENSE = 4  # px up to which all samples vote; beyond, every other one
 FAR, NEAR = 4.0, 2.0  # px, deviations of the weights for a surface, and for its nearness
 ACROSS = 0.5  # per px²: how much less votes from beside the axes count for the nearness
 ALIKE = 0.22  # of the colors' own deviation: colors that differ by it count 1 / √e
@@ -52,7 +52,7 @@ class Recipe(NamedTuple):
 
 RECIPES = {
     "snap": Recipe(1, 0.3, 0.06, 2, 8, 0.03, 0.0),
-    "sharpen": Recipe(6, 0.05, 0.04, 0, 5, 0.1, 0.03),
+    "sharpen": Recipe(6, 0.1, 0.04, 0, 4, 0.1, 0.03),
 }
 
 
@@ -78,8 +78,9 @@ def refine(
     name
         `auto` looks for what is wrong and leaves a map as it is whose edges are where colors
         change. `snap` moves hard edges to those of color, `sharpen` makes soft ones hard, and both
-        fill what is unknown up to 24 px from what is known. `complete` does that alone, `none`
-        nothing.
+        fill what is unknown up to 24 px from what is known, where colors go on. `complete` does
+        that alone, `none` nothing. `auto` fills maps of sensors only, whose noise,
+        steps or many gaps show: where one was computed, nothing may be meant.
     noise, step
         As of `preparation.prepare`.
 
@@ -110,7 +111,8 @@ def refine(
     confidence = (nearness > 0).astype(np.float32)
     if chosen != "complete":
         nearness, confidence = _hardened(task, nearness)
-    nearness, confidence = _filled(task, nearness, confidence)
+    if name != "auto" or findings.is_measured:
+        nearness, confidence = _filled(task, nearness, confidence)
     return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
 
 
@@ -136,10 +138,11 @@ class Ballot(NamedTuple):
 def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
     """Nearness with its edges where those of color are, and the share of votes for it."""
     ballot = _ballot(task, nearness)
-    refined, agreed = _counted(task, ballot, ballot.kind, nearness)
+    band = np.where(nearness > 0, ballot.kind, np.uint8(0))
+    refined, agreed = _counted(task, ballot, band, nearness)
     if task.recipe.bent > 0.0 and task.findings.sigma > SOFTEST:
         ballot = _with_thin_things(task, ballot, refined)
-        refined, agreed = _counted(task, ballot, ballot.kind, nearness)
+        refined, agreed = _counted(task, ballot, band, nearness)
     return refined, agreed
 
 
@@ -151,7 +154,8 @@ def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Float
             break
         found, share = _counted(task, _ballot(task, nearness), unknown, nearness)
         nearness = np.where((unknown > 0) & (share < AGREED), np.float32(0), found)
-        agreed = np.where(unknown > 0, MADE_UP * share, agreed).astype(np.float32)
+        share = np.where(nearness > 0, MADE_UP * share, 0)
+        agreed = np.where(unknown > 0, share, agreed).astype(np.float32)
     return nearness, agreed
 
 
@@ -242,7 +246,8 @@ def fitted(image: DepthImage) -> DepthImage:
             f"color of {shape[1]} × {shape[0]} px does not fit depth of {width} × {height} px; "
             "give maps of the same frame, whose sides have one proportion"
         )
-    nearness = enlarged(np.where(image.nearness > 0, image.nearness, 0), shape, (rows, columns))
+    is_known = np.isfinite(image.nearness) & (image.nearness > 0)
+    nearness = enlarged(np.where(is_known, image.nearness, 0), shape, (rows, columns))
     return image._replace(nearness=nearness)
 
 

@@ -23,7 +23,8 @@ MANY_SOFT = 0.4  # of all edges, from which on a map is soft
 FAINT = 0.6  # px, deviation of a blur below which edges are as good as hard
 DISPLACED = 0.8  # of the largest change of color near edges: what is less at them is displaced
 HOLEY = 1e-3  # share of samples without depth, from which on they are filled
-RENDERED = 3e-4  # of the nearness: noise up to which depth was computed and not measured
+RENDERED = 3e-4  # of the nearness: noise and steps up to which depth was computed, not measured
+MANY_GAPS = 50  # of a map; a sky seen through things has fewer
 FEW = 100  # edges; fewer tell nothing
 CONTRAST = 1.5  # by which colors have to change more near edges than farther away
 LARGEST_BLOCK = 16  # samples
@@ -42,7 +43,7 @@ class Findings(NamedTuple):
     aligned: float  # change of color at its edges, of the largest beside them; 1: none to be seen
     block: int  # samples of a block that has one value; 1: none
     unknown: float  # share of its samples
-    is_measured: bool  # by a sensor: noisy, or in steps; what is unknown then is lost, not empty
+    is_measured: bool  # noisy, in steps or full of gaps: what is unknown was lost, not empty
 
     @property
     def remedy(self) -> str:
@@ -77,8 +78,17 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     soft, sigma, is_depth = _softness(nearness, mark)
     sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
     unknown = float(np.mean(nearness <= 0))
-    aligned, is_measured = _aligned(color, sharp), noise > RENDERED or step > 0.0
+    is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
+    aligned = _aligned(color, sharp)
     return Findings(soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured)
+
+
+def _is_torn(nearness: Floats) -> bool:
+    """Whether a map has many gaps, each for itself."""
+    import cv2
+
+    count, _ = cv2.connectedComponents((nearness <= 0).astype(np.uint8))
+    return bool(count > MANY_GAPS)
 
 
 def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
