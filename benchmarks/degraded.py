@@ -10,19 +10,22 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
 from benchmarks.tables import Row, table
 from resample import registry
+from resample.colors import from_srgb
+from resample.measuring.compare import contact_sheet
+from resample.measuring.quality import psnr
 from resample.types import Doubles
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.rivals.mcmillan import blank
 from resample_warp3d.rivals.meshing import orientation_of
 from resample_warp3d.showing.compare import screen_of
-from resample_warp3d.showing.scoring import score
+from resample_warp3d.showing.scoring import hole_percent
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
 from tests.benchmarks import warp3d_table as scene
 
@@ -32,6 +35,13 @@ BASELINE, SUBPIXELS = 0.075, 8  # m and parts of a pixel's disparity, of the sim
 UNSURE = 0.5  # parts by which it errs, standard deviation
 JITTER = 0.7  # px by which it misplaces its edges, standard deviation
 WINDOW, RIM = 2, 0.05  # px around a step of depth, of so much, where it may find nothing
+
+DETAIL = 132  # px, of a picture's side
+PICTURED = (  # view, degradation, and where a detail begins, shares of the side
+    ("side", "blur-2", (0.43, 0.35)),
+    ("side", "shift-2", (0.43, 0.35)),
+    ("side", "kinect", (0.5, 0.63)),
+)
 
 Spoil = Callable[[Doubles, float], Doubles]
 
@@ -176,6 +186,7 @@ METHODS: Mapping[str, tuple[str, Any]] = {  # how the depth is refined, and how 
     "RVS": ("none", by_rvs),
     "softmax": ("none", by_softmax),
 }
+BESIDE = {"as given": "hybrid, refine none", "refined": "hybrid", "RVS": "RVS"}
 
 
 def rows(work: scene.Workload, names: Sequence[str], methods: Sequence[str]) -> Iterator[Row]:
@@ -190,11 +201,42 @@ def rows(work: scene.Workload, names: Sequence[str], methods: Sequence[str]) -> 
             source = sources[refine]
             row: Row = {"depth": name, "method": method}
             for view in work.views:
-                case = scene.case_of(work, view, source)
-                rendered = warp(source, case.equation, case.target.mask.shape)
-                found = score(*screen_of(case, rendered), case.target)
-                row[view] = f"{found['psnr']:.2f} / {found['hole %']:.2f}"
+                screen, target = shown(work, view, source, warp), work.views[view].target
+                seen = np.where(screen.covered[..., None], screen.image, 0)
+                quality = psnr(seen, target.truth, mask=target.mask)
+                holes = hole_percent(screen.covered, target.mask)
+                row[view] = f"{quality:.2f} / {holes:.2f}"
             yield row
+
+
+class Shown(NamedTuple):
+    """What a method makes of a view."""
+
+    image: Any  # (H, W, 3)
+    covered: Any  # (H, W)
+
+
+def shown(work: scene.Workload, view: str, source: Source, warp: Any) -> Shown:
+    """Picture of a view, and which of its pixels are no holes."""
+    case = scene.case_of(work, view, source)
+    return Shown(*screen_of(case, warp(source, case.equation, case.target.mask.shape)))
+
+
+def write_picture(path: Path, work: scene.Workload) -> None:
+    """Write details of what becomes of spoiled depth, beside the truth, as one PNG."""
+    cells = {}
+    side = work.depth.shape[0]
+    for view, name, (top, left) in PICTURED:
+        rows, columns = (slice(int(at * side), int(at * side) + DETAIL) for at in (top, left))
+        image = source_image(work, name)
+        cells[f"{name}: truth"] = work.views[view].target.truth[rows, columns]
+        for title, method in BESIDE.items():
+            refine, warp = METHODS[method]
+            found = shown(work, view, prepare(image, refine=refine), warp)
+            picture = np.where(found.covered[..., None], found.image, 0)[rows, columns]
+            cells[f"{name}: {title}"] = picture
+    light = {title: from_srgb(np.asarray(cell, np.float32)) for title, cell in cells.items()}
+    contact_sheet(light, path, columns=4, zoom=1)
 
 
 def main() -> None:
@@ -204,6 +246,7 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(SPOILS), help="of " + ", ".join(SPOILS))
     parser.add_argument("--methods", default=";".join(METHODS), help="separated by semicolons")
     parser.add_argument("--reference", type=Path, help="file of ray-traced views, .npz")
+    parser.add_argument("--picture", type=Path, help="write details as a PNG, and no table")
     choices = parser.parse_args()
     names, methods = choices.only.split(","), choices.methods.split(";")
     for given, known in ((names, SPOILS), (methods, METHODS)):
@@ -214,6 +257,9 @@ def main() -> None:
         sys.stdout.write(f"skipped, there is no {scene.BENCH.resolve()}\n")
         return
     work = scene.workload(choices.size, choices.reference)
+    if choices.picture is not None:
+        write_picture(choices.picture, work)
+        return
     sys.stdout.write(table(list(rows(work, names, methods))))
 
 
