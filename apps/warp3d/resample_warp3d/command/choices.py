@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from resample_warp3d.types import Method
 
 Shape = tuple[int, int]  # height and width, px
+Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 
@@ -313,7 +314,7 @@ class Warping(Choices):
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
     ] = None
     refine: Annotated[
-        Literal["auto", "none", "snap", "sharpen", "complete"],
+        Refine,
         Field(
             description="What is done about depth that does not fit the picture: snap moves edges "
             "to those of color, sharpen makes soft ones hard, both fill gaps, complete does that "

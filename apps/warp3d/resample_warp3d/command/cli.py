@@ -10,7 +10,15 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample_warp3d.command.choices import Aim, Depth, Extras, SourceCamera, Travel, Warping
+from resample_warp3d.command.choices import (
+    Aim,
+    Depth,
+    Extras,
+    Refine,
+    SourceCamera,
+    Travel,
+    Warping,
+)
 
 app = App(
     name="resample-warp3d",
@@ -317,6 +325,7 @@ def compare(
     aim: Annotated[Aim, flags.Flat] = AIM,
     views: str = ",".join(VIEWS),
     methods: str = COMPARED,
+    refine: Refine = "auto",
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:
@@ -342,6 +351,8 @@ def compare(
         Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
     methods
         Separated by commas; with parameters as in hybrid:quality=2.
+    refine
+        As of render: what is done about the depth that all of them are given.
     output
         Written to: all pictures side by side with details enlarged (.png).
     """
@@ -370,7 +381,7 @@ def compare(
     else:
         for choice in (eye, meaning, aim):
             choice.check()
-        comparison = compare_files(given, Reader(eye, meaning), aim, names)
+        comparison = compare_files(given, Reader(eye, meaning), aim, names, refine)
     if output is not None:
         sheet(comparison, output)
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))

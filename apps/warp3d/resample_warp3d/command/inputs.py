@@ -34,6 +34,10 @@ class DepthView(NamedTuple):
     step: float | None  # smallest difference of nearness that the file tells apart, if known
     is_fitted: bool = False  # the file's depth had another size
 
+    def refine(self, name: str) -> str:
+        """How its depth is to be refined where a user chose `name`: what was enlarged, always."""
+        return "snap" if name == "auto" and self.is_fitted else name
+
 
 class ViewNames(NamedTuple):
     """Files of a further view."""

@@ -63,11 +63,9 @@ def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> l
 
 def _prepared(view: DepthView, choice: Warping) -> Prepared:
     """Source of a view; what was done about its depth is said where nobody asked for it."""
-    name: str = choice.refine
-    if name == "auto" and choice.unmixed:  # what names are alike, no likeness of numbers tells
+    name = view.refine(choice.refine)
+    if choice.refine == "auto" and choice.unmixed:  # which names are alike, no number tells
         name = "none"
-    elif name == "auto" and view.is_fitted:
-        name = "snap"
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
     if choice.refine == "auto" and refined.chosen != "none":
         say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
