@@ -13,6 +13,16 @@ def weighted_median(value, weight):
     return max(value)
 
 
+def change(slope, bend, away):
+    """Change along an axis: a parabola, or a + b √(T − t) where the surface turns away."""
+    if slope * away >= 0 or bend >= 0:
+        return slope * away + bend * away * away / 2
+    slope, away = -abs(slope), abs(away)
+    turn = max(slope / bend / 2, 1.0)
+    b = -2 * slope * math.sqrt(turn)  # so that the slope at 0 is −b / (2 √T)
+    return b * (math.sqrt(max(turn - away, 0.0)) - math.sqrt(turn))
+
+
 def votes(color, nearness, trust, slope, at):
     """(value, share, asked, close) of every sample up to 8 px away that votes."""
     row, column = at
@@ -32,7 +42,7 @@ def votes(color, nearness, trust, slope, at):
             x, y = column - c, row - r
             s = [float(n) for n in slope[r][c]]
             there = float(nearness[r][c])
-            value = there + s[0] * x + s[1] * y + (s[2] * x * x + s[3] * y * y) / 2
+            value = there + change(s[0], s[2], x) + change(s[1], s[3], y)
             asked = float(trust[r][c]) * math.exp(-squared / 32)
             close = (1.0 if trust[r][c] == 1 else 1e-4) * alike
             close *= math.exp(-squared / 8 - 0.5 * min(down, across) ** 2)

@@ -85,6 +85,18 @@ def test_votes_are_counted_as_one_by_one(rng):
     np.testing.assert_array_equal(found[band == 0], nearness[band == 0])
 
 
+def test_a_ball_goes_on_to_where_it_turns_away(rng):
+    # Its outermost samples are lost; planes would end in front of where it turns away.
+    squared = (X - 32) ** 2 + (Y - 32) ** 2
+    depth = np.where(squared < 24**2, 3 - np.sqrt(np.maximum(24**2 - squared, 0)) / 24, 6.0)
+    image = depth_image(cv2.GaussianBlur(1 / depth, (0, 0), 1.0), painted(squared < 24**2, rng))
+    found = refine(image, "sharpen").image.nearness
+    is_rim = (squared > 21**2) & (squared < 23**2)
+    error, before = (np.abs(d * depth - 1)[is_rim] for d in (found, image.nearness))
+    assert np.median(error) < 0.02
+    assert error.mean() < 0.5 * before.mean()
+
+
 def test_who_has_no_one_to_ask_stays_unknown():
     image = depth_image(np.where(X < 4, NEAR, 0.0), np.ones((64, 64, 3)))
     assert not refine(image, "complete").image.nearness[:, 60:].any()

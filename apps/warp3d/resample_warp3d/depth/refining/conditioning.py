@@ -52,7 +52,7 @@ class Recipe(NamedTuple):
 
 RECIPES = {
     "snap": Recipe(1, 0.3, 0.06, 2, 8, 0.03, 0.0),
-    "sharpen": Recipe(6, 0.1, 0.04, 0, 4, 0.1, 0.03),
+    "sharpen": Recipe(6, 0.12, 0.04, 0, 4, 0.1, 0.03),
 }
 
 
@@ -140,7 +140,7 @@ def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
     ballot = _ballot(task, nearness)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
     refined, agreed = _counted(task, ballot, band, nearness)
-    if task.recipe.bent > 0.0 and task.findings.sigma > SOFTEST:
+    if task.recipe.run > 1 and task.findings.sigma > SOFTEST:
         ballot = _with_thin_things(task, ballot, refined)
         refined, agreed = _counted(task, ballot, band, nearness)
     return refined, agreed

@@ -101,6 +101,21 @@ def _likeness(color: Floats, row: int, column: int, r: int, c: int) -> float:
 
 
 @kernel
+def _change(slope: float, bend: float, away: int) -> float:
+    """Change of a surface's nearness at a distance from a sample along an axis, by its slope there.
+
+    One that falls ever more steeply turns away: there nearness is a + b √(T − t), whose slope and
+    bend at t = 0 tell T, slope / (2 bend). All others go on as parabolas.
+    """
+    falls = slope if away > 0 else -slope
+    distance = float(abs(away))
+    if not (falls < 0.0 and bend < 0.0):
+        return falls * distance + 0.5 * bend * distance * distance
+    turn = max(falls / (2.0 * bend), 1.0)
+    return 2.0 * falls * turn * (1.0 - math.sqrt(1.0 - min(distance, turn) / turn))
+
+
+@kernel
 def _collect(voters: Voters, window: Window, row: int, column: int, votes: Votes) -> int:
     """Write the votes for a sample; gives how many."""
     height, width = voters.nearness.shape
@@ -115,8 +130,7 @@ def _collect(voters: Voters, window: Window, row: int, column: int, votes: Votes
             continue
         weight = _likeness(voters.color, row, column, r, c)
         there, slope = np.float64(voters.nearness[r, c]), voters.slope[r, c]
-        value = there - slope[0] * across - slope[1] * down
-        value += 0.5 * (slope[2] * across * across + slope[3] * down * down)
+        value = there + _change(slope[0], slope[2], -across) + _change(slope[1], slope[3], -down)
         votes.value[count] = max(value, LOWEST * there)
         votes.share[count] = trust * weight * window.share[k]
         votes.asked[count] = trust * window.share[k]
