@@ -393,7 +393,7 @@ def test_damaged_files_are_one_line(which, capsys):
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.command.rendering.prepare", None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.refine", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 
@@ -714,3 +714,52 @@ def test_a_cloud_takes_a_filter_too():
         assert ended(*words, *more) == 0
         pictures.append(read_image("cloud.exr"))
     assert np.abs(pictures[1] - pictures[0]).max() > 0.02
+
+
+# Depth that does not fit
+
+
+def test_what_was_done_about_depth_stands_in_the_statistics():
+    moved(*RIGHT, *FAST, "--stats", "stats.json")
+    (refined,) = json.loads(Path("stats.json").read_text())["refine"]
+    assert refined["chosen"] == "none"
+    assert (refined["unknown"], refined["block"], refined["confidence"]) == (0.0, 1, 1.0)
+
+
+def test_depth_of_half_the_size_is_brought_to_the_picture(capsys):
+    cv2.imwrite("half.png", cv2.imread("depth.png", cv2.IMREAD_UNCHANGED)[::2, ::2])
+    picture = moved(*RIGHT, *FAST, "--stats", "stats.json", depth="half.png")
+    (refined,) = json.loads(Path("stats.json").read_text())["refine"]
+    assert picture.shape == (24, 32, 4)
+    assert refined["chosen"] == "snap"
+    assert "--refine none leaves it as it is" in capsys.readouterr().err
+
+
+def test_refining_is_switched_off_by_one_option(capsys):
+    cv2.imwrite("half.png", np.full((12, 16), 2000, np.uint16))
+    picture = moved(*RIGHT, *FAST, "--refine", "none", depth="half.png")
+    assert "edges are moved" not in capsys.readouterr().err
+    assert np.allclose(picture[:, :30, :3], read_image("color.png")[:, 2:], atol=1e-6)
+
+
+def test_a_refining_that_is_none_names_the_known_ones(capsys):
+    error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--refine", "blur"))
+    assert "snap" in error
+    assert "sharpen" in error
+
+
+def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[8:16, 12:20] = 1000
+    cv2.imwrite("beside.png", np.roll(depth, -4, axis=1))  # of the box; the wall moves by 2
+    words = ["--depth-intrinsics", "20,20,16,12", "--depth-pose", pose("beside.txt", 0.2)]
+    moved(*STAY, "--refine", "none", *words, "--depth-output", "z.npy", depth="beside.png")
+    found = np.load("z.npy")
+    assert np.allclose(found[9:15, 13:19], 1, rtol=1e-3)
+    assert np.allclose(found[:6, 4:], 2, rtol=1e-3)
+    assert np.isinf(found[:, :1]).all()
+
+
+def test_a_depth_pose_needs_its_intrinsics(capsys):
+    error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--depth-pose", pose("at.txt")))
+    assert "--depth-pose belongs to --depth-intrinsics" in error

@@ -64,11 +64,11 @@ def rendered(source, target, method=None, shape=SHAPE):
     return render(source, between(SOURCE, target), shape, method or Hybrid())
 
 
-def picture(color, nearness):
+def picture(color, nearness, **given):
     """Source of numbers that broadcast to (H, W, C) and (H, W)."""
     color = np.ascontiguousarray(np.broadcast_to(color, (*SHAPE, np.shape(color)[-1])), np.float32)
     nearness = np.ascontiguousarray(np.broadcast_to(nearness, SHAPE), np.float32)
-    return prepare(DepthImage(color, nearness, EMPTY))
+    return prepare(DepthImage(color, nearness, EMPTY), **given)
 
 
 def eroded(mask, reach=1):
@@ -150,7 +150,7 @@ def test_identity_is_exact_in_any_number_of_channels(channels, rng):
 
 def test_identity_leaves_out_what_has_no_depth(rng):
     nearness = np.where(rng.random(SHAPE) < 0.1, 0.0, 0.4)
-    source = picture(rng.random((*SHAPE, 3)), nearness)
+    source = picture(rng.random((*SHAPE, 3)), nearness, refine="none")
     given = rendered(source, SOURCE)
     is_known = nearness > 0
     np.testing.assert_array_equal(given.image, np.where(is_known[..., None], source.color, 0))

@@ -12,7 +12,7 @@ from resample.types import Floats
 from resample_texture.asking import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
-from resample_texture.geometry.windows import Window, between, windows_of
+from resample_texture.geometry.windows import PictureWindow, between, windows_of
 from resample_texture.texels.encoding import check_picture, decoded, encoded, is_together
 from resample_texture.texels.gaps import added, masked, mended, missing_in, unmasked
 from resample_texture.types import Edge, Method, Warped
@@ -76,7 +76,7 @@ def put(warped: Warped, out: NDArray[Any]) -> Warped:
     return Warped(out, warped.coverage)
 
 
-def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[Window] | None:
+def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[PictureWindow] | None:
     """Parts that a large picture is drawn in, so that little memory is needed, and that quickly."""
     from resample.engine import jit
 
@@ -92,7 +92,7 @@ def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[Window] | None:
 
 
 def _drawn_in_parts(
-    image: NDArray[Any], drawing: Drawing, windows: Iterator[Window], *, linear_light: bool,
+    image: NDArray[Any], drawing: Drawing, windows: Iterator[PictureWindow], *, linear_light: bool,
     alpha: str | None,
 ) -> Warped:  # fmt: skip
     """Picture warped window by window."""
@@ -109,7 +109,7 @@ def _drawn_in_parts(
 
 
 def _part_of(
-    drawing: Drawing, window: Window, size: tuple[int, int]
+    drawing: Drawing, window: PictureWindow, size: tuple[int, int]
 ) -> tuple[Drawing, tuple[slice, slice]]:
     """What to draw for a window of a target from its part of a source, and what of that it is."""
     left, top, right, bottom = window.target
@@ -122,7 +122,7 @@ def _part_of(
     return drawing._replace(geometry=between(geometry, window, size), shape=shape, edge=edge), inner
 
 
-def _seen_through(window: Window, image: NDArray[Any], edge: str) -> NDArray[Any]:
+def _seen_through(window: PictureWindow, image: NDArray[Any], edge: str) -> NDArray[Any]:
     """Part of a picture (H, W, ...), repeated beyond its edges, that a window shows."""
     size = image.shape[0], image.shape[1]
     if window.source.is_within(size):

@@ -31,6 +31,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     size: tuple[int, int] | None = None,
     noise: float | None = None,
     step: float | None = None,
+    refine: str = "auto",
     fill: bool = False,
     threads: int | None = None,
 ) -> Warped:
@@ -42,7 +43,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied where one is
         opacity. Integers are taken as shares of their largest value.
     depth
-        (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown.
+        (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
+        of another size that shows the same frame is brought to the picture's.
     source, target
         Cameras; the target's distortion is not applied.
     method
@@ -56,6 +58,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Standard deviation of the depth, relative to it; measured if left out.
     step
         Smallest difference of 1 / depth that is told apart; measured if left out.
+    refine
+        What is done about depth that does not fit the picture: `auto` finds out, `snap` moves edges
+        to those of color, `sharpen` makes soft ones hard, `complete` fills gaps, `none` nothing.
     fill
         Make up what the source does not show, from the background beside it.
     threads
@@ -70,24 +75,26 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     ValueError
         A picture, depth, size or choice cannot be worked with.
     LookupError
-        The method is unknown.
+        The method is unknown, or what `refine` asks for.
     """
-    nearness = nearness_of(depth)
-    height, width = nearness.shape
+    nearness, light = nearness_of(depth), as_light(color)
+    height, width = light.shape[:2]
     place = lens_places(source, (height, width))
-    prepared = prepare(DepthImage(as_light(color), nearness, place), noise=noise, step=step)
+    image = DepthImage(light, nearness, place)
+    prepared = prepare(image, noise=noise, step=step, refine=refine)
     shape = (height, width) if size is None else size
     warped = render(prepared, between(source, target), shape, method, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 
 
-def warp_disparity(
+def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     color: NDArray[np.number],
     disparity: ArrayLike,
     fraction: float = 1.0,
     method: str | Method = "hybrid",
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002
+    refine: str = "auto",
     fill: bool = False,
     threads: int | None = None,
 ) -> Warped:
@@ -101,7 +108,7 @@ def warp_disparity(
         (H, W) px, larger is nearer; 0 and what is not finite are unknown.
     fraction
         1 leads from the left picture to the right one, −1 from the right to the left, 0.5 half way.
-    method, filter, fill, threads
+    method, filter, refine, fill, threads
         As in `warp`.
 
     Returns
@@ -109,8 +116,14 @@ def warp_disparity(
     As `warp`; `depth` is 1 / disparity.
     """
     nearness = two_dimensional(disparity, "disparity").astype(np.float32)
-    prepared = prepare(DepthImage(as_light(color), nearness, np.empty((0, 0, 2))))
-    shape = nearness.shape[0], nearness.shape[1]
+    image = DepthImage(as_light(color), nearness, np.empty((0, 0, 2)))
+    shape = image.color.shape[0], image.color.shape[1]
+    if nearness.shape != shape:
+        raise ValueError(
+            f"color of {shape[1]} × {shape[0]} px does not fit depth of {nearness.shape[1]} × "
+            f"{nearness.shape[0]} px; disparity is in px of the picture"
+        )
+    prepared = prepare(image, refine=refine)
     warped = render(prepared, of_rectified(fraction), shape, method, threads, filter=filter)
     return fill_holes(warped) if fill else warped
 

@@ -39,7 +39,7 @@ class Rect(NamedTuple):
         return max(0, self.right - self.left) * max(0, self.bottom - self.top)
 
 
-class Window(NamedTuple):
+class PictureWindow(NamedTuple):
     """A part of the target, and the part of the source that has a say in it.
 
     Of a source that is repeated the part may lie beyond its edges.
@@ -58,7 +58,7 @@ class SeenTiles(NamedTuple):
     is_endless: bool  # the source is repeated beyond its edges
 
 
-def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[Window]:
+def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
     """Windows of a target, from the top, and what they show of a source (height, width).
 
     A window is halved while it, or its source, has more than `most` pixels; unless it is a tile,
@@ -80,7 +80,7 @@ def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[Wi
 
 
 def between(
-    geometry: Homography | BackwardMap, window: Window, size: tuple[int, int]
+    geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int]
 ) -> Homography | BackwardMap:
     """Geometry that leads from a window's part of a source (height, width) to its target.
 
@@ -94,18 +94,18 @@ def between(
     return Homography(back @ geometry.oriented(size) @ there, is_signed=True)
 
 
-def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> Window:
-    """Window of some tiles."""
+def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
+    """PictureWindow of some tiles."""
     tiles, bounds = seen.tiles[which.ravel()], seen.bounds[which.ravel()]
     low, high = tiles[:, :2].min(axis=0), tiles[:, 2:].max(axis=0)
     target = Rect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
     first, last = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     if seen.is_endless and (first <= last).all():
         sides = *(np.floor(first) - seen.reach), *(np.ceil(last) + seen.reach)
-        return Window(target, Rect(*(int(side) for side in sides)))
+        return PictureWindow(target, Rect(*(int(side) for side in sides)))
     across = _stretch(first[0], last[0], size[1], seen.reach)
     down = _stretch(first[1], last[1], size[0], seen.reach)
-    return Window(target, Rect(across[0], down[0], across[1], down[1]))
+    return PictureWindow(target, Rect(across[0], down[0], across[1], down[1]))
 
 
 def _stretch(first: float, last: float, size: int, reach: int) -> tuple[int, int]:

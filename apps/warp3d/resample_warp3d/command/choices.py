@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Shape = tuple[int, int]  # height and width, px
 FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
 RELATIVE = ("relative", "relative-z")
+Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 
@@ -59,6 +60,18 @@ class Depth(Choices):
     focal: Annotated[
         float | None, Field(description="Disparity: focal length in px. That of the intrinsics.")
     ] = None
+    depth_intrinsics: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth; what it "
+            "saw is brought to the picture's camera."
+        ),
+    ] = None
+    depth_pose: Annotated[
+        str | None,
+        Field(description="And its pose: file or file:frame, as of --pose. The picture's."),
+    ] = None
     doffs: Annotated[
         float,
         Hyphen,
@@ -81,6 +94,10 @@ class Depth(Choices):
             raise ValueError("relative depth has no scale; --near and --far say its range")
         if self.is_relative:
             self._relative()
+        if self.depth_pose is not None and self.depth_intrinsics is None:
+            raise ValueError("--depth-pose belongs to --depth-intrinsics; give both")
+        if self.depth_intrinsics is not None:
+            intrinsic_numbers("depth-intrinsics", self.depth_intrinsics)
 
     def range(self) -> tuple[float, float]:
         """Z that relative depth is taken to lie between."""
@@ -98,6 +115,28 @@ class Depth(Choices):
     def is_relative(self) -> bool:
         """Whether the numbers have an unknown scale."""
         return self.depth_kind in RELATIVE
+
+    def camera(self, camera: "Camera", shape: Shape, stored: Shape) -> "Camera":
+        """Camera that took the depth: its own, or the picture's at the depth's size.
+
+        Parameters
+        ----------
+        camera, shape
+            Of the picture.
+        stored
+            Height and width of the depth.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            The numbers are no camera's, or a file cannot be read.
+        """
+        from resample.cameras.files import read_pose
+
+        if self.depth_intrinsics is None:
+            return camera if shape == stored else camera.resized(shape, stored)
+        pose = camera.world_to_camera if self.depth_pose is None else read_pose(self.depth_pose)
+        return with_intrinsics("depth-intrinsics", self.depth_intrinsics, "corner", pose)
 
     def encoding(self, camera: "Camera") -> "Encoding":
         """Meaning of the numbers, for a picture of the camera.
@@ -355,6 +394,14 @@ class Warping(Choices):
         float | None,
         Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
     ] = None
+    refine: Annotated[
+        Refine,
+        Field(
+            description="What is done about depth that does not fit the picture: snap moves edges "
+            "to those of color, sharpen makes soft ones hard, both fill gaps, complete does that "
+            "alone; auto finds out."
+        ),
+    ] = "auto"
     fill: Annotated[
         bool,
         Switch,

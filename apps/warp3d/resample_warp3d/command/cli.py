@@ -16,6 +16,7 @@ from resample_warp3d.command.choices import (
     Extras,
     PairDepth,
     Parallax,
+    Refine,
     SourceCamera,
     Travel,
     Warping,
@@ -120,9 +121,9 @@ def render(
         write_picture(output, made, look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, *sources[0], extras.export_as)
+            write_geometry(extras.export, *sources[0][:2], extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, report(session, views, seen, warping))
+        write_json(extras.stats, report(session, sources, seen, warping))
 
 
 @app.command
@@ -388,6 +389,7 @@ def compare(
     aim: Annotated[Aim, flags.Flat] = AIM,
     views: str = ",".join(VIEWS),
     methods: str = COMPARED,
+    refine: Refine = "auto",
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:
@@ -413,6 +415,8 @@ def compare(
         Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
     methods
         Separated by commas; with parameters as in hybrid:quality=2.
+    refine
+        As of render: what is done about the depth that all of them are given.
     output
         Written to: all pictures side by side with details enlarged (.png).
     """
@@ -440,7 +444,7 @@ def compare(
         comparison = compare_scene(names, side, chosen)
     else:
         aim.check()
-        comparison = compare_files(given, Reader.checked(eye, meaning), aim, names)
+        comparison = compare_files(given, Reader.checked(eye, meaning), aim, names, refine)
     if output is not None:
         sheet(comparison, output)
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
 
 
-def compare_files(given: TrueView, reader: Reader, aim: Aim, names: Sequence[str]) -> "Comparison":
+def compare_files(
+    given: TrueView, reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
+) -> "Comparison":
     """Methods compared with a true picture.
 
     Parameters
@@ -33,6 +35,8 @@ def compare_files(given: TrueView, reader: Reader, aim: Aim, names: Sequence[str
         How they are understood, and from where the true picture was taken.
     names
         Methods.
+    refine
+        How the depth is refined that all of them are given.
 
     Raises
     ------
@@ -46,7 +50,7 @@ def compare_files(given: TrueView, reader: Reader, aim: Aim, names: Sequence[str
     if aim.size not in (None, size):
         raise ValueError(f"{given.truth} has {size} pixels; leave out the size")
     seen = read_view(reader, str(given.color), str(given.depth))
-    source, equation, _ = _placed(seen, reader, aim.model_copy(update={"size": size}))
+    source, equation, _ = _placed(seen, reader, aim.model_copy(update={"size": size}), refine)
     return compare_view(source, equation, truth.color, truth.mask, names)
 
 
@@ -60,12 +64,15 @@ def figure_of_files(
     return figure_of(source, equation, shape, names)
 
 
-def _placed(seen: DepthView, reader: Reader, aim: Aim) -> tuple[Source, Equation, Shape]:
+def _placed(
+    seen: DepthView, reader: Reader, aim: Aim, refine: str = "auto"
+) -> tuple[Source, Equation, Shape]:
     """Prepared source, equation that leads to its new view, and the frame of that."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
     target = aim.camera(seen.camera, full, reader.eye.convention)
     announce()
-    return prepare(seen.image, step=seen.step), between(seen.camera, target), aim.shape(full)
+    source = prepare(seen.image, step=seen.step, refine=seen.refine(refine))
+    return source, between(seen.camera, target), aim.shape(full)
 
 
 def write_demo(folder: Path) -> None:

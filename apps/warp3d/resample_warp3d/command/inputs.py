@@ -15,9 +15,11 @@ from resample.memory import require_memory
 from resample.types import Floats
 from resample_warp3d.command.choices import Depth, SourceCamera
 from resample_warp3d.depth.agreement import looks_inverted
-from resample_warp3d.depth.encodings import BareDisparity, Encoding, check_scale
+from resample_warp3d.depth.encodings import BareDisparity, check_scale
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
+from resample_warp3d.depth.refining.conditioning import fitted
+from resample_warp3d.depth.refining.registering import registered
 from resample_warp3d.types import DepthImage
 
 BYTES_PER_PIXEL = 96  # of what preparing a source takes beside its colors
@@ -30,6 +32,11 @@ class DepthView(NamedTuple):
     image: DepthImage
     camera: Camera
     step: float | None  # smallest difference of nearness that the file tells apart, if known
+    is_fitted: bool = False  # the file's depth had another size
+
+    def refine(self, name: str) -> str:
+        """How its depth is to be refined where a user chose `name`: what was enlarged, always."""
+        return "snap" if name == "auto" and self.is_fitted else name
 
 
 class ViewNames(NamedTuple):
@@ -143,11 +150,21 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
     picture = read_names(color) if reader.labels else read_picture(color)
     shape = picture.data.shape[0], picture.data.shape[1]
     camera = reader.eye.camera(shape, pose)
-    image, step = _depth_image(picture, (color, depth), reader.meaning.encoding(camera))
+    raw, meaning = read_depth(depth), reader.meaning
+    stored = raw.shape[0], raw.shape[1]
+    depth_camera = meaning.camera(camera, shape, stored)
+    encoding = meaning.encoding(depth_camera)
+    nearness = encoding.nearness(raw)
+    if meaning.depth_intrinsics is not None:
+        _check_known(nearness, depth)
+        nearness = registered(nearness, depth_camera, camera, shape)
+    image = _depth_image(picture, (color, depth), nearness)
+    step = encoding.quantum(raw)
     doubt = check_scale(image.nearness)
     if doubt is not None and not reader.meaning.is_relative:
         say(f"{depth}: {doubt}")
-    return DepthView(picture, image._replace(place=lens_places(camera, shape)), camera, step)
+    image = image._replace(place=lens_places(camera, shape))
+    return DepthView(picture, image, camera, step, is_fitted=nearness.shape != shape)
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:
@@ -159,9 +176,15 @@ def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView
         As of `read_view`.
     """
     picture = read_picture(color)
-    image, step = _depth_image(picture, (color, disparity), BareDisparity(scale))
-    height, width = image.nearness.shape
-    return DepthView(picture, image, Camera.from_fov(60.0, height, width), step)
+    raw, encoding = read_depth(disparity), BareDisparity(scale)
+    shape = picture.data.shape[0], picture.data.shape[1]
+    if raw.shape != shape:
+        raise ValueError(
+            f"{color} has {shape[1]} x {shape[0]} pixels, {disparity} has {raw.shape[1]} x "
+            f"{raw.shape[0]}; they must be the same"
+        )
+    image = _depth_image(picture, (color, disparity), encoding.nearness(raw))
+    return DepthView(picture, image, Camera.from_fov(60.0, *shape), encoding.quantum(raw))
 
 
 def read_names(path: str) -> Picture:
@@ -182,10 +205,14 @@ def check_poses(views: Sequence[DepthView]) -> None:
             return
 
 
-def _depth_image(
-    picture: Picture, names: tuple[str, str], encoding: Encoding
-) -> tuple[DepthImage, float | None]:
-    """Picture with its nearness; pixels whose color is no number have none."""
+def _check_known(nearness: Floats, depth: str) -> None:
+    """Refuse a map without depth."""
+    if not nearness.any():
+        raise ValueError(f"{depth} has no depth at all; check its kind and its file")
+
+
+def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> DepthImage:
+    """Picture with its nearness, at its size; pixels whose color is no number have none."""
     color, depth = names
     height, width, channels = picture.data.shape
     require_memory(
@@ -193,15 +220,16 @@ def _depth_image(
         f"{color} of {width} x {height} pixels",
         "take a smaller picture",
     )
-    raw = read_depth(depth)
-    if raw.shape != (height, width):
+    _check_known(nearness, depth)
+    try:
+        image = fitted(DepthImage(picture.data, nearness, np.empty((0, 0, 2))))
+    except ValueError:
+        stored = f"{depth} has {nearness.shape[1]} x {nearness.shape[0]}"
         raise ValueError(
-            f"{color} has {width} x {height} pixels, {depth} has {raw.shape[1]} x {raw.shape[0]}; "
-            "they must be the same"
-        )
-    nearness = encoding.nearness(raw)
-    if not nearness.any():
-        raise ValueError(f"{depth} has no depth at all; check its kind and its file")
+            f"{color} has {width} x {height} pixels, {stored}; they must show the same frame, with "
+            "sides of one proportion"
+        ) from None
+    nearness = image.nearness
     is_bad = ~np.isfinite(picture.data).all(axis=2)
     if is_bad.any():
         say(f"{color}: {int(is_bad.sum())} pixels are not numbers; they are left out")
@@ -209,4 +237,4 @@ def _depth_image(
         picture.data[is_bad] = 0
         if not nearness.any():
             raise ValueError(f"{color} has no color where {depth} has depth")
-    return DepthImage(picture.data, nearness, np.empty((0, 0, 2))), encoding.quantum(raw)
+    return image

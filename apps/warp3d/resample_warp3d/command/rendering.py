@@ -16,11 +16,17 @@ from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import Shape, Warping
 from resample_warp3d.command.inputs import DepthView
 from resample_warp3d.depth.equation import between
-from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.preparation import sourced
+from resample_warp3d.depth.refining.conditioning import Refined, refine
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
 
 BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
+TOLD = {
+    "snap": "edges are moved to those of the picture, gaps filled",
+    "sharpen": "soft edges are made hard where the picture has them, gaps filled",
+    "complete": "small gaps are filled from what is beside them",
+}
 FEW = 1e-4  # of the pixels; fewer are not spoken about
 HOLES = {
     Hole.DISOCCLUDED: "hidden in the source",
@@ -34,6 +40,7 @@ class Prepared(NamedTuple):
 
     source: Source
     camera: Camera
+    refined: Refined  # how its depth was conditioned
 
 
 class Film(NamedTuple):
@@ -47,10 +54,19 @@ def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> l
     """Sources ready to be warped."""
     announce()
     with session.stage("prepare", bar="preparing"):
-        return [
-            Prepared(prepare(view.image, noise=choice.noise, step=view.step), view.camera)
-            for view in views
-        ]
+        return [_prepared(view, choice) for view in views]
+
+
+def _prepared(view: DepthView, choice: Warping) -> Prepared:
+    """Source of a view; what was done about its depth is said where nobody asked for it."""
+    name = view.refine(choice.refine)
+    if choice.refine == "auto" and choice.unmixed:  # which names are alike, no number tells
+        name = "none"
+    refined = refine(view.image, name, noise=choice.noise, step=view.step)
+    if choice.refine == "auto" and refined.chosen != "none":
+        say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
+    source = sourced(refined.image, noise=choice.noise, step=refined.step)
+    return Prepared(source, view.camera, refined)
 
 
 def warped(
@@ -93,12 +109,13 @@ def _rendered(
 
 
 def report(
-    session: Session, views: Sequence[DepthView], warped: Warped, choice: Warping
+    session: Session, sources: Sequence[Prepared], warped: Warped, choice: Warping
 ) -> dict[str, Any]:
-    """Sizes, shares and times, for `--stats`."""
+    """Sizes, what was done about depth, shares and times, for `--stats`."""
     covered = warped.magnification > 0
     return {
-        "sources": [list(view.image.nearness.shape[::-1]) for view in views],
+        "sources": [list(prepared.source.nearness.shape[::-1]) for prepared in sources],
+        "refine": [_findings(prepared.refined) for prepared in sources],
         "size": list(warped.coverage.shape[::-1]),
         "method": choice.method,
         "covered": round(float(warped.coverage.mean()), 6),
@@ -109,6 +126,20 @@ def report(
             round(float(np.median(warped.magnification[covered])), 6) if covered.any() else None
         ),
         "seconds": session.times(),
+    }
+
+
+def _findings(refined: Refined) -> dict[str, Any]:
+    """What was found in a depth map, and what was done about it."""
+    found = refined.findings
+    return {
+        "chosen": refined.chosen,
+        "soft edges": round(found.soft, 4),
+        "blur, px": round(found.sigma, 3),
+        "aligned": round(found.aligned, 3),
+        "block": found.block,
+        "unknown": round(found.unknown, 6),
+        "confidence": round(float(refined.confidence.mean()), 6),
     }
 
 

@@ -1,0 +1,1 @@
+"""Depth images conditioned: what is wrong with a depth map, and what color knows better."""

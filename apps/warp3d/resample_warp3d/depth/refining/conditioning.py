@@ -1,0 +1,278 @@
+"""Depth maps made to fit their pictures: edges moved to those of color, gaps and blocks filled.
+
+Samples near edges ask those around them, by color, which surface they belong to (`voting`). What
+lies between two surfaces has no say, and so has nothing that is unknown.
+"""
+
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Floats
+from resample_warp3d.depth.measuring import known, linked, noise_of, quantum_of
+from resample_warp3d.depth.refining.inspecting import Findings, depth_of, edges_of, inspect
+from resample_warp3d.types import DepthImage
+
+if TYPE_CHECKING:
+    from resample_warp3d.depth.refining.kernels.voting import Window
+
+Kinds = NDArray[np.uint8]
+
+REFINES = ("auto", "none", "snap", "sharpen", "complete")
+REACH = 8  # px that voters may be away
+DENSE = 4  # px up to which all samples vote; beyond, every other one
+FAR, NEAR = 4.0, 2.0  # px, deviations of the weights for a surface, and for its nearness
+ACROSS = 0.5  # per px²: how much less votes from beside the axes count for the nearness
+ALIKE = 0.22  # of the colors' own deviation: colors that differ by it count 1 / √e
+UNSURE = 0.05  # what samples beside edges count
+MOST_ROUNDS = 3  # of asking, for what is unknown: 8 px each
+MADE_UP = 0.5  # confidence of what all votes were for, where nothing was known
+AGREED = 0.95  # share of the votes that has to be for one surface where nothing was known
+PROPORTION = 0.02  # by which the proportion of sides may differ between depth and color
+SOFTEST = 0.5  # px, deviation of a blur that takes nothing from thin things
+BLURRED = 1.15  # times the deviation found, as the ends of soft edges are not seen
+LEAST = 0.4  # share of a sample that must be a thin thing's own
+TOLD = 0.1  # what samples of thin things count once their own value is known
+NOISY = 12.0  # times the noise: a jump that is an edge
+
+
+class Recipe(NamedTuple):
+    """How edges are found and surfaces go on beyond them."""
+
+    run: int  # as of `ramps.Edges`
+    share: float
+    least: float
+    around: int  # samples beside an edge that may be another surface's
+    length: int  # as of `slopes.Bends`
+    steepest: float
+    bent: float
+
+
+RECIPES = {
+    "snap": Recipe(1, 0.3, 0.06, 2, 8, 0.03, 0.0),
+    "sharpen": Recipe(6, 0.12, 0.04, 0, 4, 0.1, 0.03),
+}
+
+
+class Refined(NamedTuple):
+    """A depth image that was conditioned."""
+
+    image: DepthImage
+    confidence: Floats  # (H, W) 0..1; 1 where nothing was changed, 0 where nothing is known
+    findings: Findings
+    chosen: str  # one of `REFINES`, but auto
+    step: float  # smallest difference of nearness that was told apart before
+
+
+def refine(
+    image: DepthImage, name: str = "auto", *, noise: float | None = None, step: float | None = None
+) -> Refined:
+    """Condition a depth image.
+
+    Parameters
+    ----------
+    image
+        Color and nearness, which may have a size of its own if it shows the same frame.
+    name
+        `auto` looks for what is wrong and leaves a map as it is whose edges are where colors
+        change. `snap` moves hard edges to those of color, `sharpen` makes soft ones hard, and both
+        fill what is unknown up to 24 px from what is known, where colors go on. `complete` does
+        that alone, `none` nothing. `auto` fills maps of sensors only, whose noise,
+        steps or many gaps show: where one was computed, nothing may be meant.
+    noise, step
+        As of `preparation.prepare`.
+
+    Raises
+    ------
+    ValueError
+        Color and nearness do not fit, or there is no depth at all.
+    LookupError
+        The name is unknown.
+    """
+    if name not in REFINES:
+        raise LookupError(f"unknown refine {name!r}; known: {', '.join(REFINES)}")
+    is_enlarged = image.nearness.shape != image.color.shape[:2]
+    image = fitted(image)
+    nearness = known(image)
+    quantum = quantum_of(nearness) if step is None else step
+    if noise is None:
+        noise = noise_of(nearness, linked(nearness, quantum, 0.0))
+    color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
+    findings = inspect(color, nearness, noise, quantum)
+    chosen = name if name != "auto" else "snap" if is_enlarged else findings.remedy
+    if chosen == "none":
+        confidence = (nearness > 0).astype(np.float32)
+        return Refined(image, confidence, findings, chosen, quantum)
+    if findings.block > 1 and chosen == "snap":
+        nearness = _without_blocks(nearness, findings.block)
+    task = Task(_scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"]))
+    confidence = (nearness > 0).astype(np.float32)
+    if chosen != "complete":
+        nearness, confidence = _hardened(task, nearness)
+    if name != "auto" or findings.is_measured:
+        nearness, confidence = _filled(task, nearness, confidence)
+    return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
+
+
+class Task(NamedTuple):
+    """What a map is refined by."""
+
+    color: Floats  # (H, W, C) in units by which alike colors differ
+    findings: Findings
+    noise: float
+    step: float
+    recipe: Recipe
+
+
+class Ballot(NamedTuple):
+    """Who votes, and who asks."""
+
+    nearness: Floats  # (H, W)
+    trust: Floats  # (H, W)
+    slope: Floats  # (H, W, 4)
+    kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
+
+
+def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
+    """Nearness with its edges where those of color are, and the share of votes for it."""
+    ballot = _ballot(task, nearness)
+    band = np.where(nearness > 0, ballot.kind, np.uint8(0))
+    refined, agreed = _counted(task, ballot, band, nearness)
+    if task.recipe.run > 1 and task.findings.sigma > SOFTEST:
+        ballot = _with_thin_things(task, ballot, refined)
+        refined, agreed = _counted(task, ballot, band, nearness)
+    return refined, agreed
+
+
+def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
+    """Nearness with what is unknown filled, round by round from what is known."""
+    for _ in range(MOST_ROUNDS):
+        unknown = (nearness <= 0).astype(np.uint8)
+        if not unknown.any():
+            break
+        found, share = _counted(task, _ballot(task, nearness), unknown, nearness)
+        nearness = np.where((unknown > 0) & (share < AGREED), np.float32(0), found)
+        share = np.where(nearness > 0, MADE_UP * share, 0)
+        agreed = np.where(unknown > 0, share, agreed).astype(np.float32)
+    return nearness, agreed
+
+
+def _ballot(task: Task, nearness: Floats) -> Ballot:
+    """Votes as a map gives them: its surfaces go on, and what lies between them is not heard."""
+    import cv2
+
+    from resample_warp3d.depth.refining.kernels.ramps import BESIDE, BETWEEN, Edges, classify
+    from resample_warp3d.depth.refining.kernels.slopes import Bends, measure_slopes
+
+    recipe = task.recipe
+    edges = Edges(recipe.run, recipe.share, max(recipe.least, NOISY * task.noise), 2.0 * task.step)
+    found = np.empty(nearness.shape, np.uint8)
+    classify(nearness, edges_of(nearness, edges), found)
+    side = 2 * recipe.around + 1
+    band = cv2.dilate((found > 0).astype(np.uint8), np.ones((side, side), np.uint8))
+    kind = np.maximum(found, band * np.uint8(BESIDE))
+    trust = np.where(kind > 0, np.float32(UNSURE), np.float32(1))
+    trust[found == BETWEEN] = 0
+    slope = np.empty((*nearness.shape, 4), np.float32)
+    measure_slopes(nearness, kind, Bends(recipe.length, recipe.steepest, recipe.bent), slope)
+    return Ballot(nearness, trust, slope, kind)
+
+
+def _counted(task: Task, ballot: Ballot, band: Kinds, nearness: Floats) -> tuple[Floats, Floats]:
+    """Nearness as the votes for the samples of a band have it, and the share of those for it."""
+    from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
+
+    refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
+    voters = Voters(task.color, ballot.nearness, ballot.trust, ballot.slope)
+    vote_rows(voters, window(), band, refined, agreed)
+    return refined, agreed
+
+
+def _with_thin_things(task: Task, ballot: Ballot, refined: Floats) -> Ballot:
+    """Votes in which thin things have what softness took from them."""
+    from resample_warp3d.depth.refining.kernels.softness import Blur, restore
+
+    blurred = depth_of if task.findings.is_depth else np.array
+    given, hard = blurred(ballot.nearness), blurred(refined)
+    # What is as it was must be so in these units, too.
+    hard = np.where(refined == ballot.nearness, given, hard).astype(np.float32)
+    whole = np.empty_like(given)
+    restore(given, hard, ballot.kind, Blur(BLURRED * task.findings.sigma, LEAST), whole)
+    is_told = whole > 0
+    nearness = np.where(is_told, blurred(whole), ballot.nearness).astype(np.float32)
+    trust = np.where(is_told, np.float32(TOLD), ballot.trust)
+    trust[(ballot.kind > 0) & ~is_told] = 0
+    return ballot._replace(nearness=nearness, trust=trust)
+
+
+@cache
+def window() -> "Window":
+    """Who is asked: all samples nearby and on the axes, every other one farther away."""
+    from resample_warp3d.depth.refining.kernels.voting import Window
+
+    down, across = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
+    far, near = np.maximum(abs(down), abs(across)), np.minimum(abs(down), abs(across))
+    is_asked = (far <= DENSE) | (near == 0) | ((down % 2 == 0) & (across % 2 == 0))
+    offset = np.stack([down[is_asked], across[is_asked]], axis=1).astype(np.int64)
+    squared = (offset**2).sum(axis=1)
+    share = np.exp(-0.5 * squared / FAR**2)
+    beside = np.abs(offset).min(axis=1) ** 2
+    return Window(offset, share, np.exp(-0.5 * squared / NEAR**2 - ACROSS * beside))
+
+
+def _scaled(color: Floats) -> Floats:
+    """Colors in units by which they may differ and still be alike."""
+    deviation = float(np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0).sum() / 3.0))
+    return np.asarray(color / np.float32(max(ALIKE * deviation, 1e-6)), np.float32)
+
+
+def fitted(image: DepthImage) -> DepthImage:
+    """Depth image whose depth has the size of its color.
+
+    Raises
+    ------
+    ValueError
+        They do not show the same frame: their sides differ in proportion.
+    """
+    height, width = image.nearness.shape
+    shape = image.color.shape[0], image.color.shape[1]
+    if (height, width) == shape:
+        return image
+    rows, columns = height / shape[0], width / shape[1]
+    if abs(rows / columns - 1.0) > PROPORTION:
+        raise ValueError(
+            f"color of {shape[1]} × {shape[0]} px does not fit depth of {width} × {height} px; "
+            "give maps of the same frame, whose sides have one proportion"
+        )
+    is_known = np.isfinite(image.nearness) & (image.nearness > 0)
+    nearness = enlarged(np.where(is_known, image.nearness, 0), shape, (rows, columns))
+    return image._replace(nearness=nearness)
+
+
+def _without_blocks(nearness: Floats, side: int) -> Floats:
+    """Map of blocks of one value, interpolated between their middles."""
+    small = nearness[side // 2 :: side, side // 2 :: side]
+    return enlarged(small, (nearness.shape[0], nearness.shape[1]), (1.0 / side, 1.0 / side))
+
+
+def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
+    """Map brought to another size, surface by surface.
+
+    Parameters
+    ----------
+    nearness
+        (h, w); 0 where unknown.
+    shape
+        Height and width of the result.
+    scale
+        Rows and columns of the map for one of the result.
+    """
+    from resample_warp3d.depth.refining.kernels.enlarging import enlarge_rows
+
+    small = np.ascontiguousarray(nearness, np.float32)
+    result = np.empty(shape, np.float32)
+    numbers = np.array([scale[0], 0.5, scale[1], 0.5])
+    enlarge_rows(small, linked(small, quantum_of(small), 0.0), numbers, result)
+    return result

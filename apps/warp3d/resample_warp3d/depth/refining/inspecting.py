@@ -1,0 +1,164 @@
+"""What is wrong with a depth map: soft or displaced edges, blocks, things unknown.
+
+Nothing of it is known beforehand: soft edges go over several samples, displaced ones run beside
+those of the picture, and a map that was enlarged changes at every so many samples only.
+"""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+
+if TYPE_CHECKING:
+    from resample_warp3d.depth.refining.kernels.ramps import Edges
+
+CLEAR = 0.1  # of the nearness: jumps that are looked at
+RUN = 6  # samples on each side of an edge that a soft one may go on for
+LITTLE = 0.05  # of the steepest step of an edge
+SOFT = 0.15  # of an edge's jump: its second largest step, from which on it is soft
+MANY_SOFT = 0.4  # of all edges, from which on a map is soft
+FAINT = 0.6  # px, deviation of a blur below which edges are as good as hard
+DISPLACED = 0.8  # of the largest change of color near edges: what is less at them is displaced
+HOLEY = 1e-3  # share of samples without depth, from which on they are filled
+RENDERED = 3e-4  # of the nearness: noise and steps up to which depth was computed, not measured
+MANY_GAPS = 50  # of a map; a sky seen through things has fewer
+FEW = 100  # edges; fewer tell nothing
+CONTRAST = 1.5  # by which colors have to change more near edges than farther away
+LARGEST_BLOCK = 16  # samples
+FEWEST_BLOCKS = 8  # between which there are steps, and at least half of all
+AT_ONE = 0.98  # share of all steps at one place of the blocks
+FEW_STEPS = 0.01  # of all samples: a map with fewer steps is of flat things
+MOST_EDGES = 1 << 16
+
+
+class Findings(NamedTuple):
+    """What is wrong with a depth map."""
+
+    soft: float  # share of its edges that go over several samples
+    sigma: float  # px, standard deviation of the blur that makes edges as soft as they are
+    is_depth: bool  # depth was blurred, and not nearness
+    aligned: float  # change of color at its edges, of the largest beside them; 1: none to be seen
+    block: int  # samples of a block that has one value; 1: none
+    unknown: float  # share of its samples
+    is_measured: bool  # noisy, in steps or full of gaps: what is unknown was lost, not empty
+
+    @property
+    def remedy(self) -> str:
+        """How to refine it: `snap`, `sharpen`, `complete` or `none`."""
+        if self.block > 1:
+            return "snap"
+        if self.soft > MANY_SOFT and self.sigma > FAINT:
+            return "sharpen"
+        if self.aligned < DISPLACED:
+            return "snap"
+        return "complete" if self.is_measured and self.unknown > HOLEY else "none"
+
+
+def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findings:
+    """Look for what is wrong with a depth map.
+
+    Parameters
+    ----------
+    color
+        (H, W, C) finite.
+    nearness
+        (H, W); 0 where unknown.
+    noise
+        Standard deviation of the nearness, relative to it.
+    step
+        Smallest difference of nearness that is told apart.
+    """
+    from resample_warp3d.depth.refining.kernels.ramps import Edges
+
+    least = max(CLEAR, 10.0 * noise)
+    mark = edges_of(nearness, Edges(RUN, LITTLE, least, 2.0 * step))
+    soft, sigma, is_depth = _softness(nearness, mark)
+    sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
+    unknown = float(np.mean(nearness <= 0))
+    is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
+    aligned = _aligned(color, sharp)
+    return Findings(soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured)
+
+
+def _is_torn(nearness: Floats) -> bool:
+    """Whether a map has many gaps, each for itself."""
+    import cv2
+
+    count, _ = cv2.connectedComponents((nearness <= 0).astype(np.uint8))
+    return bool(count > MANY_GAPS)
+
+
+def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
+    """Steps of edges (H, W, 2), as `ramps.mark_edges` marks them."""
+    from resample_warp3d.depth.refining.kernels.ramps import mark_edges
+
+    mark = np.zeros((*nearness.shape, 2), np.uint8)
+    mark_edges(nearness, edges, mark)
+    return mark
+
+
+def _softness(nearness: Floats, mark: NDArray[np.uint8]) -> tuple[float, float, bool]:
+    """Share of soft edges, the deviation of the blur, and whether depth was blurred.
+
+    A blur is even, so the steps of its edges are not skewed in what was blurred.
+    """
+    from resample_warp3d.depth.refining.kernels.softness import measure_edges
+
+    found = []
+    for values in (nearness, depth_of(nearness)):
+        edges: Doubles = np.zeros((MOST_EDGES, 3))
+        count = measure_edges(values, mark, edges)
+        if count < FEW:
+            return 0.0, 0.0, False
+        found.append(edges[:count])
+    soft = float(np.mean(found[0][:, 2] > SOFT))
+    skew = [abs(float(np.median(edges[:, 1]))) for edges in found]
+    is_depth = skew[1] < skew[0]
+    return soft, math.sqrt(max(float(np.median(found[is_depth][:, 0])), 0.0)), is_depth
+
+
+def depth_of(nearness: Floats) -> Floats:
+    """1 / nearness, 0 where unknown; of depth it gives nearness."""
+    found = np.zeros_like(nearness)
+    np.divide(np.float32(1), nearness, out=found, where=nearness > 0)
+    return found
+
+
+def _aligned(color: Floats, mark: NDArray[np.uint8]) -> float:
+    """How much colors change at edges, of the most that they change within a few px of them.
+
+    1 where that cannot be told: few edges, or colors that change everywhere alike.
+    """
+    from resample_warp3d.depth.refining.kernels.profiles import REACH, profile_edges
+
+    profile, count = np.zeros((4, 2 * REACH + 1)), np.zeros(4)
+    profile_edges(color, mark, profile, count)
+    total = profile.sum(axis=0)
+    if count.sum() < FEW or not total.max() > CONTRAST * np.median(total):
+        return 1.0
+    beside = np.delete(total, REACH)
+    return float(total[REACH] / max(beside.max(), 1e-30))
+
+
+def block_of(nearness: Floats) -> int:
+    """Side of the blocks of one value that a map consists of, samples; 1 for no blocks."""
+    sizes = [_period(nearness), _period(np.ascontiguousarray(nearness.T))]
+    return sizes[0] if sizes[0] == sizes[1] else 1
+
+
+def _period(nearness: Floats) -> int:
+    """Largest period at one place of which all steps along rows are; 1 for none."""
+    is_step = np.diff(nearness, axis=1) != 0
+    places = is_step.sum(axis=0)
+    if places.sum() < FEW_STEPS * is_step.size:
+        return 1
+    for period in range(LARGEST_BLOCK, 1, -1):
+        at = np.bincount(np.arange(places.size) % period, weights=places, minlength=period)
+        between = np.count_nonzero(places[period - 1 :: period])
+        is_often = between >= max(FEWEST_BLOCKS, places.size // (2 * period))
+        if is_often and at[period - 1] >= AT_ONE * at.sum():
+            return period
+    return 1

@@ -1,0 +1,1 @@
+"""The numba code of conditioning: bare arrays and numbers."""

@@ -1,0 +1,154 @@
+"""How soft the edges of a depth map are, and what that took from things thinner than they."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.types import Doubles, Floats
+from resample_warp3d.depth.refining.kernels.ramps import BETWEEN, UP
+
+Marks = NDArray[np.uint8]
+
+WHOLE = 0.98  # share of a soft map's sample that is a thing's own, above which nothing is missing
+NARROW = 0.05  # of the values: surfaces closer together are one
+SAME = 0.25  # of the range around a sample: values less apart are of one surface
+
+
+class Blur(NamedTuple):
+    """How a soft map came to be."""
+
+    sigma: float  # px
+    least: float  # share of a sample that must be a thing's own for the rest to be taken away
+
+
+@kernel
+def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> int:
+    """Measure the edge that begins at a sample, as `measure_edges`; gives where it ends."""
+    kind, total, mean, square, cube = mark[row, column, 0], 0.0, 0.0, 0.0, 0.0
+    largest, second, n = 0.0, 0.0, 0
+    while column + n + 1 < values.shape[1] and mark[row, column + n, 0] == kind:
+        step = abs(np.float64(values[row, column + n + 1]) - values[row, column + n])
+        if step > largest:
+            largest, second = step, largest
+        else:
+            second = max(second, step)
+        total, mean = total + step, mean + step * n
+        square, cube = square + step * n * n, cube + step * n * n * n
+        n += 1
+    if total > 0.0:
+        mean, square, cube = mean / total, square / total, cube / total
+        skew = cube - 3.0 * mean * square + 2.0 * mean * mean * mean
+        found[0], found[1] = square - mean * mean, skew if kind == UP else -skew
+        found[2] = second / total
+    return column + max(n, 1)
+
+
+@kernel
+def measure_edges(values: Floats, mark: Marks, found: Doubles) -> int:
+    """Measure edges along rows; gives how many.
+
+    Parameters
+    ----------
+    values
+        (H, W), of which nearness is a rising or a falling function; 0 where unknown.
+    mark
+        (H, W, 2) of `ramps.mark_edges`.
+    found
+        (N, 3) filled from the top: variance of an edge's steps (px²), their skew, toward the far
+        side (px³), and what share of the jump the second largest of them is.
+    """
+    count = 0
+    for row in range(values.shape[0]):
+        column = 0
+        while column < values.shape[1] and count < found.shape[0]:
+            if mark[row, column, 0] == 0:
+                column += 1
+                continue
+            is_first = column == 0 or mark[row, column - 1, 0] == 0
+            column = _run(values, mark, row, column, found[count])
+            if is_first and (column >= values.shape[1] or mark[row, column, 0] == 0):
+                count += 1
+    return count
+
+
+@kernel
+def _range(values: Floats, row: int, column: int, reach: int) -> tuple[float, float]:
+    """Least and largest of the values around a sample that are known."""
+    low, high = np.inf, 0.0
+    for r in range(max(0, row - reach), min(values.shape[0], row + reach + 1)):
+        for c in range(max(0, column - reach), min(values.shape[1], column + reach + 1)):
+            value = np.float64(values[r, c])
+            if value > 0.0:
+                low, high = min(low, value), max(high, value)
+    return low, high
+
+
+@kernel
+def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) -> float:
+    """Value of a thin thing without what its surroundings left in it; 0 where that is too much.
+
+    A soft map's value is k a + (1 − k) b with the thing's own value a and the surroundings' b.
+    How much of a sample is the thing's, k, follows from what lies around it: what was given beyond
+    half of the way to the surroundings, or what was refined to the thing's surface, the larger.
+    """
+    reach = math.ceil(3.0 * blur.sigma)
+    here = np.float64(given[row, column])
+    low, high = _range(refined, row, column, reach)
+    if high - low < NARROW * high:
+        return 0.0
+    half = 0.5 * (here + (low if here - low > high - here else high))
+    total, similar, beyond, others = 0.0, 0.0, 0.0, 0.0
+    for r in range(max(0, row - reach), min(given.shape[0], row + reach + 1)):
+        for c in range(max(0, column - reach), min(given.shape[1], column + reach + 1)):
+            if not refined[r, c] > 0:
+                continue
+            apart = (r - row) * (r - row) + (c - column) * (c - column)
+            weight = math.exp(-0.5 * apart / (blur.sigma * blur.sigma))
+            total += weight
+            if (given[r, c] - half) * (here - half) > 0.0:
+                beyond += weight
+            if abs(refined[r, c] - here) <= SAME * (high - low):
+                similar += weight
+            else:
+                others += weight * refined[r, c]
+    own = max(similar, beyond) / total
+    if own < blur.least:
+        return 0.0
+    if own > WHOLE or total - similar <= 0.0:
+        return here
+    return max((here - (1.0 - own) * others / (total - similar)) / own, 0.3 * here)
+
+
+@kernel
+def _restore_row(
+    given: Floats, refined: Floats, kind: Marks, blur: Blur, row: int, whole: Floats
+) -> None:
+    for column in range(given.shape[1]):
+        whole[row, column] = np.float32(0)
+        is_kept = refined[row, column] == given[row, column] and given[row, column] > 0
+        if kind[row, column] and kind[row, column] != BETWEEN and is_kept:
+            whole[row, column] = np.float32(_whole(given, refined, row, column, blur))
+
+
+@parallel_kernel
+def restore(
+    counter: Counter, given: Floats, refined: Floats, kind: Marks, blur: Blur, whole: Floats
+) -> None:
+    """Write what thin things had before a map became soft.
+
+    Parameters
+    ----------
+    given, refined
+        (H, W) values in which the map was made soft, before and after its edges were made hard.
+    kind
+        (H, W) of samples in a band around edges: not 0, and `BETWEEN` where between surfaces.
+    blur
+        How soft the map is.
+    whole
+        (H, W) filled: 0 where nothing can be said.
+    """
+    for row in tasks(counter, given.shape[0]):
+        _restore_row(given, refined, kind, blur, row, whole)

@@ -1,0 +1,47 @@
+"""Depth of a camera of its own, brought to the camera that took the picture."""
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.types import Floats
+from resample_warp3d.depth.equation import between, lens_places
+from resample_warp3d.types import DepthImage
+
+SOLID = 0.5  # coverage from which on a pixel has a depth
+
+
+def registered(
+    nearness: Floats, depth_camera: Camera, camera: Camera, shape: tuple[int, int]
+) -> Floats:
+    """Nearness (height, width) as a camera sees it that did not take the depth.
+
+    Parameters
+    ----------
+    nearness
+        (h, w) of the depth camera; 0 where unknown.
+    depth_camera, camera
+        Both with poses in one world; the second without distortion.
+    shape
+        Height and width of the result, px.
+
+    Returns
+    -------
+    That of the nearest surface over most of each pixel; 0 where the depth camera saw none.
+
+    Raises
+    ------
+    ValueError
+        Nothing of the depth is in view.
+    """
+    from resample_warp3d.depth.preparation import prepare
+    from resample_warp3d.methods.hybrid import Hybrid
+
+    height, width = nearness.shape
+    place = lens_places(depth_camera, (height, width))
+    image = DepthImage(np.ones((height, width, 1), np.float32), nearness, place)
+    source = prepare(image, refine="none")
+    rendered = Hybrid()(source, between(depth_camera, camera), shape)
+    seen = np.where(rendered.coverage >= SOLID, rendered.nearness, np.float32(0))
+    if not seen.any():
+        raise ValueError("the picture sees nothing of its depth; check the depth camera's pose")
+    return np.asarray(seen, np.float32)
