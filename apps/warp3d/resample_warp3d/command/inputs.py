@@ -22,7 +22,7 @@ from resample_warp3d.depth.refining.conditioning import fitted
 from resample_warp3d.depth.refining.registering import registered
 from resample_warp3d.types import DepthImage
 
-BYTES_PER_PIXEL = 96  # of what preparing a source takes beside its colors
+BYTES_PER_PIXEL = 144  # of what refining and preparing a source takes beside its colors
 
 
 class DepthView(NamedTuple):
@@ -216,7 +216,7 @@ def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> 
     color, depth = names
     height, width, channels = picture.data.shape
     require_memory(
-        (BYTES_PER_PIXEL + 8 * channels) * height * width,
+        (BYTES_PER_PIXEL + 12 * channels) * height * width,
         f"{color} of {width} x {height} pixels",
         "take a smaller picture",
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.types import Floats
 from resample_warp3d.depth.measuring import known, linked, noise_of, quantum_of
-from resample_warp3d.depth.refining.inspecting import Findings, depth_of, edges_of, inspect
+from resample_warp3d.depth.refining.inspecting import NOTHING, Findings, depth_of, edges_of, inspect
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Refined(NamedTuple):
 
     image: DepthImage
     confidence: Floats  # (H, W) 0..1; 1 where nothing was changed, 0 where nothing is known
-    findings: Findings
+    findings: Findings  # where `none` was asked for, all but `unknown` says nothing
     chosen: str  # one of `REFINES`, but auto
     step: float  # smallest difference of nearness that was told apart before
 
@@ -97,18 +97,20 @@ def refine(
     image = fitted(image)
     nearness = known(image)
     quantum = quantum_of(nearness) if step is None else step
+    confidence = (nearness > 0).astype(np.float32)
+    if name == "none":
+        findings = NOTHING._replace(unknown=float(np.mean(nearness <= 0)))
+        return Refined(image, confidence, findings, name, quantum)
     if noise is None:
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
     chosen = name if name != "auto" else "snap" if is_enlarged else findings.remedy
     if chosen == "none":
-        confidence = (nearness > 0).astype(np.float32)
         return Refined(image, confidence, findings, chosen, quantum)
     if findings.block > 1 and chosen == "snap":
         nearness = _without_blocks(nearness, findings.block)
     task = Task(_scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"]))
-    confidence = (nearness > 0).astype(np.float32)
     if chosen != "complete":
         nearness, confidence = _hardened(task, nearness)
     if name != "auto" or findings.is_measured:
@@ -224,7 +226,9 @@ def window() -> "Window":
 
 def _scaled(color: Floats) -> Floats:
     """Colors in units by which they may differ and still be alike."""
-    deviation = float(np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0).sum() / 3.0))
+    deviation = float(
+        np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
+    )
     return np.asarray(color / np.float32(max(ALIKE * deviation, 1e-6)), np.float32)
 
 

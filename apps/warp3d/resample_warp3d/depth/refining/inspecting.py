@@ -57,6 +57,9 @@ class Findings(NamedTuple):
         return "complete" if self.is_measured and self.unknown > HOLEY else "none"
 
 
+NOTHING = Findings(0.0, 0.0, False, 1.0, 1, 0.0, False)
+
+
 def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findings:
     """Look for what is wrong with a depth map.
 
