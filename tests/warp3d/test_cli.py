@@ -271,6 +271,32 @@ def test_further_views_cover_more():
     assert both[..., 3].mean() == pytest.approx(1)
 
 
+def test_statistics_say_how_views_were_matched():
+    bright = np.minimum(cv2.imread("color.png") // 2 + 60, 255)
+    cv2.imwrite("bright.png", bright)
+    words = ["--move", "0.1,0,0", *FAST, "-o", "out.png", "--stats", "stats.json"]
+    view = ["--view", f"bright.png,depth.png,{pose('t.txt')}"]
+    assert ended(*render(*words, *view)) == 0
+    matched = json.loads(Path("stats.json").read_text())["views"]
+    assert [each["depth_factor"] for each in matched] == [1, 1]
+    assert len(matched[0]["gain"]) == len(matched[0]["bias"]) == 3
+    assert ended(*render(*words, *view, "--plain")) == 0
+    plain = json.loads(Path("stats.json").read_text())["views"]
+    assert [each["gain"] for each in plain] == [[1, 1, 1], [1, 1, 1]]
+    assert ended(*render(*words)) == 0
+    assert "views" not in json.loads(Path("stats.json").read_text())
+
+
+def test_several_views_of_labels_are_not_mixed(rng):
+    labels = rng.integers(1, 7, (24, 32), np.uint16) * 1000 + 7
+    cv2.imwrite("names.png", labels)
+    cv2.imwrite("other.png", labels + 7000)
+    view = ["--view", f"other.png,depth.png,{pose('t.txt', 0.4)}"]
+    assert ended(*render(*RIGHT, "--unmixed", *view, "-o", "out.png", color="names.png")) == 0
+    known = {0, *np.unique(labels), *np.unique(labels + 7000)}
+    assert set(np.unique(cv2.imread("out.png", -1))) <= known
+
+
 def test_the_number_of_threads_changes_no_pixel():
     assert np.array_equal(moved(*RIGHT), moved(*RIGHT, "--threads", 1))
 

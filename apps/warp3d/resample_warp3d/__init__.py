@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
 
 _HOMES = {
@@ -22,13 +23,17 @@ _HOMES = {
     "Equation": "types",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
+    "Joining": "views.together",
     "Source": "types",
+    "Standing": "views.together",
     "Warped": "types",
+    "agreed": "views.together",
     "between": "depth.equation",
     "merge": "merging",
     "of_rectified": "depth.equation",
     "prepare": "depth.preparation",
     "render": "warping",
+    "render_together": "views.together",
     "warp": "warping",
     "warp_disparity": "warping",
 }
@@ -39,13 +44,17 @@ __all__ = [
     "Equation",
     "Hole",
     "Hybrid",
+    "Joining",
     "Source",
+    "Standing",
     "Warped",
+    "agreed",
     "between",
     "merge",
     "of_rectified",
     "prepare",
     "render",
+    "render_together",
     "warp",
     "warp_disparity",
 ]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from resample.types import Doubles
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
+    from resample_warp3d.views.together import Joining
 
 Shape = tuple[int, int]  # height and width, px
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
@@ -315,6 +316,46 @@ class Warping(Choices):
                 f"{self.method} mixes colors; for labels take hybrid or {' or '.join(UNMIXED)}"
             )
         return method
+
+
+class Joint(Choices):
+    """How several views become one."""
+
+    blend: Annotated[
+        Literal["feathered", "confident", "best"],
+        Field(
+            description="Of several views: feathered, by sampling and angle, fading out toward a "
+            "view's border; confident, by sampling alone; best, one view for each pixel."
+        ),
+    ] = "feathered"
+    match_colors: Annotated[
+        Literal["gain", "gain-bias", "none"],
+        Field(description="What makes several views equally bright. Their mean stays."),
+    ] = "gain"
+    match_depths: Annotated[
+        Literal["scale", "none"],
+        Field(description="What makes depths of several views meet. Their mean stays."),
+    ] = "scale"
+    votes: Annotated[
+        Literal["majority", "none"],
+        Field(description="Leave out what more views look through than see."),
+    ] = "majority"
+    plain: Annotated[
+        bool,
+        Switch,
+        Field(description="Take several views as they are: confident, and none of the others."),
+    ] = False
+
+    def joining(self, *, unmixed: bool) -> "Joining":
+        """The choices; names are not blended."""
+        from resample_warp3d.views.together import PLAIN, Joining
+
+        chosen = (
+            PLAIN
+            if self.plain
+            else Joining(self.blend, self.match_colors, self.match_depths, self.votes)
+        )
+        return replace(chosen, blend="best", colors="none") if unmixed else chosen
 
 
 class Extras(Choices):

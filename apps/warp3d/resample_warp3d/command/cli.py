@@ -10,7 +10,15 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample_warp3d.command.choices import Aim, Depth, Extras, SourceCamera, Travel, Warping
+from resample_warp3d.command.choices import (
+    Aim,
+    Depth,
+    Extras,
+    Joint,
+    SourceCamera,
+    Travel,
+    Warping,
+)
 
 app = App(
     name="resample-warp3d",
@@ -21,7 +29,7 @@ app = App(
 )
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
-WRITTEN, EXTRAS, TRAVEL = Written(), Extras(), Travel()
+WRITTEN, EXTRAS, TRAVEL, JOINT = Written(), Extras(), Travel(), Joint()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -39,6 +47,7 @@ def render(
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
     view: Annotated[list[str] | None, flags.Switch] = None,
+    joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
@@ -66,10 +75,10 @@ def render(
     from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
+        joined,
         mention_holes,
         prepared,
         report,
-        warped,
     )
     from resample_warp3d.command.writing import (
         check_extras,
@@ -97,7 +106,10 @@ def render(
     check_memory(shape, picture.data.shape[2])
     target = aim.camera(camera, source_shape, eye.convention)
     sources = prepared(session, views, warping)
-    seen = warped(session, sources, target, shape, warping)
+    together = joined(
+        session, sources, target, shape, warping, joint.joining(unmixed=warping.unmixed)
+    )
+    seen = together.warped
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
@@ -111,7 +123,7 @@ def render(
         if extras.export is not None:
             write_geometry(extras.export, *sources[0], extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, report(session, views, seen, warping))
+        write_json(extras.stats, report(session, views, together, warping))
 
 
 @app.command

@@ -23,6 +23,7 @@ from resample_warp3d.types import Equation, Hole, Source, Warped
 
 if TYPE_CHECKING:
     from resample_warp3d.clouds.files import Cloud
+    from resample_warp3d.views.together import Joining
 
 BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
 FEW = 1e-4  # of the pixels; fewer are not spoken about
@@ -38,6 +39,13 @@ class Prepared(NamedTuple):
 
     source: Source
     camera: Camera
+
+
+class Together(NamedTuple):
+    """Several sources in one picture."""
+
+    warped: Warped
+    found: list[dict[str, Any]] | None  # about each source, for `--stats`; None: there is only one
 
 
 class Film(NamedTuple):
@@ -58,49 +66,76 @@ def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> l
 
 
 def warped(
-    session: Session, sources: Sequence[Prepared], target: Camera, shape: Shape, choice: Warping
+    session: Session, source: Prepared, target: Camera, shape: Shape, choice: Warping
 ) -> Warped:
+    """A source as a camera sees it in a frame (height, width)."""
+    return _rendered(session, source.source, between(source.camera, target), shape, choice)
+
+
+def joined(
+    session: Session,
+    sources: Sequence[Prepared],
+    target: Camera,
+    shape: Shape,
+    choice: Warping,
+    joining: "Joining",
+) -> Together:
     """Sources as a camera sees them together in a frame (height, width)."""
-    equations = [between(prepared.camera, target) for prepared in sources]
-    each = [prepared.source for prepared in sources]
-    return _rendered(session, each, equations, shape, choice)
+    from resample_warp3d.views.together import Standing, agreed, render_together
+
+    method = choice.built()
+    if len(sources) == 1:
+        return Together(warped(session, sources[0], target, shape, choice), None)
+    with session.stage("match"):
+        ready = agreed([Standing(*each) for each in sources], joining)
+    with session.stage("warp"):
+        seen = render_together(
+            ready, target, shape, method, joining, filter=choice.filter, threads=choice.threads
+        )
+    found = [
+        {
+            "depth_factor": round(1.0 / float(scale), 6),
+            "gain": [round(float(each), 6) for each in gain],
+            "bias": [round(float(each), 6) for each in bias],
+        }
+        for scale, gain, bias in zip(ready.scale, *seen.match, strict=True)
+    ]
+    return Together(filled(session, seen.warped, choice), found)
 
 
 def shifted(
     session: Session, source: Source, fraction: float, shape: Shape, choice: Warping
 ) -> Warped:
     """Picture of a rectified pair as seen from a fraction of the way to the other eye."""
-    return _rendered(session, [source], [of_rectified(fraction)], shape, choice)
+    return _rendered(session, source, of_rectified(fraction), shape, choice)
 
 
 def _rendered(
-    session: Session,
-    sources: Sequence[Source],
-    equations: Sequence[Equation],
-    shape: Shape,
-    choice: Warping,
+    session: Session, source: Source, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
-    from resample_warp3d.merging import merge
     from resample_warp3d.warping import render
 
     method = choice.built()
     with session.stage("warp"):
-        each = [
-            render(source, equation, shape, method, choice.threads, filter=choice.filter)
-            for source, equation in zip(sources, equations, strict=True)
-        ]
-        together = each[0] if len(each) == 1 else merge(each)
+        seen = render(source, equation, shape, method, choice.threads, filter=choice.filter)
+    return filled(session, seen, choice)
+
+
+def filled(session: Session, seen: Warped, choice: Warping) -> Warped:
+    """Picture with its holes made up, if that is asked for."""
     if not choice.fill:
-        return together
+        return seen
     with session.stage("fill"):
-        return fill(together)
+        return fill(seen)
 
 
 def report(
-    session: Session, views: Sequence[DepthView], warped: Warped, choice: Warping
+    session: Session, views: Sequence[DepthView], seen: Together, choice: Warping
 ) -> dict[str, Any]:
-    """Sizes, shares and times, for `--stats`."""
+    """Sizes, shares and times, for `--stats`; of several views what was found about each."""
+    warped = seen.warped
     covered = warped.magnification > 0
+    about = {} if seen.found is None else {"views": seen.found}
     return {
         "sources": [list(view.image.nearness.shape[::-1]) for view in views],
         "size": list(warped.coverage.shape[::-1]),
@@ -112,6 +147,7 @@ def report(
         "magnification": (
             round(float(np.median(warped.magnification[covered])), 6) if covered.any() else None
         ),
+        **about,
         "seconds": session.times(),
     }
 
@@ -120,10 +156,10 @@ def film_of(
     session: Session, view: DepthView, shape: Shape, choice: Warping, background: Background
 ) -> Film:
     """Film of a view: what its frames (H, W, 3) look like, and what they depend on."""
-    sources = prepared(session, [view], choice)
+    (source,) = prepared(session, [view], choice)
 
     def frame(camera: Camera) -> Floats:
-        seen = warped(session, sources, camera, shape, choice)
+        seen = warped(session, source, camera, shape, choice)
         return on_screen(seen, has_alpha=view.picture.kind.has_alpha, background=background)
 
     job = {
