@@ -280,12 +280,24 @@ class Warping(Choices):
         Switch,
         Field(description="Make up what no view shows, from the background beside it."),
     ] = False
+    fill_by: Annotated[
+        Literal["picture", "layer"],
+        Field(
+            description="What --fill makes it up from: each picture, or a layer behind silhouettes "
+            "that the source gets once, so that films do not flicker."
+        ),
+    ] = "picture"
     unmixed: Annotated[
         bool,
         Switch,
         Field(description="Colors are names or numbers, which are not mixed."),
     ] = False
     threads: Threads = None
+
+    @property
+    def has_layer(self) -> bool:
+        """Whether sources get a layer behind their silhouettes."""
+        return self.fill_by == "layer"
 
     def built(self) -> "Method":
         """The method.
@@ -298,6 +310,8 @@ class Warping(Choices):
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
+        if self.has_layer and not self.fill:
+            raise ValueError("--fill-by layer belongs to --fill; give both")
         if self.filter is not None:
             from resample_warp3d.methods.filtering import check_method
 

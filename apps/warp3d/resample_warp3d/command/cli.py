@@ -121,7 +121,7 @@ def render(
         write_picture(output, made, look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, *sources[0], extras.export_as)
+            write_geometry(extras.export, sources[0].source, camera, extras.export_as)
     if extras.stats is not None:
         write_json(extras.stats, report(session, views, together, warping))
 
@@ -183,7 +183,7 @@ def stereo(
     check_memory(shape, seen.picture.data.shape[2])
     (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = shifted(session, source.source, way, shape, warping)
+    warped = shifted(session, source, way, shape, warping)
     if not warping.fill:
         mention_holes(warped)
     write_picture(output, warped_picture(warped, seen.picture.kind, filled=warping.fill), look)

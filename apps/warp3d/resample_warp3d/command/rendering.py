@@ -1,6 +1,8 @@
 """Depth images warped for the command line."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -18,6 +20,7 @@ from resample_warp3d.command.choices import Shape, Warping, with_intrinsics
 from resample_warp3d.command.inputs import DepthView
 from resample_warp3d.depth.equation import between, of_rectified
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
 
@@ -39,6 +42,7 @@ class Prepared(NamedTuple):
 
     source: Source
     camera: Camera
+    layer: Source | None  # behind its silhouettes, if that is asked for and there is any
 
 
 class Together(NamedTuple):
@@ -58,18 +62,20 @@ class Film(NamedTuple):
 def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
     """Sources ready to be warped."""
     announce()
+    made = []
     with session.stage("prepare", bar="preparing"):
-        return [
-            Prepared(prepare(view.image, noise=choice.noise, step=view.step), view.camera)
-            for view in views
-        ]
+        for view in views:
+            source = prepare(view.image, noise=choice.noise, step=view.step)
+            layer = background(source) if choice.has_layer else None
+            made.append(Prepared(source, view.camera, layer))
+    return made
 
 
 def warped(
     session: Session, source: Prepared, target: Camera, shape: Shape, choice: Warping
 ) -> Warped:
     """A source as a camera sees it in a frame (height, width)."""
-    return _rendered(session, source.source, between(source.camera, target), shape, choice)
+    return _rendered(session, source, between(source.camera, target), shape, choice)
 
 
 def joined(
@@ -81,17 +87,21 @@ def joined(
     joining: "Joining",
 ) -> Together:
     """Sources as a camera sees them together in a frame (height, width)."""
-    from resample_warp3d.views.together import Standing, agreed, render_together
+    from resample_warp3d.views.together import Standing, agreed, layers_of, render_together
 
-    method = choice.built()
     if len(sources) == 1:
         return Together(warped(session, sources[0], target, shape, choice), None)
+    look = partial(
+        render_together, target=target, shape=shape, method=choice.built(), joining=joining,
+        filter=choice.filter, threads=choice.threads,
+    )  # fmt: skip
     with session.stage("match"):
-        ready = agreed([Standing(*each) for each in sources], joining)
+        ready = agreed([Standing(each.source, each.camera) for each in sources], joining)
     with session.stage("warp"):
-        seen = render_together(
-            ready, target, shape, method, joining, filter=choice.filter, threads=choice.threads
-        )
+        seen = look(ready)
+        layers = layers_of(ready, [each.layer for each in sources])
+        alone = replace(joining, votes="none")
+        layer = look(layers, joining=alone, match=seen.match).warped if layers.order else None
     found = [
         {
             "depth_factor": round(1.0 / float(scale), 6),
@@ -100,33 +110,38 @@ def joined(
         }
         for scale, gain, bias in zip(ready.scale, *seen.match, strict=True)
     ]
-    return Together(filled(session, seen.warped, choice), found)
+    return Together(filled(session, seen.warped, layer, choice), found)
 
 
 def shifted(
-    session: Session, source: Source, fraction: float, shape: Shape, choice: Warping
+    session: Session, source: Prepared, fraction: float, shape: Shape, choice: Warping
 ) -> Warped:
     """Picture of a rectified pair as seen from a fraction of the way to the other eye."""
     return _rendered(session, source, of_rectified(fraction), shape, choice)
 
 
 def _rendered(
-    session: Session, source: Source, equation: Equation, shape: Shape, choice: Warping
+    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
     from resample_warp3d.warping import render
 
     method = choice.built()
     with session.stage("warp"):
-        seen = render(source, equation, shape, method, choice.threads, filter=choice.filter)
-    return filled(session, seen, choice)
+        seen, *layers = (
+            render(each, equation, shape, method, choice.threads, filter=choice.filter)
+            for each in (source.source, source.layer)
+            if each is not None
+        )
+    layer = layers[0] if layers else None
+    return filled(session, seen, layer, choice)
 
 
-def filled(session: Session, seen: Warped, choice: Warping) -> Warped:
-    """Picture with its holes made up, if that is asked for."""
+def filled(session: Session, seen: Warped, layer: Warped | None, choice: Warping) -> Warped:
+    """Picture with its holes made up, if that is asked for, from a layer first if there is one."""
     if not choice.fill:
         return seen
     with session.stage("fill"):
-        return fill(seen)
+        return fill(seen if layer is None else behind(seen, layer))
 
 
 def report(

@@ -93,6 +93,17 @@ def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
     return Agreed(ready, order, scale)
 
 
+def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
+    """Layers behind the sources that have one, as they were given, to be seen with their match."""
+    standing, order = [], []
+    for each, n in zip(sources.standing, sources.order, strict=True):
+        layer = layers[n]
+        if layer is not None:
+            standing.append(each._replace(source=scaled(layer, float(sources.scale[n]))))
+            order.append(n)
+    return Agreed(standing, order, sources.scale)
+
+
 def render_together(  # noqa: PLR0913 - what a user may say about a warp
     sources: Agreed,
     target: Camera,
