@@ -21,6 +21,7 @@ REACH = 0.12  # of the longer side: how far behind a silhouette the layer goes
 APART = 1.03  # ratio of nearness from which one surface hides another
 RING = 3  # samples of the far side itself that the layer begins with
 STEEP = 0.5  # of the nearness: what it may change from a silhouette to the layer's end
+MARGIN = 10  # samples more that colors must not come from
 CLASSES = 6  # of far sides, by nearness: beside a near one a farther one is looked for, too
 
 Mask = NDArray[np.bool_]
@@ -28,11 +29,12 @@ NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
 class Beyond(NamedTuple):
-    """Far sides, gone on beyond their silhouettes."""
+    """Some far sides, gone on beyond their silhouettes."""
 
     distance: Floats  # (H, W) to the nearest sample at a silhouette
-    nearness: Floats  # (H, W) of its surface; 0 where none is near enough
-    hidden: Mask  # (H, W) that surface lies behind the sample
+    nearness: Floats  # (H, W) of its surface
+    hidden: Mask  # (H, W) that surface lies behind the sample, not too far from its silhouette
+    same: Mask  # (H, W) the sample is of that surface
 
 
 def background(source: Source, reach: float = REACH) -> Source | None:
@@ -60,17 +62,21 @@ def background(source: Source, reach: float = REACH) -> Source | None:
     far = far_sides(source)
     if not far.any():
         return None
-    beyond = _beyond(source, far, reach * max(far.shape))
-    if not beyond.hidden.any():
+    classes = _classes(source, far, reach * max(far.shape))
+    away = np.stack([np.where(each.hidden, each.distance, np.inf) for each in classes])
+    first, hidden = away.argmin(axis=0), np.isfinite(away).any(axis=0)
+    if not hidden.any():
         return None
-    nearness = source.nearness
-    is_beside = (beyond.distance <= RING) & ~beyond.hidden & (nearness > 0)
-    is_beside &= np.abs(nearness - beyond.nearness) <= (APART - 1.0) * beyond.nearness
-    depth = np.where(beyond.hidden, beyond.nearness, np.where(is_beside, nearness, 0))
     color, _ = alone(source)
-    spread = inpainted(color, _nearer(source, far, beyond, reach))
-    color = np.where(beyond.hidden[..., None], spread, color).astype(np.float32)
-    return prepare(DepthImage(color, depth, source.place), noise=0.0, step=0.0)
+    made, depth = color.copy(), np.zeros_like(source.nearness)
+    for n, each in enumerate(classes):
+        beside = each.same & (each.distance <= RING) & ~hidden
+        depth = np.where(beside, source.nearness, depth)
+        chosen = hidden & (first == n)
+        if chosen.any():
+            depth = np.where(chosen, each.nearness, depth)
+            made[chosen] = _spread(color, each, chosen)[chosen]
+    return prepare(DepthImage(made, depth, source.place), noise=0.0, step=0.0)
 
 
 def behind(warped: Warped, layer: Warped) -> Warped:
@@ -95,19 +101,12 @@ def far_sides(source: Source) -> Mask:
     return found
 
 
-def _beyond(source: Source, far: Mask, most: float) -> Beyond:
-    """Nearest far side of each sample; of those that lie behind it, where there are any."""
+def _classes(source: Source, far: Mask, most: float) -> list[Beyond]:
+    """Far sides by their nearness, each class for itself."""
     limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
     member = np.searchsorted(limits, source.nearness, side="right")
-    best = _one_class(source, far, most)
-    for n in range(CLASSES):
-        chosen = far & (member == n)
-        if not chosen.any():
-            continue
-        other = _one_class(source, chosen, most)
-        is_better = other.hidden & (~best.hidden | (other.distance < best.distance))
-        best = Beyond(*(np.where(is_better, o, b) for o, b in zip(other, best, strict=True)))
-    return best
+    chosen = [far & (member == n) for n in range(CLASSES)]
+    return [_one_class(source, each, most) for each in chosen if each.any()]
 
 
 def _one_class(source: Source, far: Mask, most: float) -> Beyond:
@@ -126,12 +125,29 @@ def _one_class(source: Source, far: Mask, most: float) -> Beyond:
     change = slope[..., 0] * (column - start % width) + slope[..., 1] * (row - start // width)
     first = source.nearness.reshape(-1)[start]
     nearness = first + np.clip(change, -STEEP * first, STEEP * first)
-    nearness = np.where(distance <= most, nearness, 0).astype(np.float32)
-    hidden = (nearness > 0) & (source.nearness > APART * nearness)
-    return Beyond(np.asarray(distance, np.float32), nearness, hidden)
+    same = np.abs(source.nearness - nearness) <= (APART - 1.0) * nearness
+    hidden = (distance <= most) & (nearness > 0) & (source.nearness > APART * nearness)
+    return Beyond(
+        np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden,
+        same & (source.nearness > 0),
+    )  # fmt: skip
 
 
-def _nearer(source: Source, far: Mask, beyond: Beyond, reach: float) -> Mask:
-    """Samples whose color must not spread: the hidden ones, what is nearer further in, and gaps."""
-    wide = _one_class(source, far, 2.0 * reach * max(far.shape) + 10.0)
-    return beyond.hidden | wide.hidden | (source.nearness <= 0)
+def _spread(color: Floats, beyond: Beyond, chosen: Mask) -> Floats:
+    """Colors (H, W, C) of far sides spread to the samples chosen.
+
+    What is of other surfaces gives no color: it is as unknown, to so far away that what spreads
+    from beyond comes too late.
+    """
+    reach = 2.0 * float(beyond.distance[chosen].max()) + MARGIN
+    row, column = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
+    wide = int(reach) + 1
+    part = (
+        slice(max(int(row[0]) - wide, 0), int(row[-1]) + wide + 1),
+        slice(max(int(column[0]) - wide, 0), int(column[-1]) + wide + 1),
+    )
+    unknown = chosen | (~beyond.same & (beyond.distance <= reach))
+    made = color.copy()
+    if not unknown[part].all():
+        made[part] = inpainted(color[part], unknown[part])
+    return made
