@@ -21,7 +21,7 @@ REACH = 0.12  # of the longer side: how far behind a silhouette the layer goes
 APART = 1.03  # ratio of nearness from which one surface hides another
 RING = 3  # samples of the far side itself that the layer begins with
 STEEP = 0.5  # of the nearness: what it may change from a silhouette to the layer's end
-MARGIN = 10  # samples more that colors must not come from
+MARGIN = 10  # samples around what is made up that are looked at
 CLASSES = 6  # of far sides, by nearness: beside a near one a farther one is looked for, too
 
 Mask = NDArray[np.bool_]
@@ -35,6 +35,7 @@ class Beyond(NamedTuple):
     nearness: Floats  # (H, W) of its surface
     hidden: Mask  # (H, W) that surface lies behind the sample, not too far from its silhouette
     same: Mask  # (H, W) the sample is of that surface
+    start: NDArray[np.int64]  # (H, W) number of the nearest sample at a silhouette
 
 
 def background(source: Source, reach: float = REACH) -> Source | None:
@@ -129,25 +130,25 @@ def _one_class(source: Source, far: Mask, most: float) -> Beyond:
     hidden = (distance <= most) & (nearness > 0) & (source.nearness > APART * nearness)
     return Beyond(
         np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden,
-        same & (source.nearness > 0),
+        same & (source.nearness > 0), start,
     )  # fmt: skip
 
 
 def _spread(color: Floats, beyond: Beyond, chosen: Mask) -> Floats:
     """Colors (H, W, C) of far sides spread to the samples chosen.
 
-    What is of other surfaces gives no color: it is as unknown, to so far away that what spreads
-    from beyond comes too late.
+    What is of other surfaces gives no color: it is as unknown, and has the color of the nearest
+    sample at a silhouette where it is farther away than all that is chosen.
     """
-    reach = 2.0 * float(beyond.distance[chosen].max()) + MARGIN
+    reach = float(beyond.distance[chosen].max()) + 1.0
     row, column = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
-    wide = int(reach) + 1
     part = (
-        slice(max(int(row[0]) - wide, 0), int(row[-1]) + wide + 1),
-        slice(max(int(column[0]) - wide, 0), int(column[-1]) + wide + 1),
+        slice(max(int(row[0]) - MARGIN, 0), int(row[-1]) + MARGIN + 1),
+        slice(max(int(column[0]) - MARGIN, 0), int(column[-1]) + MARGIN + 1),
     )
     unknown = chosen | (~beyond.same & (beyond.distance <= reach))
-    made = color.copy()
+    nearest = color.reshape(-1, color.shape[2])[beyond.start]
+    made = np.where(beyond.same[..., None], color, nearest)
     if not unknown[part].all():
-        made[part] = inpainted(color[part], unknown[part])
+        made[part] = inpainted(made[part], unknown[part])
     return made
