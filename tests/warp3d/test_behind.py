@@ -111,6 +111,18 @@ def test_holes_show_the_layer_and_keep_their_reason():
     np.testing.assert_array_equal(both.depth[front.coverage > 0], front.depth[front.coverage > 0])
 
 
+@pytest.mark.parametrize("reason", [Hole.OUTSIDE, Hole.NO_DEPTH])
+def test_other_holes_stay_empty(reason):
+    given = source()
+    front, back = seen(given), seen(background(given))
+    front.holes[front.holes == Hole.DISOCCLUDED] = reason
+    both = behind(front, back)
+    hole = front.holes == reason
+    assert (back.coverage[hole] > 0).any()
+    assert not both.coverage[hole].any()
+    assert np.isinf(both.depth[hole]).all()
+
+
 def test_frames_of_a_film_show_one_layer():
     """What is made up moves with the wall: a texture in the layer stays where it is on the wall."""
     rng = np.random.default_rng(3)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
@@ -28,6 +29,8 @@ _HOMES = {
     "Standing": "views.together",
     "Warped": "types",
     "agreed": "views.together",
+    "background": "sheet.behind",
+    "behind": "sheet.behind",
     "between": "depth.equation",
     "merge": "merging",
     "of_rectified": "depth.equation",
@@ -49,6 +52,8 @@ __all__ = [
     "Standing",
     "Warped",
     "agreed",
+    "background",
+    "behind",
     "between",
     "merge",
     "of_rectified",

@@ -15,7 +15,7 @@ from resample.types import Floats
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.sheet.filling import inpainted
 from resample_warp3d.sheet.sheets import alone
-from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Source, Warped
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Hole, Source, Warped
 
 REACH = 0.12  # of the longer side: how far behind a silhouette the layer goes
 APART = 1.03  # ratio of nearness from which one surface hides another
@@ -81,12 +81,17 @@ def background(source: Source, reach: float = REACH) -> Source | None:
 
 
 def behind(warped: Warped, layer: Warped) -> Warped:
-    """Picture with another behind it; why its own pixels are what they are stays on record."""
-    rest = np.float32(1) - np.clip(warped.coverage, 0, 1)
+    """Picture with the layer behind it where something was in the way.
+
+    What is outside the source or without depth stays empty, as a layer knows nothing of it. Why the
+    pixels are what they are stays on record.
+    """
+    is_open = (warped.holes != Hole.OUTSIDE) & (warped.holes != Hole.NO_DEPTH)
+    rest = is_open * (np.float32(1) - np.clip(warped.coverage, 0, 1))
     return warped._replace(
         image=warped.image + rest[..., None] * layer.image,
         coverage=warped.coverage + rest * layer.coverage,
-        depth=np.where(warped.coverage > 0, warped.depth, layer.depth),
+        depth=np.where(is_open & (warped.coverage <= 0), layer.depth, warped.depth),
     )
 
 
