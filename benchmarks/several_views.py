@@ -3,7 +3,8 @@
 Two to four cameras look at a scene of exact depth; their pictures are joined in a view between
 them and compared with what that view shows, where any of them sees it whole, holes counting as
 black. Then their brightness differs by 6 % (gains of 0.97 to 1.03), or their depths by 1 % (0.995
-to 1.005), evenly over the cameras; `one wrong` is a single camera whose numbers are off by all of
+to 1.005), evenly over the cameras; `outliers` are 1 % of each camera's samples, which fly at 0.7 of
+their depth; `one wrong` is a single camera whose numbers are off by all of
 that, where the others are right. Nothing is matched to the truth afterwards.
 
 `--scene kit` is that of `shared/bench/warp_scene.py`, compared as it is encoded; `generated` our
@@ -43,6 +44,7 @@ EYES = {
 }
 BETWEEN = Stand((0.2, -0.14, 0.3), 0.02, 0.01)
 BRIGHTNESS, DEPTH = 0.03, 0.005
+OUTLIERS, NEARER = 0.01, 0.7  # share of the samples that fly, at a share of their depth
 FRAMES = {"frames 0, 4 in 2": (0, 4), "frames 0, 1, 3, 4 in 2": (0, 1, 3, 4)}
 WAYS = {"plain": PLAIN, "joined": Joining()}
 
@@ -118,15 +120,17 @@ def _rig(cameras: Sequence[Camera], trace: Trace, sight: Any, *, is_light: bool)
     return Rig(views, Seen(between, *trace(between)), mask, near_steps(*looks[0][1:]), is_light)
 
 
-def cases(count: int) -> dict[str, tuple[Any, Any]]:
+def cases(count: int, shape: tuple[int, int]) -> dict[str, tuple[Any, Any]]:
     """Gains of the colors and factors of the depths by name."""
     even, alone = np.linspace(-1.0, 1.0, count), np.eye(count)[-1]
-    one = np.ones(count)
+    one, rng = np.ones(count), np.random.default_rng(7)
+    flying = [np.where(rng.random(shape) < OUTLIERS, NEARER, 1.0) for _ in range(count)]
     return {
         "exact": (one, one),
         "6 % brightness": (1.0 + BRIGHTNESS * even, one),
         "1 % depth": (one, 1.0 + DEPTH * even),
         "both": (1.0 + BRIGHTNESS * even, 1.0 - DEPTH * even),
+        "outliers": (one, flying),
         "one wrong": (1.0 + 2 * BRIGHTNESS * alone, 1.0 + 2 * DEPTH * alone),
     }
 
@@ -153,7 +157,7 @@ def traced(rig: Rig, ways: dict[str, Joining], title: str) -> Iterator[Row]:
     """PSNR (dB) of each case, and without what lies near edges."""
     encode = _encoded if rig.is_light else np.asarray
     truth = encode(rig.target.color)
-    for name, (gains, factors) in cases(len(rig.views)).items():
+    for name, (gains, factors) in cases(len(rig.views), rig.mask.shape).items():
         row = {"cameras": title, "case": name}
         given = standing(rig.views, gains, factors)
         for way, joining in ways.items():

@@ -68,7 +68,7 @@ def angle(place, depth, source, target):
 
 
 def outvoted(views, sources, equations):
-    """Pixels (V, H, W) whose points more sources look through than see."""
+    """Pixels (V, H, W) whose points as many sources look through as see."""
     out = np.zeros((len(views), *views[0].coverage.shape), bool)
     for n, view in enumerate(views):
         for place in np.ndindex(view.coverage.shape):
@@ -85,7 +85,7 @@ def outvoted(views, sources, equations):
                 for m, (source, equation) in enumerate(zip(sources, equations, strict=True))
                 if m != n
             )
-            out[n][place] = votes < 0
+            out[n][place] = votes <= 0
     return out
 
 

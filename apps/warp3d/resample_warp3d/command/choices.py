@@ -352,7 +352,7 @@ class Joint(Choices):
     ] = "scale"
     votes: Annotated[
         Literal["majority", "none"],
-        Field(description="Leave out what more views look through than see."),
+        Field(description="Leave out what as many views look through as see."),
     ] = "majority"
     plain: Annotated[
         bool,

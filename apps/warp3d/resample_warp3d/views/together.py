@@ -33,7 +33,7 @@ class Joining:
     depths
         Matched by `scale` or `none`.
     votes
-        `majority` leaves out what more sources look through than see; `none` believes all.
+        `majority` leaves out what as many sources look through as see; `none` believes all.
 
     Raises
     ------

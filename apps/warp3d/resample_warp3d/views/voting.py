@@ -24,7 +24,7 @@ def check_votes(votes: str) -> None:
 def outvoted(
     views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Equation]
 ) -> list[Warped]:
-    """Views without what more sources look through than see.
+    """Views without what as many sources look through as see.
 
     A pixel's point is taken back to every other source. One that has the point's depth there, up to
     2 %, speaks for it, as does the view itself; one that only has farther samples around it looks
@@ -47,7 +47,7 @@ def outvoted(
             back = warp_places(inverse(equations[m]), point, nearness.flat[asked])
             balance += vote(source, *back)
         out = np.zeros(view.coverage.shape, np.bool_)
-        out.flat[asked[balance < 0]] = True
+        out.flat[asked[balance <= 0]] = True
         kept.append(_without(view, out) if out.any() else view)
     return kept
 
