@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
 
 _HOMES = {
@@ -29,8 +31,13 @@ _HOMES = {
     "Equation": "types",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
+    "Joining": "views.together",
     "Source": "types",
+    "Standing": "views.together",
     "Warped": "types",
+    "agreed": "views.together",
+    "background": "sheet.behind",
+    "behind": "sheet.behind",
     "between": "depth.equation",
     "framed": "clouds.framing",
     "merge": "merging",
@@ -40,6 +47,7 @@ _HOMES = {
     "read_cloud": "clouds.files",
     "render": "warping",
     "render_cloud": "clouds.rendering",
+    "render_together": "views.together",
     "warp": "warping",
     "warp_disparity": "warping",
 }
@@ -52,8 +60,13 @@ __all__ = [
     "Equation",
     "Hole",
     "Hybrid",
+    "Joining",
     "Source",
+    "Standing",
     "Warped",
+    "agreed",
+    "background",
+    "behind",
     "between",
     "framed",
     "merge",
@@ -63,6 +76,7 @@ __all__ = [
     "read_cloud",
     "render",
     "render_cloud",
+    "render_together",
     "warp",
     "warp_disparity",
 ]

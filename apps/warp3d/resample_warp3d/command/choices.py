@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from resample.types import Doubles
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
+    from resample_warp3d.views.together import Joining
 
 Shape = tuple[int, int]  # height and width, px
 FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
@@ -407,12 +408,24 @@ class Warping(Choices):
         Switch,
         Field(description="Make up what no view shows, from the background beside it."),
     ] = False
+    fill_by: Annotated[
+        Literal["picture", "layer"],
+        Field(
+            description="What --fill makes it up from: each picture, or a layer behind silhouettes "
+            "that the source gets once, so that films do not flicker."
+        ),
+    ] = "picture"
     unmixed: Annotated[
         bool,
         Switch,
         Field(description="Colors are names or numbers, which are not mixed."),
     ] = False
     threads: Threads = None
+
+    @property
+    def has_layer(self) -> bool:
+        """Whether sources get a layer behind their silhouettes."""
+        return self.fill_by == "layer"
 
     def built(self) -> "Method":
         """The method.
@@ -425,6 +438,8 @@ class Warping(Choices):
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
+        if self.has_layer and not self.fill:
+            raise ValueError("--fill-by layer belongs to --fill; give both")
         if self.filter is not None:
             from resample_warp3d.methods.filtering import check_method
 
@@ -443,6 +458,46 @@ class Warping(Choices):
                 f"{self.method} mixes colors; for labels take hybrid or {' or '.join(UNMIXED)}"
             )
         return method
+
+
+class Joint(Choices):
+    """How several views become one."""
+
+    blend: Annotated[
+        Literal["feathered", "confident", "best"],
+        Field(
+            description="Of several views: feathered, by sampling and angle, fading out toward a "
+            "view's border; confident, by sampling alone; best, one view for each pixel."
+        ),
+    ] = "feathered"
+    match_colors: Annotated[
+        Literal["gain", "gain-bias", "none"],
+        Field(description="What makes several views equally bright. Their mean stays."),
+    ] = "gain"
+    match_depths: Annotated[
+        Literal["scale", "none"],
+        Field(description="What makes depths of several views meet. Their mean stays."),
+    ] = "scale"
+    votes: Annotated[
+        Literal["majority", "none"],
+        Field(description="Leave out what as many views look through as see."),
+    ] = "majority"
+    plain: Annotated[
+        bool,
+        Switch,
+        Field(description="Take several views as they are: confident, and none of the others."),
+    ] = False
+
+    def joining(self, *, unmixed: bool) -> "Joining":
+        """The choices; names are not blended."""
+        from resample_warp3d.views.together import PLAIN, Joining
+
+        chosen = (
+            PLAIN
+            if self.plain
+            else Joining(self.blend, self.match_colors, self.match_depths, self.votes)
+        )
+        return replace(chosen, blend="best", colors="none") if unmixed else chosen
 
 
 class Extras(Choices):

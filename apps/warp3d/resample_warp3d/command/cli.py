@@ -14,6 +14,7 @@ from resample_warp3d.command.choices import (
     Aim,
     Depth,
     Extras,
+    Joint,
     PairDepth,
     Parallax,
     Refine,
@@ -33,6 +34,7 @@ app = App(
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
+JOINT = Joint()
 PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
@@ -51,6 +53,7 @@ def render(
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
     view: Annotated[list[str] | None, flags.Switch] = None,
+    joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
@@ -78,10 +81,10 @@ def render(
     from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
+        joined,
         mention_holes,
         prepared,
         report,
-        warped,
     )
     from resample_warp3d.command.writing import (
         check_extras,
@@ -109,7 +112,10 @@ def render(
     check_memory(shape, picture.data.shape[2])
     target = aim.camera(camera, source_shape, eye.convention)
     sources = prepared(session, views, warping)
-    seen = warped(session, sources, target, shape, warping)
+    together = joined(
+        session, sources, target, shape, warping, joint.joining(unmixed=warping.unmixed)
+    )
+    seen = together.warped
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
@@ -121,9 +127,9 @@ def render(
         write_picture(output, made, look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, *sources[0][:2], extras.export_as)
+            write_geometry(extras.export, sources[0].source, camera, extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, report(session, sources, seen, warping))
+        write_json(extras.stats, report(session, sources, together, warping))
 
 
 @app.command
@@ -197,14 +203,14 @@ def stereo(
     check_memory(shape, seen.picture.data.shape[2])
     (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = shifted(session, source.source, of_rectified(way, *eyes), shape, warping)
+    warped = shifted(session, source, of_rectified(way, *eyes), shape, warping)
     if not warping.fill:
         mention_holes(warped)
     made = warped_picture(warped, seen.picture.kind, filled=warping.fill)
     if parallax.layout != "one":
         first = seen.picture
         if seen.image.place.size:  # a lens, which the other picture is free of
-            unbent = shifted(session, source.source, of_rectified(0.0), shape, warping)
+            unbent = shifted(session, source, of_rectified(0.0), shape, warping)
             first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
         made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
     write_picture(output, made, look)
