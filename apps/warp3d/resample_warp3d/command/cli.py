@@ -66,11 +66,13 @@ def render(
     Parameters
     ----------
     color
-        Any picture; float files are linear light, the others sRGB.
+        Any picture; float files are linear light, the others sRGB. Or a film.
     depth
         .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name picks a channel or array.
+        Of a film a film of gray levels, a folder or a pattern of depth files.
     output
-        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background.
+        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; of a film
+        .mp4, .gif, .webp or .apng.
     view
         A further view of the same scene, COLOR,DEPTH,POSE; may be given several times.
     """
@@ -78,7 +80,8 @@ def render(
     from resample.files.pictures import Look, check_output, look_of, write_picture
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
-    from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
+    from resample_warp3d.command.films import film_with_depth, render_film
+    from resample_warp3d.command.inputs import Reader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
         joined,
@@ -86,31 +89,27 @@ def render(
         prepared,
         report,
     )
-    from resample_warp3d.command.writing import (
-        check_extras,
-        names_picture,
-        warped_picture,
-        write_extras,
-    )
+    from resample_warp3d.command.writing import check_extras, made_of, write_extras
 
     aim.check()
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     check_extras(extras)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
-    check_output(output, look, transparent=not warping.fill)
     further = [view_names(text) for text in view or []]
     check_targets(output, *extras.paths())
+    film = film_with_depth(color, depth, extras, further)
+    if film is not None:
+        render_film(film, output, reader, aim, warping, look)
+        return
+    check_output(output, look, transparent=not warping.fill)
     session = Session()
     with session.stage("read"):
-        views = [read_view(reader, color, depth)]
-        views += [read_view(reader, *names) for names in further]
-        check_poses(views)
+        views = read_views(reader, color, depth, further)
     picture, camera = views[0].picture, views[0].camera
-    source_shape = picture.data.shape[0], picture.data.shape[1]
-    shape = aim.shape(source_shape)
+    shape = aim.shape(views[0].shape)
     check_memory(shape, picture.data.shape[2])
-    target = aim.camera(camera, source_shape, eye.convention)
+    target = aim.camera(camera, views[0].shape, eye.convention)
     sources = prepared(session, views, warping)
     together = joined(
         session, sources, target, shape, warping, joint.joining(unmixed=warping.unmixed)
@@ -119,12 +118,7 @@ def render(
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
-        made = (
-            names_picture(seen, picture.kind)
-            if warping.unmixed
-            else warped_picture(seen, picture.kind, filled=warping.fill)
-        )
-        write_picture(output, made, look)
+        write_picture(output, made_of(seen, picture.kind, warping), look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
             write_geometry(extras.export, sources[0].source, camera, extras.export_as)

@@ -1,6 +1,7 @@
 """Depth images as the command line's files and words give them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from resample.memory import require_memory
 from resample.types import Floats
 from resample_warp3d.command.choices import Depth, SourceCamera
 from resample_warp3d.depth.agreement import looks_inverted
-from resample_warp3d.depth.encodings import BareDisparity, check_scale
+from resample_warp3d.depth.encodings import BareDisparity, Raw, RelativeDepth, check_scale
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
@@ -33,6 +34,11 @@ class DepthView(NamedTuple):
     camera: Camera
     step: float | None  # smallest difference of nearness that the file tells apart, if known
     is_fitted: bool = False  # the file's depth had another size
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width, px."""
+        return self.picture.data.shape[0], self.picture.data.shape[1]
 
     def refine(self, name: str) -> str:
         """How its depth is to be refined where a user chose `name`: what was enlarged, always."""
@@ -108,6 +114,7 @@ class Reader(NamedTuple):
     eye: SourceCamera
     meaning: Depth
     labels: bool = False  # colors are names, kept as they are stored
+    ends: tuple[float, float] | None = None  # of relative depth, where that is of a film
 
     @classmethod
     def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "Reader":
@@ -148,23 +155,55 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
         The files do not fit each other, hold no depth, or a choice cannot be worked with.
     """
     picture = read_names(color) if reader.labels else read_picture(color)
+    return view_of(reader, picture, read_depth(depth), (color, depth), pose)
+
+
+def view_of(
+    reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], pose: str | None = None
+) -> DepthView:
+    """Depth image of a picture and the numbers of its depth.
+
+    Parameters
+    ----------
+    picture, raw
+        As read from files.
+    names
+        Of these files, for messages.
+    pose
+        In place of the eye's.
+
+    Raises
+    ------
+    OSError, ValueError, LookupError
+        As of `read_view`.
+    """
     shape = picture.data.shape[0], picture.data.shape[1]
     camera = reader.eye.camera(shape, pose)
-    raw, meaning = read_depth(depth), reader.meaning
-    stored = raw.shape[0], raw.shape[1]
-    depth_camera = meaning.camera(camera, shape, stored)
+    meaning, depth = reader.meaning, names[1]
+    depth_camera = meaning.camera(camera, shape, (raw.shape[0], raw.shape[1]))
     encoding = meaning.encoding(depth_camera)
+    if isinstance(encoding, RelativeDepth):
+        encoding = replace(encoding, ends=reader.ends)
     nearness = encoding.nearness(raw)
     if meaning.depth_intrinsics is not None:
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
-    image = _depth_image(picture, (color, depth), nearness)
-    step = encoding.quantum(raw)
+    image = _depth_image(picture, names, nearness)
     doubt = check_scale(image.nearness)
-    if doubt is not None and not reader.meaning.is_relative:
+    if doubt is not None and not meaning.is_relative:
         say(f"{depth}: {doubt}")
     image = image._replace(place=lens_places(camera, shape))
-    return DepthView(picture, image, camera, step, is_fitted=nearness.shape != shape)
+    is_fitted = nearness.shape != shape
+    return DepthView(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
+
+
+def read_views(
+    reader: Reader, color: str, depth: str, further: Sequence[ViewNames]
+) -> list[DepthView]:
+    """Depth image and further ones of the same scene; doubtful poses are said."""
+    views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
+    check_poses(views)
+    return views
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:

@@ -16,7 +16,7 @@ from resample.files.pictures import (
 )
 from resample.files.writing import replacing
 from resample.types import Floats
-from resample_warp3d.command.choices import Extras
+from resample_warp3d.command.choices import Extras, Warping
 from resample_warp3d.command.export import check_export
 from resample_warp3d.types import Hole, Warped
 
@@ -29,6 +29,13 @@ HOLE_COLORS = {
     Hole.NO_DEPTH: (0, 64, 255),
     Hole.CRACK: (255, 220, 0),
 }
+
+
+def made_of(warped: Warped, kind: Kind, choice: Warping) -> Picture:
+    """Warped picture, or label image, as it is written."""
+    if choice.unmixed:
+        return names_picture(warped, kind)
+    return warped_picture(warped, kind, filled=choice.fill)
 
 
 def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:

@@ -226,6 +226,8 @@ class RelativeDepth:
     is_distance
         Larger numbers are farther away, and grow as z does (Marigold); otherwise they are nearer,
         and grow as 1 / z does (MiDaS, Depth Anything).
+    ends
+        Numbers that are taken for the ends of the range, for films; None are the map's own.
 
     Raises
     ------
@@ -236,6 +238,7 @@ class RelativeDepth:
     near: float = NEAR
     far: float = FAR
     is_distance: bool = False
+    ends: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         _check_positive(near=self.near)
@@ -261,7 +264,17 @@ class RelativeDepth:
         return _step(raw, high - low, 1.0 / self.near - 1.0 / self.far)
 
     def _range(self, raw: Raw) -> tuple[float, float]:
-        """Numbers that are taken for the ends."""
+        return self.ends_of(raw) if self.ends is None else self.ends
+
+    @staticmethod
+    def ends_of(raw: Raw) -> tuple[float, float]:
+        """Numbers of a map that are taken for the ends of its range.
+
+        Raises
+        ------
+        ValueError
+            All are the same.
+        """
         known = raw[np.isfinite(raw)].astype(np.float64)
         if not known.size or known.min() == known.max():
             raise ValueError("relative depth is the same everywhere: it tells nothing")

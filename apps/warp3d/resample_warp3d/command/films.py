@@ -1,0 +1,152 @@
+"""Films with depth: pictures with a depth map each, all seen from the same other place."""
+
+import glob
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from resample.colors import to_srgb
+from resample.command.session import Session
+from resample.files.pictures import Look, Picture
+from resample.files.sequences import Frames, check_frames, frames_of, write_frames
+from resample_warp3d.command.choices import Aim, Extras, Warping
+from resample_warp3d.command.inputs import Reader, view_of
+from resample_warp3d.command.rendering import check_memory, prepared, warped
+from resample_warp3d.command.writing import warped_picture
+from resample_warp3d.depth.encodings import Raw, RelativeDepth
+from resample_warp3d.depth.files import read_depth
+
+
+@dataclass(frozen=True)
+class DepthFilm:
+    """Pictures of a film, and the depth of each.
+
+    Parameters
+    ----------
+    frames
+        The pictures.
+    depth
+        Film of gray levels, folder of depth files, or pattern of their names.
+
+    Raises
+    ------
+    ValueError, OSError
+        The depth is none of these, or has another number of pictures.
+    """
+
+    frames: Frames
+    depth: str
+
+    def __post_init__(self) -> None:
+        count, given = len(self.frames.seconds), self._count
+        if given == 0:
+            raise ValueError(
+                f"{self.depth} is neither a film nor a folder nor a pattern; {self.frames.path} is "
+                "a film, which needs the depth of every picture"
+            )
+        if given != count:
+            raise ValueError(
+                f"{self.frames.path} has {count} pictures, {self.depth} has {given}; give one "
+                "depth for each"
+            )
+
+    @property
+    def _count(self) -> int:
+        frames = frames_of(Path(self.depth))
+        return len(self._files) if frames is None else len(frames.seconds)
+
+    @property
+    def _files(self) -> list[str]:
+        """Depth files in the order of their names."""
+        folder = Path(self.depth)
+        if folder.is_dir():
+            return [str(file) for file in sorted(folder.iterdir()) if file.is_file()]
+        return sorted(glob.glob(self.depth)) if glob.has_magic(self.depth) else []
+
+    def depths(self) -> Iterator[Raw]:
+        """Numbers of the depth of each picture; of a film levels of 8 bits."""
+        frames = frames_of(Path(self.depth))
+        if frames is None:
+            return (read_depth(file) for file in self._files)
+        return (_gray_levels(picture) for picture in frames.read())
+
+    def reader(self, reader: Reader) -> Reader:
+        """Reader for which relative depth has one range in all pictures, so that nothing pumps."""
+        if not reader.meaning.is_relative:
+            return reader
+        ends = [RelativeDepth.ends_of(raw) for raw in self.depths()]
+        return reader._replace(ends=(min(low for low, _ in ends), max(high for _, high in ends)))
+
+
+def film_with_depth(
+    color: str, depth: str, extras: Extras, further: Sequence[object]
+) -> DepthFilm | None:
+    """Film whose pictures have depth; None if a single picture is given.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `DepthFilm`; or something is asked for that is made of single pictures alone.
+    """
+    frames = frames_of(Path(color))
+    if frames is None:
+        return None
+    for name in ("holes", "coverage", "depth_output", "export", "stats"):
+        if getattr(extras, name) is not None:
+            raise ValueError(f"--{name.replace('_', '-')} is made of a picture, not of a film")
+    if further:
+        raise ValueError("--view belongs to a picture; a film has one view of each moment")
+    return DepthFilm(frames, depth)
+
+
+def render_film(
+    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: Look
+) -> None:
+    """Write a film as seen from another place.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        A file or a choice cannot be worked with.
+    """
+    check_frames(output, film.frames, look)
+    session = Session()
+    with session.stage("film", bar="moving") as progress:
+        same = film.reader(reader)
+        pictures = _pictures(session, film, same, aim, warping)
+        first = next(pictures)
+        count = len(film.frames.seconds)
+
+        def told() -> Iterator[Picture]:
+            for n, picture in enumerate(chain([first], pictures)):
+                if progress is not None:
+                    progress((n + 1) / count)
+                yield picture
+
+        write_frames(output, told(), film.frames.seconds, look)
+
+
+def _pictures(
+    session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping
+) -> Iterator[Picture]:
+    """Pictures of a film from the other place; all depth is treated as that of the first."""
+    names = str(film.frames.path), film.depth
+    for picture, raw in zip(film.frames.read(), film.depths(), strict=True):
+        view = view_of(reader, picture, raw, names)
+        source_shape = picture.data.shape[0], picture.data.shape[1]
+        shape = aim.shape(source_shape)
+        check_memory(shape, picture.data.shape[2])
+        sources = prepared(session, [view], warping)
+        warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
+        target = aim.camera(view.camera, source_shape, reader.eye.convention)
+        seen = warped(session, sources[0], target, shape, warping)
+        yield warped_picture(seen, picture.kind, filled=warping.fill)
+
+
+def _gray_levels(picture: Picture) -> Raw:
+    """Levels 0..255 (H, W) of a picture of a film."""
+    gray = to_srgb(np.clip(picture.data[..., 0], 0.0, 1.0))
+    return np.rint(gray * 255.0).astype(np.uint8)

@@ -1,0 +1,98 @@
+"""Films with depth, seen from another place."""
+
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from resample.files.images import read_image
+from resample_warp3d.command import cli
+from tests import commands
+
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
+SEEN = ["--intrinsics", "20,20,16,12", "--move", "0.2,0,0", "--method", "mcmillan-zbuffer"]
+COUNT = 3
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The working folder: film.gif of few colors, and depth as a folder, a film and relative."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
+    rng = np.random.default_rng(3)
+    palette = rng.integers(0, 256, (12, 3), np.uint8)
+    pictures = [Image.fromarray(palette[rng.integers(0, 12, (24, 32))]) for _ in range(COUNT)]
+    pictures[0].save("film.gif", save_all=True, append_images=pictures[1:], duration=80)
+    for name in ("depth", "relative", "pictures"):
+        Path(name).mkdir()
+    levels = []
+    for n in range(COUNT):
+        z = np.full((24, 32), 2.0, np.float32)
+        z[8:16, 4 * n : 4 * n + 8] = 1.0
+        cv2.imwrite(f"depth/{n}.png", (z * 1000).astype(np.uint16))
+        near = 1 / z if n else np.full_like(z, 0.5) + 0.1 * (z < 2)  # no box at first, but a step
+        np.save(f"relative/{n}.npy", 3 * near + 7)
+        levels.append(Image.fromarray((255 / (2 * z)).astype(np.uint8)))
+        pictures[n].save(f"pictures/{n}.png")
+    levels[0].save("depth.gif", save_all=True, append_images=levels[1:], duration=80)
+    return tmp_path
+
+
+def frames(path):
+    """Frames of an animation, (H, W, 3 or 4)."""
+    with Image.open(path) as file:
+        made = []
+        for n in range(file.n_frames):
+            file.seek(n)
+            made.append(np.array(file.convert("RGBA")))
+        return made, file.info.get("duration")
+
+
+@pytest.mark.parametrize("depth", ["depth", "depth/*.png"])
+def test_every_picture_moves_by_its_own_depth(depth):
+    words = ["render", "film.gif", depth, "--depth-scale", "1000", *SEEN, "--fill"]
+    assert ended(*words, "-o", "out.apng") == 0
+    made, duration = frames("out.apng")
+    assert len(made) == COUNT
+    assert duration == pytest.approx(80, abs=1)
+    for n in range(COUNT):
+        one = ["render", f"pictures/{n}.png", f"depth/{n}.png", "--depth-scale", "1000", *SEEN]
+        assert ended(*one, "--fill", "--refine", "none", "-o", "one.png") == 0
+        np.testing.assert_array_equal(made[n][..., :3], np.array(Image.open("one.png")))
+
+
+def test_depth_may_be_a_film_of_gray_levels():
+    words = ["render", "film.gif", "depth.gif", "--depth-kind", "inverse", "--depth-scale", "255"]
+    assert ended(*words, *SEEN, "-o", "out.apng") == 0
+    made, _ = frames("out.apng")
+    source = np.array(Image.open("pictures/2.png"))  # a wall of nearness 1/4, that moves by a pixel
+    np.testing.assert_array_equal(made[2][:8, :31, :3], source[:8, 1:])
+
+
+def test_relative_depth_of_a_film_has_one_range():
+    words = ["film.gif", "relative", "--depth-kind", "relative", "--near", "1", "--far", "2"]
+    assert ended("render", *words, *SEEN, "--refine", "none", "-o", "out.apng") == 0
+    made, _ = frames("out.apng")
+    source = np.array(Image.open("pictures/0.png"))
+    np.testing.assert_array_equal(made[0][:8, :30, :3], source[:8, 2:])  # the wall stays at 2
+    assert read_image("pictures/0.png").shape == (24, 32, 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["film.gif", "depth/0.png", "-o", "out.gif"], "is neither a film nor a folder"),
+        (["film.gif", "depth/[01].png", "-o", "out.gif"], "film.gif has 3 pictures, depth/[01]"),
+        (["film.gif", "depth", "-o", "out.jpg"], "the 3 pictures of film.gif are written as"),
+        (
+            ["film.gif", "depth", "-o", "out.gif", "--holes", "h.png"],
+            "--holes is made of",
+        ),
+        (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view belongs to a picture"),
+    ],
+)
+def test_what_is_no_film_with_depth_is_refused_in_one_line(capsys, words, complaint):
+    assert complaint in refused(capsys, "render", *words, "--depth-scale", "1000", *SEEN)
