@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
+    from resample_warp3d.depth.refining.conditioning import refine
+    from resample_warp3d.depth.refining.registering import registered
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
@@ -28,6 +30,8 @@ _HOMES = {
     "merge": "merging",
     "of_rectified": "depth.equation",
     "prepare": "depth.preparation",
+    "refine": "depth.refining.conditioning",
+    "registered": "depth.refining.registering",
     "render": "warping",
     "warp": "warping",
     "warp_disparity": "warping",
@@ -45,6 +49,8 @@ __all__ = [
     "merge",
     "of_rectified",
     "prepare",
+    "refine",
+    "registered",
     "render",
     "warp",
     "warp_disparity",
