@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Floats
+from resample.types import Doubles, Floats
 
 Background = Sequence[float] | Floats  # 3 values, linear light
 
@@ -37,3 +37,35 @@ def over(rgba: Floats, background: Background) -> Floats:
         raise ValueError(f"a background has 3 values, not {behind.size}")
     transparency = 1.0 - np.clip(rgba[..., 3:], 0.0, 1.0)
     return rgba[..., :3] + transparency * behind
+
+
+def mapped(name: str, share: Doubles) -> Floats:
+    """Linear colors (N, 3) that a colormap of matplotlib's gives shares (N,) of 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        It is unknown.
+    """
+    check_colormap(name)
+    import matplotlib
+
+    colors = np.asarray(matplotlib.colormaps[name](np.asarray(share, np.float64)))
+    return from_srgb(colors[:, :3].astype(np.float32))
+
+
+def check_colormap(name: str) -> None:
+    """Refuse a colormap that matplotlib does not know.
+
+    Raises
+    ------
+    ValueError
+        It is one; the message names some that are like it.
+    """
+    import matplotlib
+
+    if name not in matplotlib.colormaps:
+        from difflib import get_close_matches
+
+        like = get_close_matches(name, list(matplotlib.colormaps)) or ["viridis", "turbo", "tab10"]
+        raise ValueError(f"unknown colormap {name!r}; matplotlib's are known, as {', '.join(like)}")

@@ -99,7 +99,8 @@ class Resampling(Choices):
         Field(description="Exact transmittance of the field, or classic splatting's product."),
     ] = "exact"
     color_by: Annotated[
-        Literal["sample", "primitive"], Field(description="Primitive: draw splats in red.")
+        Literal["sample", "primitive"],
+        Field(description="What colors mean: what samples look like, or primitive, splats in red."),
     ] = "sample"
 
     def resampler(self, *, of_field: bool = False) -> "Resampler":

@@ -2,8 +2,9 @@
 
 numba's cache looks only at the file of the function it stores: after an edit (or an upgrade) of a
 kernel in another file, a caller would keep running the old machine code. Here the name of a cache
-file also holds a digest of the engine and of the folders `kernels` of the caller's own package,
-and whether bounds are checked. In a folder that is asked for (NUMBA_CACHE_DIR), files lie by the
+file also holds a digest of the engine and of the folders `kernels` of the caller's own package, a
+digest of the compiler's settings that change machine code (`NUMBA_SLP_VECTORIZE` and others), and
+whether bounds are checked. In a folder that is asked for (NUMBA_CACHE_DIR), files lie by the
 names of modules: a checkout, a copy and an installed wheel of the same sources share them.
 
 Of several processes that want one kernel, the first compiles it and the others wait for its file.
@@ -58,6 +59,35 @@ def _digest(*folders: Path) -> str:
 SOURCES = _digest()
 
 
+# Settings of numba's that change machine code; a trial of one must not stay in the cache.
+SETTINGS = (
+    "OPT",
+    "LOOP_VECTORIZE",
+    "SLP_VECTORIZE",
+    "CPU_NAME",
+    "CPU_FEATURES",
+    "ENABLE_AVX",
+    "DISABLE_INTEL_SVML",
+    "USING_SVML",
+    "LLVM_REFPRUNE_PASS",
+    "LLVM_REFPRUNE_FLAGS",
+    "DEBUGINFO_DEFAULT",
+    "EXTEND_VARIABLE_LIFETIMES",
+    "DEBUG_NRT",
+    "NRT_STATS",
+    "ENABLE_PROFILING",
+)
+_asked: list[int] = []  # what SLP_VECTORIZE was before a packed kernel set it for itself
+
+
+def _settings() -> str:
+    """Fingerprint of the compiler's settings, as they are now."""
+    values = {name: getattr(numba.config, name, None) for name in SETTINGS}
+    if _asked:
+        values["SLP_VECTORIZE"] = _asked[0]
+    return hashlib.sha256(repr(values).encode()).hexdigest()
+
+
 @cache
 def _version(package: Path) -> str:
     """Fingerprint of all that a package's kernels may be compiled from.
@@ -90,7 +120,8 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
     """A cache whose files are those of one version of all kernel sources.
 
     The version stands in the files' names, not only in the keys: an index that mentions a type
-    which has since gone could not even be read.
+    which has since gone could not even be read. Settings of the compiler that were changed after a
+    kernel was named are a trial: nothing is taken from the disk then, and nothing stored.
     """
 
     _impl_class = _Stored
@@ -98,12 +129,25 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         digest = _version(_package_of(Path(inspect.getfile(function))))
-        version = f"{digest[:12]}{'-checked' if numba.config.BOUNDSCHECK else ''}"
+        self._named_for = _settings()
+        version = f"{digest[:12]}-{self._named_for[:6]}"
+        if numba.config.BOUNDSCHECK:
+            version += "-checked"
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
             filename_base=f"{self._impl.filename_base}-{version}",
             source_stamp=self._impl.locator.get_source_stamp(),
         )
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        return super().load_overload(sig, target_context) if self._is_apt() else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        if self._is_apt():
+            super().save_overload(sig, data)
+
+    def _is_apt(self) -> bool:
+        return _settings() == self._named_for
 
 
 @contextmanager
@@ -141,11 +185,14 @@ def _pack(compiled: Any) -> None:
 
     def compile_packed(signature: Any) -> Any:
         with _packs:
-            before, numba.config.SLP_VECTORIZE = numba.config.SLP_VECTORIZE, 1
+            before = numba.config.SLP_VECTORIZE
+            _asked.append(before)
+            numba.config.SLP_VECTORIZE = 1
             try:
                 return compile_now(signature)
             finally:
                 numba.config.SLP_VECTORIZE = before
+                _asked.pop()
 
     compiled.compile = compile_packed
 

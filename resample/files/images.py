@@ -20,6 +20,7 @@ from resample.types import Floats, Frame
 SUFFIXES = (".png", ".exr")
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
+STRIP = 256  # rows that are read at a time
 
 Attribute = str | int | float | Sequence[float]
 
@@ -184,7 +185,40 @@ def read_numbers(path: str | Path, page: int = 0) -> NDArray[Any]:
     return stored.astype(np.float64 if form in ("int", "uint") else np.float32)
 
 
-def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int], Iterator[Floats]]:
+def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDArray[Any]:
+    """Read channels (H, W, C) of a picture of 8 or 16 bits as they are stored, in this order.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    source, header = _open(path, page)
+    spec, form = source.spec(), str(source.spec().format)
+    order = [header.names.index(name) for name in channels]
+    levels, done = np.empty((spec.height, spec.width, len(order)), form), 0
+    for strip in _stored_strips(path, source, STRIP, form):
+        levels[done : done + len(strip)] = strip[..., order]
+        done += len(strip)
+    return levels
+
+
+def check_pixels(path: str | Path, page: int = 0) -> None:
+    """Read all pixels of a picture, of which none is kept.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    source, _ = _open(path, page)
+    for _ in _stored_strips(path, source, STRIP):
+        pass
+
+
+def read_rows(
+    path: str | Path, height: int = STRIP
+) -> tuple[tuple[int, int, int], Iterator[Floats]]:
     """Read a picture strip by strip, in linear light, premultiplied.
 
     Parameters
@@ -212,22 +246,27 @@ def read_rows(path: str | Path, height: int = 256) -> tuple[tuple[int, int, int]
 
 
 def _strips(path: str | Path, source: Any, header: "_ImageHeader", height: int) -> Iterator[Floats]:
-    import OpenImageIO
+    for strip in _stored_strips(path, source, height):
+        yield _linear(header._replace(data=strip))
 
+
+def _stored_strips(
+    path: str | Path, source: Any, height: int, form: str = "float"
+) -> Iterator[NDArray[Any]]:
+    """Rows as stored, or as values of another of OpenImageIO's types."""
     spec = source.spec()
     step = -(-height // spec.tile_height) * spec.tile_height if spec.tile_width else height
     for first in range(spec.y, spec.y + spec.height, step):
         last = min(first + step, spec.y + spec.height)
         if spec.tile_width:
             across = spec.x, spec.x + spec.width
-            data = source.read_tiles(*across, first, last, 0, 1, OpenImageIO.FLOAT)
+            data = source.read_tiles(*across, first, last, 0, 1, form)
         else:
-            data = source.read_scanlines(first, last, 0, 0, spec.nchannels, OpenImageIO.FLOAT)
+            data = source.read_scanlines(first, last, 0, 0, spec.nchannels, form)
         complaint = source.geterror()
         if data is None or complaint:
             raise OSError(f"{path} is damaged: {_first_line(complaint)}")
-        strip = np.asarray(data, np.float32).reshape(last - first, spec.width, spec.nchannels)
-        yield _linear(header._replace(data=strip))
+        yield np.asarray(data).reshape(last - first, spec.width, spec.nchannels)
     source.close()
 
 

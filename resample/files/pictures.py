@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.command.console import say
 from resample.command.settings import Written, linear_color
-from resample.files.geotiff import moved
-from resample.files.images import read_channels, read_image, read_numbers, shown
-from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
-from resample.files.metadata import (
+from resample.files.facts.geotiff import moved
+from resample.files.facts.metadata import (
     AS_FLOATS,
     JPEG,
     TIFF,
+    TURNS,
     About,
     Stored,
     about_file,
@@ -30,6 +29,8 @@ from resample.files.metadata import (
     turn,
     upright,
 )
+from resample.files.images import check_pixels, read_image, read_levels, read_numbers, shown
+from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
 from resample.files.writing import replacing
 from resample.memory import require_memory
 from resample.types import Floats
@@ -40,6 +41,7 @@ FORMS = {  # of OpenImageIO, that are no floats
     "uint8": "u1", "uint16": "u2", "uint": "u4", "int8": "i1", "int16": "i2", "int": "i4",
 }  # fmt: skip
 UNCALIBRATED = 0xFFFF  # Exif's word for neither sRGB nor Adobe RGB
+PLAIN = (("Y",), ("R", "G", "B"), ("R", "G", "B", "A"))  # channels of most pictures
 Color = tuple[float, float, float]
 
 
@@ -100,6 +102,42 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
         about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
         data = _with_gaps(data, kind, about) if as_data else data
     return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
+
+
+class Levels(NamedTuple):
+    """A picture as its file stores it, upright: in a quarter of the memory, or half."""
+
+    data: NDArray[Any]  # (H, W, C) uint8 or uint16, C is 1, 3 or 4; the fourth is straight alpha
+    kind: Kind
+    about: About
+
+
+def has_levels(path: Path) -> tuple[int, int, int] | None:
+    """Height, width and channels of a picture that `read_picture_levels` reads; None of others."""
+    shape, kind, about, orientation = _header(path, 0, as_data=True)
+    is_plain = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
+    missing = None if about.geo is None else about.geo.missing
+    is_straight = not kind.has_alpha or path.suffix.lower() == ".png"  # TIFF's may be either
+    if not is_plain or missing is not None or not is_straight:
+        return None
+    height, width = (shape[1], shape[0]) if TURNS[orientation][0] else shape[:2]
+    return height, width, len(kind.channels)
+
+
+def read_picture_levels(path: Path) -> Levels:
+    """Read a picture as `read_picture` does, but leave its levels as they are.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    ValueError
+        `has_levels` knows none of it.
+    """
+    (height, width, _), kind, about, orientation = _header(path, 0, as_data=True)
+    if about.geo is not None:
+        about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
+    return Levels(upright(read_levels(path, kind.channels), orientation), kind, about)
 
 
 def _with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
@@ -220,33 +258,51 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
     with replacing(path) as temporary:
         written: list[Stored] = []
         for picture in pictures:
-            page = _page(path, picture, look)
-            complaint = _put(temporary, page, bool(written))
-            if complaint:
-                raise OSError(f"{path} cannot be written: {complaint}")
+            page = page_of(path, picture, look)
+            target = opened(path, temporary, page, page.data.shape[0], is_next=bool(written))
+            went_well = [target.write_image(page.pixels), target.close()]
+            if not all(went_well) or target.has_error:
+                raise OSError(f"{path} cannot be written: {complaint_of(target)}")
             written.append(Stored(page.about, page.data.shape, page.data.dtype.name))
         if not written:
             raise ValueError(f"{path}: there is no picture to write")
-        complete(temporary, written)
-        try:
-            for n in range(len(written)):
-                read_channels(temporary, n)
-        except OSError:
-            raise OSError(
-                f"{path} cannot be written: the file came out incomplete; is the disk full?"
-            ) from None
+        finish(path, temporary, written)
 
 
-class _Page(NamedTuple):
-    """A picture as a file holds it."""
+def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
+    """Add to a file what OpenImageIO cannot, and read it back.
+
+    Raises
+    ------
+    OSError
+        It is not whole.
+    """
+    complete(temporary, written)
+    try:
+        for n in range(len(written)):
+            check_pixels(temporary, n)
+    except OSError:
+        raise OSError(
+            f"{path} cannot be written: the file came out incomplete; is the disk full?"
+        ) from None
+
+
+class StoredPage(NamedTuple):
+    """A picture, or rows of one, as a file holds it."""
 
     data: NDArray[Any]  # of the type that is stored
     kind: Kind
     about: About
     is_light: bool
 
+    @property
+    def pixels(self) -> NDArray[Any]:
+        """What OpenImageIO is given, which knows fewer types."""
+        data = np.ascontiguousarray(self.data)
+        return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
 
-def _page(path: Path, picture: Picture, look: Look) -> _Page:
+
+def page_of(path: Path, picture: Picture, look: Look) -> StoredPage:
     """Picture as a file holds it.
 
     Raises
@@ -273,7 +329,7 @@ def _page(path: Path, picture: Picture, look: Look) -> _Page:
         data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
-    return _Page(data, kind, about, is_light)
+    return StoredPage(data, kind, about, is_light)
 
 
 def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
@@ -336,29 +392,37 @@ def _bits(suffix: str, source: int) -> int:
     return min(depths) if suffix == ".png" else max(depths)
 
 
-def _put(path: Path, page: _Page, is_next: bool) -> str:
-    """Write a file, or its next page; returns why it is not whole, nothing if it is."""
+def opened(
+    path: Path, temporary: Path, page: StoredPage, height: int, *, is_next: bool = False
+) -> Any:
+    """File of OpenImageIO for a page of so many rows, the first one or the next.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
     import OpenImageIO
 
-    spec = _spec(path.suffix.lower(), page)
-    target = OpenImageIO.ImageOutput.create(str(path))
+    target = OpenImageIO.ImageOutput.create(str(temporary))
     if target is None:
-        return str(OpenImageIO.geterror()).strip().partition("\n")[0]
-    pixels = np.ascontiguousarray(page.data)
-    if page.data.dtype.name in AS_FLOATS:
-        pixels = pixels.view(np.float32)
-    how = "AppendSubimage" if is_next else "Create"
-    went_well = [target.open(str(path), spec, how), target.write_image(pixels), target.close()]
-    if not all(went_well) or target.has_error:
-        return str(target.geterror()).strip().partition("\n")[0] or "no reason is given"
-    return ""
+        raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")
+    spec = spec_of(path.suffix.lower(), page, height)
+    if not target.open(str(temporary), spec, "AppendSubimage" if is_next else "Create"):
+        raise OSError(f"{path} cannot be written: {complaint_of(target)}")
+    return target
 
 
-def _spec(suffix: str, page: _Page) -> Any:
-    """What OpenImageIO is told about a page."""
+def complaint_of(source: Any) -> str:
+    """What OpenImageIO, or a file of it, complains about."""
+    return str(source.geterror()).strip().partition("\n")[0] or "no reason is given"
+
+
+def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
+    """What OpenImageIO is told about a page of so many rows."""
     import OpenImageIO
 
-    (height, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
+    (_, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
     is_bare = page.data.dtype.itemsize == 4
     form = "float" if is_bare else page.data.dtype.name
     spec = OpenImageIO.ImageSpec(width, height, count, form)

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.command.console import say
 from resample.files.animations import Stored
+from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
+from resample.files.facts.tags import Directory, Tag
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.levels import levels
-from resample.files.metadata import TIFF, is_animated_png, page_tags
 from resample.files.pictures import (
     Kind,
     Look,
@@ -28,7 +29,6 @@ from resample.files.pictures import (
     read_picture,
     write_pages,
 )
-from resample.files.tags import Directory, Tag
 from resample.files.writing import replacing
 
 ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well

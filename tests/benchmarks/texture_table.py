@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from resample.measuring.compare import plain
-from resample_texture import Homography, warp
+from resample_texture import BackwardMap, Homography, warp
 from resample_texture.types import Warped
 
 BENCH = Path(__file__).parents[2] / "../shared/bench"
@@ -234,6 +234,78 @@ def scene() -> Iterator[Row]:
         yield {"method": title, **{case: f"{value:.2f}" for case, value in row.items()}}
 
 
+def barrel(x: Any, y: Any) -> tuple[Any, Any]:
+    """Places of a source that a barrel's picture shows; pictures are from -1 to 1."""
+    bend = 1.0 - 0.22 * (x * x + y * y) + 0.04 * (x * x + y * y) ** 2
+    return x * bend, y * bend
+
+
+def fisheye(x: Any, y: Any) -> tuple[Any, Any]:
+    """Places in a pinhole's picture, 100 degrees wide, of a fisheye's as wide, equidistant."""
+    angle = np.hypot(x, y) * np.radians(50)
+    bend = (
+        np.tan(np.minimum(angle, 1.4)) / np.maximum(np.hypot(x, y), 1e-9) / np.tan(np.radians(50))
+    )
+    return x * bend, y * bend
+
+
+def waves(x: Any, y: Any) -> tuple[Any, Any]:
+    """Places that a smooth flow of a few pixels comes from."""
+    return x + 0.02 * np.sin(7 * y) + 0.01 * np.cos(11 * x), y + 0.02 * np.sin(9 * x)
+
+
+def maps() -> Iterator[Row]:
+    """Backward maps against the scene, as in `scene`: dB, mean of two pictures."""
+    floor()  # finds the folder
+    bench = import_module("scene_truth")
+    side, rays, factor = bench.SIDE, 16, bench.FACTOR
+    half = side / 2
+    seen = {name: (bench.scene(name), bench.source(bench.scene(name))) for name in bench.PICTURES}
+    rows: dict[str, Row] = {title: {"method": title} for title, _ in MAPPERS}
+    for case in (barrel, fisheye, waves):
+        y, x = ((np.mgrid[0 : side * rays, 0 : side * rays] + 0.5) / rays - half) / half
+        u, v = (half * place + half for place in case(x, y))
+        known = (np.minimum(u, v) > 8) & (np.maximum(u, v) < side - 8)
+        known = known.reshape(side, rays, side, rays).all(axis=(1, 3))
+        middles = ((np.mgrid[0:side, 0:side] + 0.5) - half) / half
+        places = BackwardMap(*(half * p + half for p in case(middles[1], middles[0])))
+        truths = {
+            name: read_between(large, u * factor, v * factor).reshape(side, rays, side, rays)
+            for name, (large, _) in seen.items()
+        }
+        for title, method in MAPPERS:
+            found = [
+                psnr(
+                    warp(source, places, (side, side), method, edge="mirror").image,
+                    truths[name].mean(axis=(1, 3)),
+                    known,
+                )
+                for name, (_, source) in seen.items()
+            ]
+            rows[title][case.__name__] = f"{np.mean(found):.2f}"
+    yield from rows.values()
+
+
+MAPPERS = [
+    ("OpenCV linear", "bilinear"),
+    ("OpenCV cubic", "cubic"),
+    ("OpenCV lanczos4", "lanczos4"),
+    ("OpenCV 8x8 cubic", "opencv-supersample:n=8"),
+    ("hybrid", "hybrid"),
+]
+
+
+def read_between(picture: Any, u: Any, v: Any) -> Any:
+    """Values between texels, bilinear."""
+    import cv2
+
+    rows = [
+        cv2.remap(picture, np.float32(a - 0.5), np.float32(b - 0.5), cv2.INTER_LINEAR)
+        for a, b in zip(np.array_split(u, 8), np.array_split(v, 8), strict=True)
+    ]
+    return np.concatenate(rows)
+
+
 def trips() -> Iterator[Row]:
     """Four photographs turned by 7 degrees and back, and 36 times by 10 degrees.
 
@@ -365,6 +437,7 @@ def through_area_spline(texels: Any, matrix: Any, rays: int = 16) -> Any:
 
 TABLES = {
     "scene": scene,
+    "maps": maps,
     "trips": trips,
     "own": own,
     "natural": natural,

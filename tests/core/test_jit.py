@@ -13,7 +13,7 @@ import pytest
 from resample import types
 from resample.engine import jit, lookup
 from resample.engine.ellipsoids.deferred import paint_runs
-from tests.processes import PATIENCE
+from tests.processes import PATIENCE, python
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
@@ -61,6 +61,51 @@ def test_bounds_checks_have_a_cache_of_their_own(monkeypatch):
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
     cache = jit._SourceAwareCache(lookup.unit_lookup.__wrapped__)
     assert "-checked" in Path(cache._cache_file._index_path).name
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    "flag",
+    ["SLP_VECTORIZE=1", "LOOP_VECTORIZE=0", "OPT=1", "CPU_NAME=generic", "CPU_FEATURES=+sse2"],
+)
+def test_a_trial_of_the_compilers_flags_has_a_cache_of_its_own(flag):
+    name, value = flag.split("=", 1)
+    code = "from resample.engine import jit, lookup; print(jit.index_of(lookup.unit_lookup).name)"
+    changed = python(f"import os; os.environ['NUMBA_{name}'] = '{value}'\n{code}")
+    assert changed.strip() != jit.index_of(lookup.unit_lookup).name
+
+
+@compiled_only
+def test_a_flag_that_is_set_later_leaves_nothing_in_the_cache(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    tried, kept = jit.kernel(double), jit.kernel(halve)
+    monkeypatch.setattr(numba.config, "SLP_VECTORIZE", 1)
+    assert tried(3.0) == 6.0
+    assert not jit.is_stored(tried)
+    monkeypatch.undo()
+    assert kept(3.0) == 1.5
+    assert jit.is_stored(kept)
+
+
+@compiled_only
+def test_packed_kernels_are_stored_under_the_flags_that_were_asked_for(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    packed, plain = jit.packed_kernel(add_one), jit.kernel(double)
+    numbers = np.zeros(3)
+    packed(numbers)
+    assert jit.is_stored(packed)
+    ends = [jit.index_of(kernel).stem.rpartition("-")[2] for kernel in (packed, plain)]
+    assert ends[0] == ends[1]
+
+
+def halve(number):
+    return number / 2.0
+
+
+def add_one(counter, numbers):
+    if counter[0] == 0:
+        counter[0] = 1
+        numbers += 1.0
 
 
 @compiled_only

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from PIL import Image, TiffImagePlugin
 
-from resample.files.tags import ASCII, DOUBLE, Tag, add_tags, block_of, block_tags, read_tags, text
+from resample.files.facts.tags import (
+    ASCII,
+    DOUBLE,
+    Tag,
+    add_tags,
+    block_of,
+    block_tags,
+    read_tags,
+    text,
+)
 
 PLACE, WORDS, EXIF = 33922, 34737, 34665
 NUMBERS = Tag(DOUBLE, np.array([0.1, -2.5, 3e300]))

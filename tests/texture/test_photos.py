@@ -9,10 +9,10 @@ import OpenImageIO
 import pytest
 from PIL import Image, ImageCms, ImageOps
 
+from resample.files.facts.metadata import turn, upright
+from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
-from resample.files.metadata import turn, upright
 from resample.files.pictures import read_picture
-from resample.files.tags import Tag, add_tags
 from resample_texture.command import cli
 from tests import commands
 

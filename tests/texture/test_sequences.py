@@ -12,9 +12,9 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
+from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
 from resample.files.sequences import frames_of
-from resample.files.tags import Tag, add_tags
 from resample_texture.command import cli
 from tests import commands
 

@@ -6,10 +6,11 @@ import sys
 import numpy as np
 import pytest
 
+from resample.measuring.color_bars import ticks_of, with_color_bar
 from resample_volume.looks.presets import PRESETS, load_transfer
 from resample_volume.looks.regions import Faded, Region, RegionTransfer
 from resample_volume.looks.transfer import from_points
-from resample_volume.showing.color_bar import _ticks, color_bar, with_color_bar
+from resample_volume.showing.color_bar import color_bar
 
 BYTE = (0.0, 255.0)
 WHITE, GREEN = (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)
@@ -92,7 +93,7 @@ def test_a_faded_function_is_drawn_over_its_gradients() -> None:
     ],
 )
 def test_ticks_are_round_values_that_differ(span: tuple[float, float], texts: list[str]) -> None:
-    assert list(_ticks(span, 6).values()) == texts
+    assert list(ticks_of(span, 6).values()) == texts
 
 
 def test_a_long_title_is_shortened() -> None:

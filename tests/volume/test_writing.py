@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from resample.colors import to_srgb
+from resample.measuring.color_bars import check_bar
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Projection, Resampler
 from resample_volume.files.generated import vessel_tree
@@ -9,7 +10,6 @@ from resample_volume.files.readers import Npy
 from resample_volume.files.source import open_volume
 from resample_volume.files.writing import (
     SUFFIXES,
-    check_color_bar,
     with_bar,
     write_volume,
 )
@@ -94,8 +94,8 @@ def test_an_x_rays_bar_is_the_light_of_its_sums():
 
 
 def test_a_bar_is_for_png_and_has_a_least_height(tmp_path):
-    check_color_bar(tmp_path / "a.PNG", 64)
+    check_bar(tmp_path / "a.PNG", 64)
     with pytest.raises(ValueError, match=r"a\.exr: a color bar has no depth"):
-        check_color_bar(tmp_path / "a.exr", 64)
+        check_bar(tmp_path / "a.exr", 64)
     with pytest.raises(ValueError, match="at least 64 px high, not 63"):
-        check_color_bar(tmp_path / "a.png", 63)
+        check_bar(tmp_path / "a.png", 63)

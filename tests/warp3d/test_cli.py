@@ -104,6 +104,24 @@ def test_filled_pictures_are_opaque():
     assert ended(*render(*RIGHT, *FAST, "--fill", "-o", "out.jpg")) == 0
 
 
+def test_holes_are_filled_by_a_layer_behind_what_hides():
+    words = [*RIGHT, "--fill"]
+    picture, layer = moved(*words), moved(*words, "--fill-by", "layer")
+    assert layer.shape == picture.shape == (24, 32, 3)
+    assert not np.array_equal(layer, picture)
+    both = [*words, "--view", f"color.png,depth.png,{pose('t.txt', 0.02)}"]
+    assert not np.array_equal(moved(*both, "--fill-by", "layer"), moved(*both))
+    # A wall hides nothing, so there is no layer.
+    cv2.imwrite("flat.png", np.full((24, 32), 2000, np.uint16))
+    flat = moved(*words, "--fill-by", "layer", depth="flat.png")
+    assert np.array_equal(flat, moved(*words, depth="flat.png"))
+
+
+def test_a_layer_belongs_to_filling(capsys):
+    words = render(*RIGHT, "--fill-by", "layer", "-o", "out.png")
+    assert "--fill-by layer belongs to --fill; give both" in refused(capsys, *words)
+
+
 def test_a_jpeg_needs_a_background(capsys):
     assert "JPEG has no transparency" in refused(capsys, *render(*RIGHT, "-o", "out.jpg"))
     assert ended(*render(*RIGHT, *FAST, "-o", "out.jpg", "--background", "white")) == 0
@@ -269,6 +287,32 @@ def test_further_views_cover_more():
     both = moved(*words, "--view", f"color.png,depth.png,{pose('t.txt', 0.4)}")
     assert one[..., 3].mean() < 0.95
     assert both[..., 3].mean() == pytest.approx(1)
+
+
+def test_statistics_say_how_views_were_matched():
+    bright = np.minimum(cv2.imread("color.png") // 2 + 60, 255)
+    cv2.imwrite("bright.png", bright)
+    words = ["--move", "0.1,0,0", *FAST, "-o", "out.png", "--stats", "stats.json"]
+    view = ["--view", f"bright.png,depth.png,{pose('t.txt')}"]
+    assert ended(*render(*words, *view)) == 0
+    matched = json.loads(Path("stats.json").read_text())["views"]
+    assert [each["depth_factor"] for each in matched] == [1, 1]
+    assert len(matched[0]["gain"]) == len(matched[0]["bias"]) == 3
+    assert ended(*render(*words, *view, "--plain")) == 0
+    plain = json.loads(Path("stats.json").read_text())["views"]
+    assert [each["gain"] for each in plain] == [[1, 1, 1], [1, 1, 1]]
+    assert ended(*render(*words)) == 0
+    assert "views" not in json.loads(Path("stats.json").read_text())
+
+
+def test_several_views_of_labels_are_not_mixed(rng):
+    labels = rng.integers(1, 7, (24, 32), np.uint16) * 1000 + 7
+    cv2.imwrite("names.png", labels)
+    cv2.imwrite("other.png", labels + 7000)
+    view = ["--view", f"other.png,depth.png,{pose('t.txt', 0.4)}"]
+    assert ended(*render(*RIGHT, "--unmixed", *view, "-o", "out.png", color="names.png")) == 0
+    known = {0, *np.unique(labels), *np.unique(labels + 7000)}
+    assert set(np.unique(cv2.imread("out.png", -1))) <= known
 
 
 def test_the_number_of_threads_changes_no_pixel():
@@ -438,7 +482,9 @@ def test_stereo_writes_holes_and_fills_them():
     shifted("--holes", "holes.png", "--coverage", "c.png")
     with Image.open("holes.png") as holes:
         assert (np.array(holes)[:8, 30:] == Hole.OUTSIDE).all()
-    assert shifted("--fill").shape[2] == 3
+    filled = shifted("--fill")
+    assert filled.shape[2] == 3
+    assert not np.array_equal(shifted("--fill", "--fill-by", "layer"), filled)
 
 
 def test_stereo_refuses_in_one_line(capsys):
@@ -464,6 +510,15 @@ def test_the_readmes_stereo_command_runs():
 def film(*words: object, frames: int = 3) -> list[object]:
     depth = ["depth.png", "--depth-scale", 1000]
     return ["animate", "color.png", *depth, *EYE, *FAST, "--frames", frames, *words]
+
+
+def test_a_film_is_filled_by_a_layer():
+    for name, words in (("picture", ["--fill"]), ("layer", ["--fill", "--fill-by", "layer"])):
+        assert ended(*film("-o", name, *words)) == 0
+    frames = [sorted(Path(name).glob("*.png")) for name in ("picture", "layer")]
+    pairs = [[cv2.imread(str(file)) for file in pair] for pair in zip(*frames, strict=True)]
+    assert len(pairs) == 3
+    assert not all(np.array_equal(*pair) for pair in pairs)
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.webp", "a.gif", "a.apng", "frames"])

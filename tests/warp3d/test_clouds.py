@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.spatial
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.engine.jit import threads, workers
 from resample.types import Frame
+from resample_warp3d.clouds import spacing
 from resample_warp3d.clouds.files import Cloud, read_cloud
-from resample_warp3d.clouds.framing import framed
+from resample_warp3d.clouds.framing import framed, framed_together
 from resample_warp3d.clouds.kernels.discs import REACH
 from resample_warp3d.clouds.kernels.painting import AMPLE
 from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Light, render_cloud
@@ -338,6 +341,49 @@ def test_a_stray_point_stays_small():
     assert size < 4.0  # its neighbours are 60 away
 
 
+@pytest.mark.parametrize(("strays", "factor"), [(1, 1.0), (2, 1.0), (3, 1.75)])
+def test_strays_are_not_larger_than_what_they_strayed_from(strays, factor):
+    away = np.array([(0.0, 0, -9), (6, 1, -9), (-6, 2, -8)])[:strays]
+    surfels = prepare_cloud(_cloud(np.concatenate([_grid(40), away])))
+    size = np.linalg.norm(surfels.axes, axis=2).max(axis=1)
+    is_stray = (surfels.position + surfels.origin)[:, 2] < -4
+    assert is_stray.sum() == strays
+    assert size[is_stray].max() <= 1.01 * factor * np.median(size)
+
+
+def test_rings_of_a_scanner_stay_as_closed_as_without_a_limit():
+    down, around = np.meshgrid(np.radians(np.linspace(8, 40, 50)), np.arange(900) * np.pi / 450)
+    ray = np.stack([np.cos(around), np.sin(around), np.tan(down)], axis=2).reshape(-1, 3)
+    cloud = _cloud(1.8 * ray / ray[:, 2:])  # on the ground, farther apart with every ring
+    camera = Camera(
+        np.array([[40.0, 0, 40], [0, 40, 40], [0, 0, 1]]),
+        look_at((0, 0, -10), (0, 0, 1), (0, -1, 0)),
+    )
+    covered = [
+        render_cloud(prepare_cloud(cloud, largest=largest), camera, size=(80, 80)).coverage.mean()
+        for largest in (spacing.LARGEST, math.inf)
+    ]
+    assert covered[0] > 0.97 * covered[1]
+
+
+def test_strays_keep_their_size_where_no_limit_is_asked_for():
+    cloud = _cloud(np.concatenate([_grid(40), [(0, 0, -9.0)]]))
+    assert np.linalg.norm(prepare_cloud(cloud, largest=math.inf).axes, axis=2).max() > 4
+    with pytest.raises(ValueError, match="discs of at most 0 times"):
+        prepare_cloud(cloud, largest=0.0)
+
+
+def test_a_sparse_surface_beside_a_dense_one_keeps_its_discs():
+    sparse, dense = _grid(60, spacing=2.0), _grid(90, spacing=0.5)
+    is_right = sparse[:, 0] > 0
+    cloud = _cloud(np.concatenate([sparse[is_right], dense - (23.0, 0, 0)]))
+    size = (60, 40)
+    pose = look_at((12.0, 0, -50), (12.0, 0, 0), (0, -1, 0))
+    camera = Camera(np.array([[100.0, 0, 20], [0, 100, 30], [0, 0, 1]]), pose)
+    frame = render_cloud(cloud, camera, size=size)  # from the seam at 0 to the right
+    assert frame.coverage[:, 1:].mean() > 0.99
+
+
 def test_rows_far_apart_get_long_discs():
     x, y = np.meshgrid(np.arange(60) * 0.25, np.arange(20) * 1.0)
     surfels = prepare_cloud(_cloud(np.c_[x.ravel(), y.ravel(), np.zeros(x.size)]))
@@ -353,6 +399,82 @@ def test_a_frame_holds_all_of_a_cloud():
     assert frame.coverage[30, 40] == 1
     border = [frame.coverage[[0, -1]].max(), frame.coverage[:, [0, -1]].max()]
     assert max(border) == 0
+
+
+def _filled(cloud, size, **camera) -> tuple[float, float]:
+    """Share of the frame's width and height between the first and the last covered pixel."""
+    surfels = prepare_cloud(cloud)
+    covered = render_cloud(surfels, framed(surfels, size=size, **camera), size=size).coverage > 0.5
+    return covered.any(axis=0).mean(), covered.any(axis=1).mean()
+
+
+@pytest.mark.parametrize("size", [(60, 80), (80, 60), (50, 200)])
+@pytest.mark.parametrize("angles", [(0, 0), (30, 20), (250, -60)])
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (5, 1, 1), (1, 3, 0.2)])
+def test_a_cloud_fills_its_frame(size, angles, stretch):
+    cloud = _cloud(_ball(1500) * stretch + (50, 6, 7))
+    width, height = _filled(cloud, size, azimuth=angles[0], elevation=angles[1])
+    assert 0.88 < max(width, height) < 0.99  # a pixel is 2 %
+
+
+@pytest.mark.parametrize("far", [3.0, 30.0, 3000.0])
+def test_strays_do_not_make_the_rest_small(far):
+    strays = np.array([(far, far, 0), (-far, 0, far), (0, 0, 2 * far)])
+    cloud = _cloud(np.concatenate([_ball(3000), strays]))
+    assert max(_filled(cloud, (60, 80), azimuth=20, elevation=10)) > 0.88
+
+
+def test_strays_in_many_clumps_do_not_either(rng):
+    middles = np.repeat(rng.normal(size=(20, 3)) * 40, 2, axis=0)
+    cloud = _cloud(np.concatenate([_ball(6000), middles + rng.normal(size=middles.shape)]))
+    assert max(_filled(cloud, (60, 80))) > 0.88
+
+
+def test_a_thin_pole_is_no_stray():
+    pole = np.c_[np.zeros((30, 2)), np.linspace(1.0, 3.0, 30)]
+    camera = framed(_cloud(np.concatenate([_ball(20000), pole])), size=(80, 60))
+    top = camera.world_to_camera @ (0, 0, 3.0, 1)
+    row = (camera.matrix @ top[:3])[1] / top[2]
+    assert 0 < row < 4
+
+
+def test_few_points_are_all_framed(rng):
+    position = rng.normal(size=(60, 3)) * 10
+    camera = framed(_cloud(position), size=(60, 80))
+    seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+    x, y = (seen @ camera.matrix.T)[:, :2].T / seen[:, 2]
+    assert (x > 0).all()
+    assert (x < 80).all()
+    assert (y > 0).all()
+    assert (y < 60).all()
+
+
+def test_a_lone_disc_fills_its_frame():
+    cloud = _cloud([(5.0, 6, 7)], normal=[(0, -1.0, 0)], radius=[2.0])
+    _, height = _filled(cloud, (60, 80))
+    assert height > 0.9
+
+
+@pytest.mark.parametrize("fov", [0.0, 180.0, math.nan])
+def test_fields_of_view_that_are_none_are_refused(fov):
+    with pytest.raises(ValueError, match="a field of view of"):
+        framed(_cloud(_grid(4)), size=SIZE, fov=fov)
+
+
+def test_all_cameras_of_an_orbit_see_all_of_a_cloud_from_one_distance():
+    size, position = (60, 80), _ball(1500) * (5, 1, 1) + (50, 6, 7)
+    angles = [(azimuth, 10.0) for azimuth in range(0, 360, 15)]
+    cameras = framed_together(prepare_cloud(_cloud(position)), size=size, angles=angles)
+    filled, away = [], set()
+    for camera in cameras:
+        seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+        x, y = (seen @ camera.matrix.T)[:, :2].T / seen[:, 2]
+        assert min(x.min(), y.min()) > 0
+        filled.append(max(np.ptp(x) / 80, np.ptp(y) / 60))
+        middle = np.array([*(0.5 * (position.min(axis=0) + position.max(axis=0))), 1.0])
+        away.add(round(float(np.linalg.norm(camera.world_to_camera @ middle)), 3))
+    assert len(away) == 1
+    assert 0.85 < max(filled) < 1
 
 
 @pytest.mark.parametrize(
@@ -387,6 +509,42 @@ def test_a_parallel_camera_is_refused():
 def test_arrays_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match=r"color of a cloud has the shape \(3, 3\)"):
         prepare_cloud(_cloud(_grid(4), np.zeros((3, 3))))
+
+
+@pytest.mark.parametrize("name", ["position", "normal", "color", "radius"])
+@pytest.mark.parametrize("use", [prepare_cloud, lambda cloud: _render(cloud, _camera(1.0))])
+def test_none_is_refused_in_words(name, use):
+    cloud = _cloud(_grid(4))._replace(**{name: None})
+    with pytest.raises(ValueError, match=f"{name} of a cloud is None; give an array of the shape"):
+        use(cloud)
+
+
+def test_a_frame_of_none_is_refused_in_words():
+    with pytest.raises(ValueError, match="position of a cloud is None"):
+        framed(_cloud(_grid(4))._replace(position=None), size=SIZE)
+
+
+@pytest.mark.parametrize("count", [1, 2, None])
+def test_neighbours_are_looked_up_by_as_many_threads_as_allowed(count, monkeypatch):
+    used = []
+
+    class Spy(scipy.spatial.cKDTree):
+        def query(self, *args, workers=1, **kwargs):
+            used.append(workers)
+            return super().query(*args, workers=workers, **kwargs)
+
+    monkeypatch.setattr(scipy.spatial, "cKDTree", Spy)
+    with threads(count):
+        prepare_cloud(_cloud(_grid(20)))
+        assert set(used) == {workers()}
+
+
+def test_threads_are_limited_by_an_argument(monkeypatch):
+    limits = []
+    monkeypatch.setattr(spacing, "_measured", lambda *_: limits.append(workers()))
+    prepare_cloud(_cloud(_grid(20)), threads=1)
+    render_cloud(_cloud(_grid(20)), _camera(1.0), size=SMALL, threads=1)
+    assert limits == [1, 1]
 
 
 def test_absurd_coordinates_are_refused():

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.planning import Plan
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
 
@@ -22,6 +23,7 @@ _HOMES = {
     "Homography": "geometry.mappings",
     "Hybrid": "methods.forward",
     "Paper": "methods.forward",
+    "Plan": "planning",
     "Points": "methods.forward",
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
@@ -40,6 +42,7 @@ __all__ = [
     "Homography",
     "Hybrid",
     "Paper",
+    "Plan",
     "Points",
     "Splats",
     "Supersample",

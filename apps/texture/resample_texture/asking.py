@@ -61,28 +61,43 @@ def geometry_of(
 
 
 def within(
-    geometry: Geometry, shape: tuple[int, int], roi: tuple[int, int, int, int], chosen: Method
-) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:
-    """Geometry and shape of what to draw of the target, and the part of it that is wanted."""
+    geometry: Geometry | Places, shape: tuple[int, int], roi: tuple[int, int, int, int],
+    chosen: Method,
+) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:  # fmt: skip
+    """Geometry and shape of what to draw of the target, and the part of it that is wanted.
+
+    A function takes and gives pixel centers at + 0.5.
+    """
     left, top = whole_pair(roi[:2], "left", "top")
     width, height = whole_pair(roi[2:], "width", "height")
     if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
         raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
     check_shape((height, width))
-    if isinstance(geometry, BackwardMap):
-        if geometry.x.shape != shape:
-            raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+    if isinstance(geometry, BackwardMap) and geometry.x.shape != shape:
+        raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+    if isinstance(geometry, BackwardMap) or callable(geometry):
         margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
         x, y = max(left - margin, 0), max(top - margin, 0)
-        seen = np.s_[y : top + height + margin, x : left + width + margin]
+        right, bottom = min(left + width + margin, shape[1]), min(top + height + margin, shape[0])
         part = np.s_[top - y : top - y + height, left - x : left - x + width]
-        around = BackwardMap(geometry.x[seen], geometry.y[seen])
+        around = _places_in(geometry, (x, y, right, bottom))
         return around, around.x.shape, part
     everything = np.s_[:, :]
     if isinstance(geometry, ForwardMap):
         return ForwardMap(geometry.x - left, geometry.y - top), (height, width), everything
     moved = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]]) @ geometry.matrix
     return Homography(moved, geometry.is_signed), (height, width), everything
+
+
+def _places_in(geometry: BackwardMap | Places, sides: tuple[int, int, int, int]) -> BackwardMap:
+    """Map of the pixels between left, top, right and bottom."""
+    left, top, right, bottom = sides
+    if isinstance(geometry, BackwardMap):
+        seen = np.s_[top:bottom, left:right]
+        return BackwardMap(geometry.x[seen], geometry.y[seen])
+    return BackwardMap.from_function(
+        lambda x, y: geometry(x + left, y + top), (bottom - top, right - left)
+    )
 
 
 def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:

@@ -1,18 +1,25 @@
 """One picture drawn by one method: decoded, warped or copied texel by texel, with its gaps."""
 
 import dataclasses
+import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.asking import REFLECT_101
-from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import Picks, picks_of_move, unfolded, whole_move
+from resample_texture.asking import REFLECT_101, check_out, within
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
+from resample_texture.geometry.windows import PictureWindow, between, windows_of
 from resample_texture.texels.encoding import check_picture, decoded, encoded, is_together
 from resample_texture.texels.gaps import added, masked, mended, missing_in, unmasked
 from resample_texture.types import Edge, Method, Warped
+
+MOST_AT_ONCE = 1 << 24  # values of source and target that are drawn in one go
+MOST_IN_WINDOW = 1 << 22  # values of a window, of what it shows and of what it makes
+LIGHT = np.dtype(np.float32)
 
 
 class Drawing(NamedTuple):
@@ -23,6 +30,7 @@ class Drawing(NamedTuple):
     shape: tuple[int, int]  # of the target: height, width
     edge: str  # an `Edge`, or `REFLECT_101`
     threads: int | None = None
+    as_light: bool = False  # the picture is as methods make it, whatever the source's type
 
 
 def drawn(
@@ -32,9 +40,24 @@ def drawn(
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
-        return picked(image, picks, alpha)
+        moved = picked(image, picks, alpha)
+        if drawing.as_light:
+            light, _ = decoded(moved.image, linear_light=linear_light, alpha=alpha)
+            return Warped(light, moved.coverage)
+        return moved
+    windows = _windows(image, drawing)
+    if windows is not None:
+        return _drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
+    return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
+
+
+def _drawn_whole(
+    image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
+) -> Warped:
+    """Picture warped in one go."""
     is_sum = adds(drawing.method)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
+    encoding = encoding.as_light() if drawing.as_light else encoding
     warped = run(drawing, texels)
     if encoding.gaps and is_sum:
         mean = dataclasses.replace(drawing.method, total=False)  # type: ignore[type-var]
@@ -44,6 +67,70 @@ def drawn(
         plain = mended(warped, encoding.gaps)
     result = encoded(plain.image, plain.coverage, encoding, missing=plain.missing)
     return Warped(result, plain.coverage)
+
+
+def put(warped: Warped, out: NDArray[Any]) -> Warped:
+    """Result in an array that was given for it."""
+    check_out(out, warped.image.shape, warped.image)
+    out[...] = warped.image
+    return Warped(out, warped.coverage)
+
+
+def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[PictureWindow] | None:
+    """Parts that a large picture is drawn in, so that little memory is needed, and that quickly."""
+    from resample.engine import jit
+
+    method, geometry, shape, edge, *_ = drawing
+    size, channels = (image.shape[0], image.shape[1]), image[0, 0].size
+    if (math.prod(size) + math.prod(shape)) * channels <= MOST_AT_ONCE:
+        return None
+    if isinstance(image, np.ma.MaskedArray) or not hasattr(method, "seen_tiles"):
+        return None
+    with jit.threads(drawing.threads):
+        seen = method.seen_tiles(size, geometry, shape, Edge(edge))
+    return None if seen is None else windows_of(seen, size, MOST_IN_WINDOW // channels)
+
+
+def _drawn_in_parts(
+    image: NDArray[Any], drawing: Drawing, windows: Iterator[PictureWindow], *, linear_light: bool,
+    alpha: str | None,
+) -> Warped:  # fmt: skip
+    """Picture warped window by window."""
+    form = LIGHT if drawing.as_light else image.dtype
+    result = Warped(
+        np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
+    )
+    for window in windows:
+        part, inner = _part_of(drawing, window, (image.shape[0], image.shape[1]))
+        seen, there = _seen_through(window, image, drawing.edge), window.target.part
+        drawn = _drawn_whole(seen, part, linear_light=linear_light, alpha=alpha)
+        result.image[there], result.coverage[there] = drawn.image[inner], drawn.coverage[inner]
+    return result
+
+
+def _part_of(
+    drawing: Drawing, window: PictureWindow, size: tuple[int, int]
+) -> tuple[Drawing, tuple[slice, slice]]:
+    """What to draw for a window of a target from its part of a source, and what of that it is."""
+    left, top, right, bottom = window.target
+    geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
+    if isinstance(geometry, BackwardMap):
+        roi = (left, top, right - left, bottom - top)
+        geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
+    edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
+    assert not isinstance(geometry, ForwardMap)  # its texels go where they go
+    return drawing._replace(geometry=between(geometry, window, size), shape=shape, edge=edge), inner
+
+
+def _seen_through(window: PictureWindow, image: NDArray[Any], edge: str) -> NDArray[Any]:
+    """Part of a picture (H, W, ...), repeated beyond its edges, that a window shows."""
+    size = image.shape[0], image.shape[1]
+    if window.source.is_within(size):
+        return image[window.source.part]
+    left, top, right, bottom = window.source
+    rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(edge))
+    columns, _ = texels_at(np.arange(left, right), size[1], Edge(edge))
+    return image[rows[:, None], columns]
 
 
 def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Drawing]:
@@ -61,7 +148,7 @@ def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Draw
 
 def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
     """Texels that pixels show, if that is all that happens to them."""
-    method, geometry, shape, edge, _ = drawing
+    method, geometry, shape, edge, *_ = drawing
     check_picture(np.ma.getdata(image))
     if hasattr(method, "picks"):
         picks: Picks = method.picks(image, geometry, shape, Edge(edge))
@@ -98,7 +185,7 @@ def run(drawing: Drawing, texels: Floats) -> Warped:
     """Warp texels on so many threads, whose tasks are handed out one by one."""
     from resample.engine import jit
 
-    method, geometry, shape, edge, threads = drawing
+    method, geometry, shape, edge, threads, _ = drawing
     with jit.threads(threads):
         return method(texels, geometry, shape, Edge(edge))
 

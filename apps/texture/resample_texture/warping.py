@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample_texture.asking import (
     Places,
-    check_out,
     check_shape,
     edge_named,
     geometry_of,
@@ -15,7 +14,7 @@ from resample_texture.asking import (
     whole_pair,
     within,
 )
-from resample_texture.drawing import Drawing, adds, drawn
+from resample_texture.drawing import Drawing, adds, drawn, put
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.texels.gaps import masked
 from resample_texture.types import Method, Warped
@@ -125,7 +124,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         return Warped(warped.image[part], warped.coverage[part])
 
     warped = one(image) if image.ndim != 4 else _stacked([one(picture) for picture in image], image)
-    return warped if out is None else _put(warped, out)
+    return warped if out is None else put(warped, out)
 
 
 def _stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
@@ -138,10 +137,3 @@ def _stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
         mask = np.stack([np.ma.getmaskarray(one) for one in images])
         stacked = masked(stacked, mask, image.fill_value)
     return Warped(stacked, np.stack([warped.coverage for warped in each]))
-
-
-def _put(warped: Warped, out: NDArray[Any]) -> Warped:
-    """Result in an array that was given for it."""
-    check_out(out, warped.image.shape, warped.image)
-    out[...] = warped.image
-    return Warped(out, warped.coverage)

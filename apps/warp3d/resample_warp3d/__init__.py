@@ -9,49 +9,80 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
+    from resample_warp3d.clouds.cloud import Cloud
+    from resample_warp3d.clouds.files import read_cloud
+    from resample_warp3d.clouds.framing import framed
+    from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
+    from resample_warp3d.clouds.spacing import prepare_cloud
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
     from resample_warp3d.depth.refining.registering import registered
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
 
 _HOMES = {
     "Camera": "resample.cameras.models",
+    "Cloud": "clouds.cloud",
+    "CloudStyle": "clouds.rendering",
     "DepthImage": "types",
     "Equation": "types",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
+    "Joining": "views.together",
     "Source": "types",
+    "Standing": "views.together",
     "Warped": "types",
+    "agreed": "views.together",
+    "background": "sheet.behind",
+    "behind": "sheet.behind",
     "between": "depth.equation",
+    "framed": "clouds.framing",
     "merge": "merging",
     "of_rectified": "depth.equation",
     "prepare": "depth.preparation",
+    "prepare_cloud": "clouds.spacing",
+    "read_cloud": "clouds.files",
     "refine": "depth.refining.conditioning",
     "registered": "depth.refining.registering",
     "render": "warping",
+    "render_cloud": "clouds.rendering",
+    "render_together": "views.together",
     "warp": "warping",
     "warp_disparity": "warping",
 }
 
 __all__ = [
     "Camera",
+    "Cloud",
+    "CloudStyle",
     "DepthImage",
     "Equation",
     "Hole",
     "Hybrid",
+    "Joining",
     "Source",
+    "Standing",
     "Warped",
+    "agreed",
+    "background",
+    "behind",
     "between",
+    "framed",
     "merge",
     "of_rectified",
     "prepare",
+    "prepare_cloud",
+    "read_cloud",
     "refine",
     "registered",
     "render",
+    "render_cloud",
+    "render_together",
     "warp",
     "warp_disparity",
 ]

@@ -9,40 +9,50 @@ from numpy.typing import NDArray
 
 from resample.types import Floats
 from resample_warp3d.types import Hole, Warped
+from resample_warp3d.views.blending import check_blend, weights
 
 SAME = 0.02  # of the nearness: views whose surfaces are closer together than this see one
-SHARP = 2.0  # power of the confidence that views are weighed with
-LEAST = 1e-12  # weight of a view that has no confidence
 SOLID = 0.5  # coverage from which on a view's surface hides others
 
 
-def merge(views: Sequence[Warped]) -> Warped:
+def merge(
+    views: Sequence[Warped], blend: str = "feathered", shares: Sequence[Floats] = ()
+) -> Warped:
     """Views of one target, each warped from another source, as one.
 
     Parameters
     ----------
     views
         Of one shape; their order makes no difference to a single bit.
+    blend
+        `feathered`: by confidence, fading out toward the border of what a view shows, so that no
+        seam is left there; `confident`: by confidence alone; `best`: the one view that counts most,
+        for colors that are names.
+    shares
+        (H, W) further factors of the views' weights; none if left out.
 
     Returns
     -------
-    Per pixel the mean of the views that show its nearest surface, weighed by their confidence: a
-    source that saw the surface from nearby, and not at a grazing angle, has more samples there.
-    Where it covers a pixel in part, the surface behind it shows. A hole is a hole in all views; of
-    its reasons the one nearest to a remedy is kept.
+    Per pixel the mean of the views that show its nearest surface, by their confidence: a source
+    that saw the surface from nearby, and not at a grazing angle, has more samples there. Where it
+    covers a pixel in part, the surface behind it shows. A hole is a hole in all views; of its
+    reasons the one nearest to a remedy is kept.
 
     Raises
     ------
     ValueError
-        There is no view, or their shapes differ.
+        There is no view, their shapes differ, or the blend is unknown.
     """
+    check_blend(blend)
     shapes = {view.image.shape for view in views}
     if len(shapes) != 1:
         raise ValueError(f"views of one shape can be merged, not of {sorted(shapes) or 'none'}")
-    ordered = sorted(views, key=_digest)
+    order = sorted(range(len(views)), key=lambda n: _digest(views[n]))
+    ordered = [views[n] for n in order]
+    factors = [shares[n] for n in order] if shares else []
     nearness = np.stack([_nearness(view) for view in ordered])
-    front, is_front = _surface(ordered, nearness)
-    behind, _ = _surface(ordered, np.where(is_front, 0, nearness))
+    front, is_front = _surface(ordered, nearness, factors, blend)
+    behind, _ = _surface(ordered, np.where(is_front, 0, nearness), factors, blend)
     rest = np.float32(1) - front.coverage
     is_near = front.coverage > 0
     coverage = front.coverage + rest * behind.coverage
@@ -67,7 +77,9 @@ class Surface(NamedTuple):
     confidence: Floats
 
 
-def _surface(views: Sequence[Warped], nearness: Floats) -> tuple[Surface, NDArray[np.bool_]]:
+def _surface(
+    views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: str
+) -> tuple[Surface, NDArray[np.bool_]]:
     """Nearest surface of several views (V, H, W), and where each of them shows it."""
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)
@@ -75,8 +87,8 @@ def _surface(views: Sequence[Warped], nearness: Floats) -> tuple[Surface, NDArra
     total = np.zeros(front.shape, np.float32)
     image = np.zeros(views[0].image.shape, np.float32)
     coverage, near, magnification, confidence = (np.zeros_like(total) for _ in range(4))
-    for view, shown, depth in zip(views, is_front, nearness, strict=True):
-        weight = np.where(shown, view.confidence**SHARP + LEAST, 0).astype(np.float32)
+    counts = weights(views, is_front, shares, blend)
+    for view, shown, depth, weight in zip(views, is_front, nearness, counts, strict=True):
         total += weight
         image += weight[..., None] * view.image
         coverage += weight * view.coverage

@@ -1,6 +1,9 @@
 """The library's calls: depth images as other cameras see them."""
 
 import operator
+from collections.abc import Callable
+from functools import partial
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +15,13 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between, lens_places, of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
+from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.holes import explained
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
 
+Filling = Literal["picture", "layer"]
+FILLINGS = get_args(Filling)
 CLOSEST = 1e-30  # scene units: a depth below this is none
 LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
 
@@ -32,7 +38,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     noise: float | None = None,
     step: float | None = None,
     refine: str = "auto",
-    fill: bool = False,
+    fill: bool | Filling = False,
     threads: int | None = None,
 ) -> Warped:
     """Warp a depth image: exact at 1:1, antialiased where it shrinks, without holes where it grows.
@@ -62,7 +68,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         What is done about depth that does not fit the picture: `auto` finds out, `snap` moves edges
         to those of color, `sharpen` makes soft ones hard, `complete` fills gaps, `none` nothing.
     fill
-        Make up what the source does not show, from the background beside it.
+        Make up what the source does not show: True or `picture`, from the background beside it in
+        the picture made; `layer`, first from a background that the source has once for all targets.
     threads
         At most this many; pixels do not depend on it.
 
@@ -83,8 +90,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     image = DepthImage(light, nearness, place)
     prepared = prepare(image, noise=noise, step=step, refine=refine)
     shape = (height, width) if size is None else size
-    warped = render(prepared, between(source, target), shape, method, threads, filter=filter)
-    return fill_holes(warped) if fill else warped
+    equation = between(source, target)
+    seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
+    return _filled(prepared, partial(seen, filter=filter), fill)
 
 
 def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
@@ -95,7 +103,7 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002
     refine: str = "auto",
-    fill: bool = False,
+    fill: bool | Filling = False,
     threads: int | None = None,
 ) -> Warped:
     """Warp one picture of a rectified pair toward the other.
@@ -124,7 +132,19 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
             f"{nearness.shape[0]} px; disparity is in px of the picture"
         )
     prepared = prepare(image, refine=refine)
-    warped = render(prepared, of_rectified(fraction), shape, method, threads, filter=filter)
+    equation = of_rectified(fraction)
+    seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
+    return _filled(prepared, partial(seen, filter=filter), fill)
+
+
+def _filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Filling) -> Warped:
+    """Source as it is seen, and filled as it is asked for."""
+    if fill not in (False, True, *FILLINGS):
+        raise ValueError(f"unknown filling {fill!r}; known: {', '.join(FILLINGS)}, True and False")
+    warped = seen(source)
+    layer = background(source) if fill == "layer" else None
+    if layer is not None:
+        warped = behind(warped, seen(layer))
     return fill_holes(warped) if fill else warped
 
 

@@ -3,10 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.engine.cells.tiles import bands
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel
 from resample.types import Floats
+
+Integers = NDArray[np.int64]
 
 BAND = 32  # rows that one thread filters at a time
 BLOCK = 1024  # numbers of a row that are summed at a time
@@ -34,6 +37,31 @@ def _filter_stretch(
     for tap in range(1, middle + 1):
         places = start - tap * step, start + tap * step
         _add_pair(line, source, places, count, taps[middle + tap])
+
+
+@packed_kernel
+def gather_plate(
+    counter: Counter, source: Floats, rows: Integers, columns: Integers, flat: Floats
+) -> None:
+    """Fill a plate with rows and columns of a grid.
+
+    Parameters
+    ----------
+    source
+        (H, W, C).
+    rows, columns
+        (R,) and (K,) of the grid, in any order and as often as one likes.
+    flat
+        R × K × C numbers, and as many more as its owner likes.
+    """
+    channels = source.shape[2]
+    width = columns.size * channels
+    for first, last in bands(counter, rows.size, BAND):
+        for r in range(first, last):
+            line, row = flat[r * width :], source[rows[r]]
+            for k in range(columns.size):
+                for c in range(channels):
+                    line[k * channels + c] = row[columns[k], c]
 
 
 class Filters(NamedTuple):

@@ -348,19 +348,24 @@ class Extent(NamedTuple):
     span: Doubles  # (T,) samples that a pixel covers along u or v, at most
 
 
-@inner_kernel
-def _measure(seen: Seen, view: View, n: int, extent: Extent) -> float:
-    """Widen what a tile sees by a pixel; gives the work on it."""
+@inner_step
+def _widen(seen: Seen, bounds: Doubles) -> float:
+    """Widen what a tile sees by a pixel; gives how long that is along u or v."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
-    bounds = extent.bounds[n]
     bounds[LEFT] = min(bounds[LEFT], seen.u - reach_u)
     bounds[RIGHT] = max(bounds[RIGHT], seen.u + reach_u)
     bounds[TOP] = min(bounds[TOP], seen.v - reach_v)
     bounds[BOTTOM] = max(bounds[BOTTOM], seen.v + reach_v)
+    return 2.0 * max(reach_u, reach_v)
+
+
+@inner_kernel
+def _work_on(seen: Seen, view: View) -> float:
+    """Work on a pixel, see `Extent`."""
+    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     parts_x, parts_y = parts_of(seen, 1.0)  # whatever the quality, so that more of it is better
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
-    extent.span[n] = max(extent.span[n], 2.0 * reach_u, 2.0 * reach_v)
     taps = view.integral.taps
     samples = (taps + wide / parts_x) * (taps + high / parts_y)
     covered = abs(ux * vy - uy * vx)
@@ -373,11 +378,12 @@ def measure_tiles(
 ) -> None:
     """Find out what tiles see, by pixels `step` apart; for an application's parallel kernel.
 
-    A tile that has places only in part is endless work, unless all its pixels are looked at.
+    A tile that has places only in part is endless work, unless all its pixels are looked at: their
+    work is not asked then.
     """
     for n in tasks(counter, tiles.shape[0]):
         extent.bounds[n, :2], extent.bounds[n, 2:] = math.inf, -math.inf
-        work, extent.span[n], count, missing = 0.0, 0.0, 0, 0
+        work, span, count, missing = 0.0, 0.0, 0, 0
         for row in range(tiles[n, TOP], tiles[n, BOTTOM] + step - 1, step):
             for column in range(tiles[n, LEFT], tiles[n, RIGHT] + step - 1, step):
                 at = min(row, tiles[n, BOTTOM] - 1), min(column, tiles[n, RIGHT] - 1)
@@ -385,6 +391,8 @@ def measure_tiles(
                 if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
                     missing += 1
                     continue
-                work = max(work, _measure(seen, view, n, extent))
+                span = max(span, _widen(seen, extent.bounds[n]))
+                work = max(work, _work_on(seen, view)) if step > 1 else 0.0
                 count += 1
+        extent.span[n] = span
         extent.work[n] = math.inf if step > 1 and missing > 0 and count > 0 else work

@@ -2,19 +2,27 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 from resample.cameras.lens_files import Calibration, pinhole_of, read_calibration
+from resample_texture.asking import Places, geometry_of
 from resample_texture.command.choices import Place
 from resample_texture.geometry.mappings import Geometry
 
 
-class Target(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Target:
     """Where a picture goes."""
 
-    geometry: Geometry
+    places: Geometry | Places
     shape: tuple[int, int]  # height and width, px
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Geometry, worked out for the whole target."""
+        return geometry_of(self.places, self.shape, "corner", inverse=False)
 
 
 Aim = Callable[[tuple[int, int]], Target]  # of a picture's height and width
@@ -61,17 +69,16 @@ def _by_corners(place: Place, text: str, source_shape: tuple[int, int]) -> Targe
 
 
 def _by_map(place: Place, path: Path) -> Target:
-    from resample_texture.geometry.mappings import BackwardMap
-    from resample_texture.geometry.maps import read_map
+    from resample_texture.geometry.maps import places_by_map, read_map
 
-    places = read_map(path) + (0.5 if place.convention == "opencv" else 0.0)
-    shape = places.shape[0], places.shape[1]
+    pairs, shift = read_map(path), 0.5 if place.convention == "opencv" else 0.0
+    shape = pairs.shape[0], pairs.shape[1]
     if place.shape() not in (None, shape):
         raise ValueError(
             f"{path} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
             "leave out the size"
         )
-    return Target(BackwardMap(places[..., 0], places[..., 1]), shape)
+    return Target(places_by_map(pairs, shift), shape)
 
 
 def _by_flow(place: Place, path: Path, source_shape: tuple[int, int]) -> Target:
@@ -123,11 +130,11 @@ def calibrated(
 
 def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> Target:
     """Target (height, width) where a lens is taken out, or put in."""
-    from resample_texture.geometry.lenses import distorting, undistorting
+    from resample_texture.geometry.lenses import places_by_lens
 
     camera, pinhole, rotation = calibration
-    way = distorting if inverse else undistorting
-    return Target(way(camera, shape, ideal=pinhole, rotation=rotation), shape)
+    places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
+    return Target(places, shape)
 
 
 def _four_of(text: str) -> list[float] | None:

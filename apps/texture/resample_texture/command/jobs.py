@@ -1,7 +1,7 @@
 """Picture files warped one after the other, and all pictures of a file alike."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from resample.command.console import Progress, progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.files.batches import batch_of, is_batch
+from resample.files.facts.metadata import About
 from resample.files.pictures import (
     Look,
     Picture,
@@ -23,12 +24,14 @@ from resample.files.pictures import (
     read_picture,
     write_picture,
 )
+from resample.files.rows import writing_rows
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line
 from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
+from resample_texture.command.large import Large, large_picture
 from resample_texture.command.rendering import report, sees_all, warped
 
 
@@ -188,16 +191,45 @@ def _warp_picture(
     check_output(output, job.look, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
+        large = large_picture(source, job.aim, job.warping, job.roi)
+    if large is not None:
+        return _warp_large(session, large, output, job, coverage, bar)
+    with session.stage("read"):
         picture = read_picture(source, as_data=True)
         target = job.target(picture)
     job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
-    _say_lost(picture, result, output)
+    _say_lost(picture.about, result, output)
     with session.stage("write"):
         write_picture(output, result, job.look)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), Look(is_light=False))
-    return report(session, picture, result, job.warping)
+    return report(session, picture.data.shape, result.data.shape, result.kind, job.warping)
+
+
+def _warp_large(
+    session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
+) -> dict[str, Any]:
+    """Warp a picture strip by strip; what is written is the same."""
+    check_output(output, job.look, transparent=large.kind.has_alpha)
+    height, width = large.shape
+    with ExitStack() as files:
+        put = files.enter_context(writing_rows(output, height, job.look))
+        put_share = None
+        if coverage is not None:
+            look = Look(is_light=False)
+            put_share = files.enter_context(writing_rows(coverage, height, look))
+        progress = files.enter_context(session.stage("warp and write", bar=bar))
+        for done, (strip, share) in large.strips():
+            if done == 0:
+                _say_lost(large.levels.about, strip, output)
+            put(strip)
+            if put_share is not None:
+                put_share(coverage_picture(share))
+            if progress is not None:
+                progress((done + strip.data.shape[0]) / height)
+    kind = large.kind
+    return report(session, large.levels.data.shape, (height, width), kind, job.warping)
 
 
 def _warped_frames(
@@ -211,15 +243,15 @@ def _warped_frames(
             targets[shape] = job.target(picture)
         result, _ = job.warped(session, picture, targets[shape], output, None)
         if n == 0:
-            _say_lost(picture, result, output)
+            _say_lost(picture.about, result, output)
         if progress is not None:
             progress(min(1.0, (n + 1) / len(frames.seconds)))
         yield result
 
 
-def _say_lost(picture: Picture, result: Picture, output: Path) -> None:
+def _say_lost(about: About, result: Picture, output: Path) -> None:
     """Say what of a picture cannot be told any more by its warped one."""
-    before, after = picture.about.geo, result.about.geo
+    before, after = about.geo, result.about.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):
         say("the place on Earth is left out: the warp is not affine")
     has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)

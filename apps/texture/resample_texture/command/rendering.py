@@ -7,9 +7,11 @@ import numpy as np
 
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import Session, announce_compilation, require_picture
-from resample.files.geotiff import Geo, moved, unplaced
+from resample.files import pictures
+from resample.files.facts.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture
 from resample.types import Floats
+from resample_texture.asking import method_named
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Target
 from resample_texture.geometry.mappings import ForwardMap, Homography
@@ -34,13 +36,11 @@ def warped(
     What is not covered is transparent if that is what lies beyond the edge, and black if not; it is
     no number where `keeps_gaps`. Where all is covered no transparency is added.
     """
-    from resample_texture.texels.kernels.painting import paint_blocks
-
     height, width = target.shape if roi is None else (roi[3], roi[2])
     check_memory((height, width), picture.data.shape[2])
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = _curved(picture, to_srgb) if as_encoded else picture.data
-    announce_compilation(paint_blocks)
+    announce(choice)
     with session.stage("warp", bar=bar):
         image, coverage = warp(
             source,
@@ -55,20 +55,37 @@ def warped(
             roi=roi,
             threads=choice.threads,
         )
-    result = _finished(image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps)
+    is_whole = bool((coverage >= WHOLE).all())
+    result = finished(
+        image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps, is_whole=is_whole
+    )
     if as_encoded:
-        result = result._replace(data=_curved(result, from_srgb))
-    about = picture.about._replace(geo=_placed(picture.about.geo, target, roi))
+        result = as_light(result)
+    about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
     return result._replace(about=about), coverage
 
 
-def _finished(
-    image: Floats, coverage: Floats, kind: Kind, choice: Warping, *, keeps_gaps: bool
-) -> Picture:
-    """Picture whose pixels, or alpha, tell what is covered."""
+def announce(choice: Warping) -> None:
+    """Say that kernels are compiled first, if they are."""
+    from resample_texture.texels.kernels.looking import look_at
+    from resample_texture.texels.kernels.painting import paint_blocks
+
+    looks = hasattr(method_named(choice.method), "seen_tiles")
+    announce_compilation(look_at if looks else paint_blocks)
+
+
+def as_light(picture: Picture) -> Picture:
+    """Picture of encoded values as one of light."""
+    return picture._replace(data=_curved(picture, from_srgb))
+
+
+def finished(
+    image: Floats, coverage: Floats, kind: Kind, choice: Warping, *, keeps_gaps: bool,
+    is_whole: bool,
+) -> Picture:  # fmt: skip
+    """Picture whose pixels, or alpha, tell what is covered, unless all of it is."""
     if kind.has_alpha or choice.total:
         return Picture(image, kind)
-    is_whole = bool((coverage >= WHOLE).all())
     if not (keeps_gaps or choice.edge == "transparent"):
         return Picture(image, kind)
     if is_whole or keeps_gaps:
@@ -80,7 +97,7 @@ def _finished(
     return Picture(data, opaque)
 
 
-def _placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
+def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
     """Where a warped picture lies on Earth, if that is known."""
     if geo is None or not geo.has_place:
         return geo
@@ -112,12 +129,14 @@ def sees_all(
     )
 
 
-def report(session: Session, picture: Picture, result: Picture, choice: Warping) -> dict[str, Any]:
-    """Sizes and times, for `--stats`."""
+def report(
+    session: Session, source: tuple[int, ...], result: tuple[int, ...], kind: Kind, choice: Warping
+) -> dict[str, Any]:
+    """Sizes and times, for `--stats`; of shapes (height, width, ...)."""
     return {
-        "source": [picture.data.shape[1], picture.data.shape[0]],
-        "size": [result.data.shape[1], result.data.shape[0]],
-        "channels": list(result.kind.channels),
+        "source": [source[1], source[0]],
+        "size": [result[1], result[0]],
+        "channels": list(kind.channels),
         "method": choice.method,
         "seconds": session.times(),
     }
@@ -126,6 +145,13 @@ def report(session: Session, picture: Picture, result: Picture, choice: Warping)
 def check_memory(shape: tuple[int, int], channels: int) -> None:
     """Refuse a target that this machine cannot hold, before any work is done."""
     require_picture(shape, BYTES_PER_VALUE * (channels + 1))
+
+
+def bytes_at_once(source: tuple[int, int, int], shape: tuple[int, int]) -> int:
+    """Bytes that a source (height, width, channels) and its target take, warped in one go."""
+    height, width, channels = source
+    target = BYTES_PER_VALUE * shape[0] * shape[1]
+    return channels * (pictures.BYTES_PER_VALUE * height * width + target)
 
 
 def _curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:

@@ -1,5 +1,7 @@
 """Maps that take a lens's distortion out of a photo, or put it in."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -42,8 +44,9 @@ def undistorting(
     ValueError
         The rotation is none.
     """
-    places = distorted_places(camera, pixel_centers(shape), ideal, _checked(rotation))
-    return BackwardMap(*np.moveaxis(places, 2, 0))
+    return BackwardMap.from_function(
+        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=False), shape
+    )
 
 
 def distorting(
@@ -66,8 +69,31 @@ def distorting(
     -------
     Map without numbers where no light comes through the lens.
     """
-    places = undistorted_places(camera, pixel_centers(shape), ideal, _checked(rotation))
-    return BackwardMap(*np.moveaxis(places, 2, 0))
+    return BackwardMap.from_function(
+        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=True), shape
+    )
+
+
+def places_by_lens(
+    camera: Camera, *, ideal: Camera | None, rotation: ArrayLike | None, inverse: bool
+) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
+    """Function from x and y of pixel centers, (h, w) each, to those of the source.
+
+    Parameters
+    ----------
+    camera, ideal, rotation
+        As in `undistorting`.
+    inverse
+        As `distorting` has it.
+    """
+    turned = _checked(rotation)
+    way = undistorted_places if inverse else distorted_places
+
+    def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+        u, v = np.moveaxis(way(camera, np.stack([x, y], axis=2), ideal, turned), 2, 0)
+        return u, v
+
+    return places
 
 
 def undistorting_forward(

@@ -4,6 +4,7 @@ What the numbers mean (places in the source, or moves of the texels) is not writ
 caller says so by what is made of them in `geometry`.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ UNKNOWN_FLOW = 1e9  # px; what moves farther is not known, Baker et al. 2011
 NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
 
 
-def read_map(path: str | Path) -> Doubles:
-    """Two numbers per pixel, (H, W, 2), x first.
+def read_map(path: str | Path) -> NDArray[Any]:
+    """Two numbers per pixel, (H, W, 2), x first, of the type that the file has.
 
     Parameters
     ----------
@@ -43,8 +44,29 @@ def read_map(path: str | Path) -> Doubles:
         loaded = read_arrays(path)
         if isinstance(loaded, dict):
             return _two_of(loaded, path)
-        return as_pairs(loaded, f"{path}: a map")
+        return checked_pairs(loaded, f"{path}: a map")
     return _two_of(dict(read_channels(path)), path)
+
+
+def places_by_map(
+    pairs: NDArray[Any], shift: float = 0.0
+) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
+    """Function from x and y of pixel centers, a rectangle (h, w), to what a map holds there.
+
+    Parameters
+    ----------
+    pairs
+        (H, W, 2) of real numbers.
+    shift
+        Added to them, px.
+    """
+
+    def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+        left, top = int(x[0, 0]), int(y[0, 0])
+        part = pairs[top : top + x.shape[0], left : left + x.shape[1]].astype(np.float64)
+        return part[..., 0] + shift, part[..., 1] + shift
+
+    return places
 
 
 def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
@@ -57,7 +79,10 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
     """
     with Path(path).open("rb") as file:
         try:
-            loaded = np.load(file, allow_pickle=False)
+            if Path(path).suffix.lower() == ".npy":  # of which as much is read as is looked at
+                loaded = np.lib.format.open_memmap(path, mode="r")
+            else:
+                loaded = np.load(file, allow_pickle=False)
             if isinstance(loaded, np.ndarray):
                 return loaded
             return {name: loaded[name] for name in loaded.files}
@@ -68,12 +93,17 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
 
 def as_pairs(array: ArrayLike, name: str) -> Doubles:
     """Numbers of the shape (H, W, 2), checked; `name` begins the message that refuses them."""
+    return checked_pairs(array, name).astype(np.float64)
+
+
+def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
+    """Numbers of the shape (H, W, 2) as they are; `name` begins the message that refuses others."""
     pairs = np.asarray(array)
     if pairs.ndim != 3 or pairs.shape[2] != 2 or pairs.size == 0:
         raise ValueError(f"{name} holds two numbers per pixel, (H, W, 2), not {pairs.shape}")
     if not is_number(pairs):
         raise ValueError(f"{name} holds real numbers, not {pairs.dtype}")
-    return pairs.astype(np.float64)
+    return pairs
 
 
 def is_number(array: NDArray[Any]) -> bool:
@@ -120,7 +150,7 @@ def _read_flow(path: str | Path) -> Doubles:
     return np.where(is_known, flow, np.nan)
 
 
-def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> Doubles:
+def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> NDArray[Any]:
     """The two channels that are x and y, by their names, or because there are only two."""
     known = [pair for pair in NAMES if all(name in channel for name in pair)]
     if not known and len(channel) != 2:
@@ -129,4 +159,4 @@ def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> Doubles:
     x, y = (channel[name] for name in (known[0] if known else channel))
     if x.shape != y.shape or x.ndim != 2:
         raise ValueError(f"{path}: x of {x.shape} and y of {y.shape} are not pictures of one size")
-    return as_pairs(np.stack([x, y], axis=2), f"{path}: a map")
+    return checked_pairs(np.stack([x, y], axis=2), f"{path}: a map")

@@ -1,19 +1,23 @@
 """Our ways to warp: points, splats and what is between them (plugins: group `methods`)."""
 
 import math
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
 from resample import registry
 from resample.types import Floats
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry
-from resample_texture.types import Edge, Warped
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
+    from resample_texture.geometry.windows import SeenTiles
     from resample_texture.texels.forward import Cells
+    from resample_texture.texels.looking import Gaze
 
+FEW = 8192  # texels and px that one thread works on alone
 LARGEST_QUALITY = 16.0
 # Rms errors of white noise from 0 to 1 under the area filter, in the worst of 60 views, and from
 # which quality on they hold.
@@ -79,19 +83,65 @@ class Hybrid:
 
         return isinstance(self.filter, Area) and self.magnified == "cells"
 
+    def seen_tiles(
+        self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> "SeenTiles | None":
+        """What parts of a target (height, width) see of a source (height, width).
+
+        None if that cannot be told: parts are not drawn alone.
+        """
+        if self.magnified != "cells" or not self._looks_along(geometry):
+            return None
+        from resample_texture.texels.looking import seen_tiles
+
+        return seen_tiles(size, geometry, shape, edge, self._cells())
+
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         if self.magnified == "splats":
             warped = self._splatted(source, geometry, shape, edge)
-        elif self._takes_areas and not (self.total or isinstance(geometry, ForwardMap)):
-            from resample_texture.texels.looking import look
-
-            warped = look(source, geometry, shape, edge, self._cells())
+        elif self._looks_along(geometry):
+            warped = self._looking(source, geometry, shape, edge)
         else:
             cells = self._cells().finer() if self._takes_areas else self._cells()
             warped = _project(source, geometry, shape, edge, cells)
         return _clamped(warped, source) if self.clamp else warped
+
+    def planned(
+        self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Method:
+        """Method for sources (height, width) that go there alone; what it can it works out now.
+
+        Raises
+        ------
+        ValueError
+            A map has another shape than the picture.
+        """
+        if self.magnified != "cells" or not self._looks_along(geometry):
+            return self
+        from resample_texture.texels.looking import planned
+
+        return _Planned(self, planned(size, geometry, shape, edge, self._cells()))
+
+    def _looking(
+        self,
+        source: Floats,
+        geometry: Homography | BackwardMap,
+        shape: tuple[int, int],
+        edge: Edge,
+    ) -> Warped:
+        from resample.engine import jit
+        from resample_texture.texels.looking import look, planned
+
+        size = source.shape[0], source.shape[1]
+        is_small = math.prod(size) + math.prod(shape) <= FEW
+        with jit.threads(1) if is_small else nullcontext():  # to wake another takes longer
+            return look(planned(size, geometry, shape, edge, self._cells()), source)
+
+    def _looks_along(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
+        """Whether pixels look at the source, and no texels are projected but where they shrink."""
+        return self._takes_areas and not (self.total or isinstance(geometry, ForwardMap))
 
     @property
     def _takes_areas(self) -> bool:
@@ -121,6 +171,31 @@ class Hybrid:
             sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
         )
         return splat(source, geometry, shape, edge, splatting)
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A hybrid whose pixels look where they looked before."""
+
+    method: Hybrid
+    plan: "Gaze"
+
+    @property
+    def keeps_texels(self) -> bool:
+        """Whether a shift by whole pixels leaves texels as they are."""
+        return self.method.keeps_texels
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.looking import look
+
+        plan, size = self.plan, (source.shape[0], source.shape[1])
+        is_other = geometry is not plan.geometry or edge != plan.edge
+        if is_other or (size, shape) != (plan.size, plan.shape):
+            raise ValueError(f"the plan is for pictures of {plan.size} that go another way")
+        warped = look(self.plan, source)
+        return _clamped(warped, source) if self.method.clamp else warped
 
 
 @dataclass(frozen=True)

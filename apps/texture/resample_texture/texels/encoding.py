@@ -44,6 +44,10 @@ class Encoding(NamedTuple):
     span: Span | None = None  # what texels count from, where float32 would not resolve the values
     fill: Any = None  # what a masked array fills gaps with; None: it is none
 
+    def as_light(self) -> "Encoding":
+        """Encoding that leaves pictures of levels as they are: light, multiplied by alpha."""
+        return Encoding(np.dtype(np.float32), False, False, False, self.gaps)
+
 
 def decoded(
     image: NDArray[Any],

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import threads, workers
 from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
 from resample.engine.windows.limits import Limits
 from resample.engine.windows.looking import Extent, View
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample_texture.geometry.windows import SeenTiles
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
@@ -27,7 +27,6 @@ from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
 MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
-FEW = 8192  # texels and px that one thread works on alone
 MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
 NOTHING = np.zeros(0, np.float32)
 
@@ -40,23 +39,44 @@ class Tiles(NamedTuple):
     is_near: NDArray[np.bool_]  # (T,) its pixels look at the source
 
 
-def look(
-    source: Floats, geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
+class Gaze(NamedTuple):
+    """Where pixels of a target look in a source, whatever it shows."""
+
+    size: tuple[int, int]  # of the source: height, width
+    geometry: Homography | BackwardMap
+    shape: tuple[int, int]
+    edge: Edge
+    cells: Cells
+    places: Plane | Map
+    tiles: Tiles
+
+
+def planned(
+    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: Cells,
-) -> Warped:  # fmt: skip
+) -> Gaze:  # fmt: skip
+    """Where pixels of a target (height, width) look in sources (height, width).
+
+    Raises
+    ------
+    ValueError
+        A map has another shape than the picture.
+    """
+    places = _places(size, geometry, shape)
+    tiles = _measured(places, _view((*size, 1), edge, cells), shape)
+    return Gaze(size, geometry, shape, edge, cells, places, tiles)
+
+
+def look(plan: Gaze, source: Floats) -> Warped:
     """Picture (height, width) of a source (H, W, C) under the area filter.
 
     Raises
     ------
     ValueError
-        A map has another shape than the picture; or as `forward.project`.
+        As of `forward.project`.
     """
-    if source.shape[0] * source.shape[1] + shape[0] * shape[1] <= FEW and workers() > 1:
-        with threads(1):  # to wake another takes longer
-            return look(source, geometry, shape, edge, cells)
-    view = _view(source, edge, cells)
-    places = _places(source, geometry, shape)
-    tiles = _measured(places, view, shape)
+    _, geometry, shape, edge, cells, places, tiles = plan
+    view = _view(source.shape, edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
         assert isinstance(geometry, Homography)
@@ -73,12 +93,27 @@ def look(
     return warped
 
 
+def seen_tiles(
+    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
+    cells: Cells,
+) -> SeenTiles | None:  # fmt: skip
+    """What tiles of a picture (height, width) see of a source (height, width).
+
+    None if not all of them look: texels that are projected have no part of their own.
+    """
+    tiles = planned(size, geometry, shape, edge, cells).tiles
+    reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
+    is_endless = edge in (Edge.WRAP, Edge.MIRROR)
+    whole = SeenTiles(tiles.bounds, tiles.extent.bounds, reach, is_endless)
+    return whole if tiles.is_near.all() else None
+
+
 def _places(
-    source: Floats, geometry: Homography | BackwardMap, shape: tuple[int, int]
+    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
 ) -> Plane | Map:
     """Where pixels lie, as kernels take it."""
     if isinstance(geometry, Homography):
-        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, source.shape[:2]))))
+        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, size))))
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
@@ -126,9 +161,9 @@ def _with_plate(
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
 
 
-def _view(source: Floats, edge: Edge, cells: Cells) -> View:
-    """How pixels take a source, of which there is no plate as yet."""
-    height, width, channels = source.shape
+def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
+    """How pixels take a source (H, W, C), of which there is no plate as yet."""
+    height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels)
     finest = 1.5 / cells.quality
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))

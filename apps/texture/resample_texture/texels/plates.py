@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import SPARE, Plate
-from resample.engine.windows.filtering import Filters, filter_plate
+from resample.engine.windows.filtering import Filters, filter_plate, gather_plate
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.types import Edge
@@ -60,26 +60,9 @@ def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Fl
 def _continued(source: Floats, across: Range, down: Range, edge: Edge) -> Floats:
     """Numbers of a rectangle of the continued plane, row by row, and some to spare."""
     height, width, channels = source.shape
-    rows, columns = np.arange(*down), np.arange(*across)
+    rows = texels_at(np.arange(*down), height, edge)
+    columns = texels_at(np.arange(*across), width, edge)
     flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
     flat[-SPARE:] = 0.0
-    plane = flat[:-SPARE].reshape(rows.size, columns.size, channels)
-    in_rows, in_columns = (rows >= 0) & (rows < height), (columns >= 0) & (columns < width)
-    at_rows, at_columns = texels_at(rows, height, edge), texels_at(columns, width, edge)
-    middle, inner = _stretch(in_rows), _stretch(in_columns)
-    if middle.stop > middle.start:
-        kept = slice(rows[middle.start], rows[middle.stop - 1] + 1)
-        if inner.stop > inner.start:
-            whole = slice(columns[inner.start], columns[inner.stop - 1] + 1)
-            plane[middle, inner] = source[kept, whole]
-        for beside in (slice(0, inner.start), slice(inner.stop, columns.size)):
-            plane[middle, beside] = source[kept, at_columns[beside]]
-    for beside in (slice(0, middle.start), slice(middle.stop, rows.size)):
-        plane[beside] = source[at_rows[beside][:, None], at_columns]
+    gather_plate(source, rows, columns, flat)
     return flat
-
-
-def _stretch(is_in: NDArray[np.bool_]) -> slice:
-    """The one stretch in which a condition holds."""
-    found = np.flatnonzero(is_in)
-    return slice(int(found[0]), int(found[-1]) + 1) if found.size else slice(0, 0)

@@ -56,19 +56,20 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     color_bar
-        Add a bar of colors, opacities and values to the right (.png).
+        Add a bar to the right: of colors, opacities and values (.png).
     """
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
+    from resample.measuring.color_bars import check_bar
     from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
-    from resample_volume.files.writing import check_color_bar, with_bar
+    from resample_volume.files.writing import with_bar
 
     check_suffix(output)
     size = picture.height_and_width()
     if color_bar:
-        check_color_bar(output, size[0])
+        check_bar(output, size[0])
     background = _background(picture.background, output)
     resampler = look.renderer(resampling)
     viewpoint = look.viewpoint()

@@ -49,18 +49,6 @@ def check_suffix(path: Path) -> str:
     return suffix
 
 
-def check_color_bar(path: Path, height: int) -> None:
-    """Refuse a color bar that `with_bar` could not add, before any work is done."""
-    from resample_volume.showing.color_bar import LEAST_HEIGHT
-
-    if path.suffix.lower() != ".png":
-        raise ValueError(f"{path}: a color bar has no depth; write a .png, or leave it out")
-    if height < LEAST_HEIGHT:
-        raise ValueError(
-            f"a color bar is at least {LEAST_HEIGHT} px high, not {height}; take a larger size"
-        )
-
-
 def with_bar(
     frame: Frame,
     volume: Volume,
@@ -69,7 +57,8 @@ def with_bar(
     background: Color | None,
 ) -> Frame:
     """Picture with a bar of colors, opacities and values, or of sums, to its right."""
-    from resample_volume.showing.color_bar import color_bar, with_color_bar
+    from resample.measuring.color_bars import with_color_bar
+    from resample_volume.showing.color_bar import color_bar
     from resample_volume.voxels.visible import finite_range
 
     if resampler.projection is Projection.ADDITIVE:

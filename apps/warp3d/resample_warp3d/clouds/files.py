@@ -5,13 +5,14 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Doubles, Floats
+from resample_warp3d.clouds.cloud import Cloud, some_of
 
 Fields = Mapping[str, NDArray[Any]]  # columns of a file by name, (N,) each
 
@@ -24,7 +25,14 @@ COLORS = (
 )
 PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
 LONGEST_HEADER = 1000  # lines
-COLUMNS = {3: "x y z", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
+COMMENTS = ("#", "//")  # what lines that are no numbers begin with
+PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
+COLUMNS = {3: "x y z", 4: "x y z value", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
+
+GAUSSIANS = (  # columns that points of surfaces do not have; each set tells for itself
+    {"f_dc_0", "opacity", "scale_0", "rot_0"},
+    {"packed_position", "packed_rotation", "packed_scale"},
+)
 
 PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -36,15 +44,6 @@ PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
-class Cloud(NamedTuple):
-    """N points of surfaces; what is not known of any of them has the length 0."""
-
-    position: Floats | Doubles  # (N, 3) scene units
-    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
-    color: Floats  # (N, 3) linear light; or (0, 3)
-    radius: Floats  # (N,) scene units, of the disc that a point stands for; or (0,)
-
-
 def read_cloud(path: str | Path) -> Cloud:
     """Read a point cloud.
 
@@ -52,10 +51,11 @@ def read_cloud(path: str | Path) -> Cloud:
     ----------
     path
         By its suffix: `.ply` and `.pcd`, ASCII and binary of all kinds; text of numbers in columns,
-        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal) and `.xyzn` (x y z and a
-        normal); `.npz` with the arrays position, and, if known, normal, color (linear light) and
-        radius. Colors of all others are taken for sRGB: whole numbers of their type's range, floats
-        from 0 to 1; in text 0 to 255 if any is above 1.
+        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal; or x y z and a value;
+        or what the first line says by as many names) and `.xyzn` (x y z and a normal); `.npz` with
+        the arrays position, and, if known, normal, color (linear light) and radius. Colors of all
+        others are taken for sRGB: whole numbers of their type's range, floats from 0 to 1; in text
+        0 to 255 if any is above 1. What else there is of each point is kept as a column.
 
     Returns
     -------
@@ -84,17 +84,6 @@ def read_cloud(path: str | Path) -> Cloud:
     return some_of(cloud, known)
 
 
-def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
-    """Points of a cloud by a mask or by their indices."""
-    position, normal, color, radius = cloud
-    return Cloud(
-        position[which],
-        normal[which] if len(normal) else normal,
-        color[which] if len(color) else color,
-        radius[which] if len(radius) else radius,
-    )
-
-
 def _cloud(fields: Fields) -> Cloud:
     """Cloud of a file's columns."""
     position = _stacked(fields, PLACES)
@@ -103,11 +92,18 @@ def _cloud(fields: Fields) -> Cloud:
     single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
     normal = _stacked(fields, NORMALS)
     radius = fields.get("radius", np.zeros(0))
+    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
+    known |= {*PACKED, "radius"}
     return Cloud(
         position.astype(np.float32 if single else np.float64),
         np.zeros((0, 3), np.float32) if normal is None else normal.astype(np.float32),
         _colors(fields),
         radius.astype(np.float32),
+        {
+            name: column
+            for name, column in fields.items()
+            if name not in known and not name.startswith("_")  # PCD's padding
+        },
     )
 
 
@@ -142,21 +138,26 @@ def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
 def _read_arrays(path: Path) -> Cloud:
     try:
         with np.load(path) as stored:
-            known = {name: stored[name] for name in Cloud._fields if name in stored}
+            known = {name: stored[name] for name in stored.files}
     except (OSError, ValueError, EOFError) as error:
         raise OSError(f"{path} is damaged: {error}") from None
     if "position" not in known:
-        raise ValueError(f"has no array position; a cloud has {', '.join(Cloud._fields)}")
-    nothing = {name: np.zeros((0,) if name == "radius" else (0, 3)) for name in Cloud._fields}
-    parts = {name: known.get(name, nothing[name]) for name in Cloud._fields}
-    count = len(parts["position"])
+        raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
+    count = len(known["position"]) if known["position"].ndim else 0
+    parts = {name: known.pop(name, np.zeros((0, *rest))) for name, rest in PARTS.items()}
     for name, part in parts.items():
-        expected = nothing[name].shape[1:]
-        if part.shape[1:] != expected or len(part) not in {count, 0}:
-            raise ValueError(f"{name} has the shape {part.shape}; give {(count, *expected)}")
+        if part.shape[1:] != PARTS[name] or len(part) not in {count, 0}:
+            raise ValueError(f"{name} has the shape {part.shape}; give {(count, *PARTS[name])}")
     position = parts.pop("position")
     kind = np.float32 if position.dtype == np.float32 else np.float64
-    return Cloud(position.astype(kind), *(part.astype(np.float32) for part in parts.values()))
+    single = {name: part.astype(np.float32) for name, part in parts.items()}
+    columns = {name: part for name, part in known.items() if _is_column(part, count)}
+    return Cloud(position.astype(kind), **single, columns=columns)
+
+
+def _is_column(part: NDArray[Any], count: int) -> bool:
+    """Whether an array holds a number for each point."""
+    return part.shape == (count,) and part.dtype.kind in "iufb"
 
 
 def _read_columns(path: Path) -> Cloud:
@@ -165,23 +166,48 @@ def _read_columns(path: Path) -> Cloud:
         lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
     except UnicodeDecodeError:
         raise ValueError("is no text") from None
-    table = _table(lines)
-    width = table.shape[1]
-    with_normals = path.suffix.lower() == ".xyzn"
-    if width not in COLUMNS or (with_normals and width != 6):
-        known = "x y z nx ny nz" if with_normals else ", ".join(COLUMNS.values())
-        raise ValueError(f"has {width} columns; known are {known}")
-    rest = table[:, 3:].astype(np.float32)
-    normal = rest if with_normals else rest[:, 3:]
-    color = np.zeros((0, 3), np.float32) if with_normals else rest[:, :3]
-    if (color > 1).any():
-        color = color / np.float32(255)
-    return Cloud(
-        table[:, :3],
-        normal if normal.shape[1] else np.zeros((0, 3), np.float32),
-        from_srgb(color) if color.shape[1] else np.zeros((0, 3), np.float32),
-        np.zeros(0, np.float32),
-    )
+    first = next((n for n, line in enumerate(lines) if line.strip()), 0)
+    names = _names(lines[first]) if lines else []
+    is_comment = bool(lines) and lines[first].lstrip().startswith(COMMENTS)
+    table = _table(lines[first + 1 :] if names and not is_comment else lines)
+    if names and not is_comment and len(names) != table.shape[1]:
+        raise ValueError(f"names {len(names)} columns and has {table.shape[1]}")
+    if len(names) != table.shape[1] or not set(names).issuperset("xyz"):
+        names = _usual_names(table.shape[1], path.suffix.lower() == ".xyzn")
+    fields = dict(zip(names, table.T, strict=True))
+    for group in COLORS:
+        levels = [fields[name] for name in group if name in fields]
+        if len(levels) == 3 and np.max(levels, initial=0.0) > 1:
+            fields.update({name: fields[name] / 255 for name in group})
+    return _cloud(fields)
+
+
+def _names(line: str) -> list[str]:
+    """Names of columns that a line holds; none if it holds a number."""
+    words = line.strip().lstrip("#/").split()
+    if any(_is_number(word) for word in words):
+        return []
+    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
+    return [word.lower() if word.lower() in known else word for word in words]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _usual_names(width: int, with_normals: bool) -> list[str]:
+    """Names of the columns of a table that does not say them."""
+    usual = {6: "x y z nx ny nz"} if with_normals else COLUMNS
+    if width not in usual:
+        raise ValueError(
+            f"has {width} columns; known are {', '.join(usual.values())}, or what the first line "
+            "says by as many names"
+        )
+    return usual[width].split()
 
 
 def _header(file: BinaryIO, last: str) -> list[list[str]]:
@@ -223,11 +249,20 @@ def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]
             if len(words) != 3 or words[1] not in PLY_TYPES:
                 raise ValueError(f"has vertices with '{' '.join(words)}', which is no number")
             fields.append((words[2], PLY_FORMATS.get(encoding, "") + PLY_TYPES[words[1]]))
+    _refuse_gaussians({name for name, _ in fields})
     if encoding not in PLY_FORMATS or count < 0:
         raise ValueError(f"has no element vertex, or is none of {', '.join(PLY_FORMATS)}")
     if before and encoding != "ascii":
         raise ValueError("has something before its vertices; write the vertices first")
     return encoding, before, count, np.dtype(fields)
+
+
+def _refuse_gaussians(names: set[str]) -> None:
+    if any(own <= names for own in GAUSSIANS):
+        raise ValueError(
+            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which only a renderer of them "
+            "can draw; give a cloud of points with x y z red green blue"
+        )
 
 
 def _length(words: list[str]) -> int:
@@ -264,7 +299,7 @@ def _table(lines: list[str]) -> Doubles:
     if not any(line.strip() for line in lines):
         return np.zeros((0, 3))
     try:
-        table: Doubles = np.loadtxt(lines, np.float64, comments=("#", "//"), ndmin=2)
+        table: Doubles = np.loadtxt(lines, np.float64, comments=COMMENTS, ndmin=2)
         return table
     except ValueError as error:
         raise ValueError(f"is no table of numbers: {str(error).partition(';')[0]}") from None

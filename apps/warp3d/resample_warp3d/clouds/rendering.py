@@ -19,7 +19,7 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.resampler import check_size
 from resample.types import Floats, Frame, Screen, Statistics
-from resample_warp3d.clouds.files import Cloud
+from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ def render_cloud(
     size: tuple[int, int],
     style: CloudStyle | None = None,
     filter: str | PixelFilter | None = None,  # noqa: A002
+    threads: int | None = None,
 ) -> Frame:
     """Render a point cloud.
 
@@ -101,6 +102,8 @@ def render_cloud(
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The mean
         over a pixel's square.
+    threads
+        At most this many, for the preparation too.
 
     Returns
     -------
@@ -113,20 +116,18 @@ def render_cloud(
         The size is none, the camera is parallel or has distortion, or backs are to be left out
         though normals do not tell them.
     """
+    from resample.engine import jit
+
     chosen = CloudStyle() if style is None else style
     check_size(*size)
     _check_camera(camera)
-    start = perf_counter()
-    surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
-    if chosen.cull and len(surfels.position) and not surfels.is_oriented:
-        raise ValueError("backs cannot be left out: the cloud's file gives no normals")
-    prepared = perf_counter() - start
-    pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
-    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
-        painted = _painted(surfels, camera, size, chosen, TILE)
-    else:
-        parts = subpixels_of(pixel_filter, max(chosen.subpixels, subpixels_of(pixel_filter).count))
-        painted = _filtered(surfels, camera, size, chosen, parts)
+    with jit.threads(jit.workers() if threads is None else threads):
+        start = perf_counter()
+        surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
+        if chosen.cull and len(surfels.position) and not surfels.is_oriented:
+            raise ValueError("backs cannot be left out: the cloud's file gives no normals")
+        prepared = perf_counter() - start
+        painted = _drawn(surfels, camera, size, chosen, filter)
     seen = painted.seen
     statistics = Statistics(
         len(seen),
@@ -138,6 +139,20 @@ def render_cloud(
     )
     coverage = painted.rgba[..., 3].copy()
     return Frame(painted.rgba, painted.depth, painted.first_depth, coverage, statistics)
+
+
+def _drawn(
+    surfels: Surfels,
+    camera: Camera,
+    size: tuple[int, int],
+    style: CloudStyle,
+    filter: str | PixelFilter | None,  # noqa: A002
+) -> "Painted":
+    pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
+    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
+        return _painted(surfels, camera, size, style, TILE)
+    parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
+    return _filtered(surfels, camera, size, style, parts)
 
 
 class Painted(NamedTuple):

@@ -3,19 +3,18 @@
 Done once per cloud; the result serves every camera.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_warp3d.clouds.files import Cloud, some_of
+from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
-NEAREST = 4  # of them, whose discs limit a point's own
-LARGEST = 3.0  # times the largest disc of the nearest neighbours a disc may be
-FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
 AT_ONCE = 1 << 18  # points whose neighbours are looked up together
 
 Indices = NDArray[np.int64]
@@ -34,7 +33,14 @@ class Surfels(NamedTuple):
     is_oriented: bool  # normals are known to point outward
 
 
-def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
+def prepare_cloud(
+    cloud: Cloud,
+    *,
+    radius: float | None = None,
+    largest: float = LARGEST,
+    threads: int | None = None,
+    cache: bool = False,
+) -> Surfels:
     """Prepare a point cloud.
 
     Parameters
@@ -47,6 +53,15 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
         Of all discs, scene units. Left out, it is the cloud's own; where there is none, each disc
         is the least ellipse about its point that contains the part of the surface which is nearer
         to it than to its neighbours: discs then meet, and leave no gaps.
+    largest
+        How many times the upper quartile of its 12 neighbours' sizes a disc may be large; that of a
+        stray point, of whose neighbours at most one is half as lonely, at most once. Infinity lifts
+        both. Of discs whose radius is not known.
+    threads
+        At most this many. Discs do not depend on it.
+    cache
+        Keep what the neighbours say in the user's cache, and take it from there if it is; see
+        `resample_warp3d.clouds.storing`.
 
     Returns
     -------
@@ -57,7 +72,9 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
     ValueError
         Lengths do not fit, or no radius is known and all points are in one place.
     """
-    points = _checked(cloud)
+    points = checked(cloud)
+    if not largest > 0:
+        raise ValueError(f"discs of at most {largest:g} times their neighbours'; give above 0")
     if radius is not None:
         if not (np.isfinite(radius) and radius > 0):
             raise ValueError(f"a radius of {radius}; give a length above 0")
@@ -65,32 +82,11 @@ def prepare_cloud(cloud: Cloud, *, radius: float | None = None) -> Surfels:
     origin = _middle(points.position)
     position = (points.position - origin).astype(np.float32)
     order = _canonical(points._replace(position=position))
-    return _discs(origin, some_of(points._replace(position=position), order))
+    from resample.engine import jit
 
-
-def _checked(cloud: Cloud) -> Cloud:
-    """Points that can be drawn, in arrays of the shapes that they must have."""
-    count = len(cloud.position)
-    shapes = {"position": (count, 3), "normal": (count, 3), "color": (count, 3), "radius": (count,)}
-    for (name, shape), part in zip(shapes.items(), cloud, strict=True):
-        if part.shape not in {shape, (0, *shape[1:])}:
-            raise ValueError(f"{name} of a cloud has the shape {part.shape}; it must be {shape}")
-    known = np.asarray(np.isfinite(cloud.position).all(axis=1))
-    if len(cloud.color):
-        known &= np.isfinite(cloud.color).all(axis=1)
-    if len(cloud.radius):
-        known &= np.isfinite(cloud.radius) & (cloud.radius > 0)
-    position, normal, color, radius = some_of(cloud, known)
-    farthest = float(np.abs(position).max(initial=0.0))
-    if farthest > FARTHEST:
-        raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
-    is_normal = np.isfinite(normal).all(axis=1, keepdims=True)
-    return Cloud(
-        np.asarray(position, np.float64),
-        np.asarray(np.where(is_normal, normal, 0.0), np.float32),
-        np.asarray(color, np.float32),
-        np.asarray(radius, np.float32),
-    )
+    with jit.threads(jit.workers() if threads is None else threads):
+        ordered = some_of(points._replace(position=position), order)
+        return _discs(origin, ordered, largest, cache)
 
 
 def _middle(position: Floats | Doubles) -> Doubles:
@@ -109,7 +105,7 @@ def _canonical(cloud: Cloud) -> Indices:
     shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
     if shared.size:
         among = order[shared]
-        columns = [part[among].reshape(among.size, -1).T for part in cloud[::-1] if len(part)]
+        columns = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
         keys = [column for columns_of in columns for column in columns_of[::-1]]
         order[shared] = among[np.lexsort([*keys, code[among]])]
     return order
@@ -140,14 +136,21 @@ def _spaced(bits: Codes) -> Codes:
     return bits
 
 
-def _discs(origin: Doubles, cloud: Cloud) -> Surfels:
+def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfels:
     """Discs of points that are in order and relative to an origin."""
     count = len(cloud.position)
     normal = cloud.normal.copy() if len(cloud.normal) else np.zeros((count, 3), np.float32)
     is_oriented = bool(count) and bool(normal.any(axis=1).all())
     axes = np.zeros((count, 2, 3), np.float32)
     if count and not (is_oriented and len(cloud.radius)):
-        _measured(np.asarray(cloud.position, np.float32), normal, axes, len(cloud.radius) > 0)
+        position = np.asarray(cloud.position, np.float32)
+        if len(cloud.radius) or not cache:
+            _measured(position, normal, axes, None if len(cloud.radius) else largest)
+        else:
+            from resample_warp3d.clouds.storing import measured_once
+
+            measure = partial(_measured, position, normal, axes, largest)
+            measured_once(position, normal, axes, largest, measure)
     if count and len(cloud.radius):
         from resample_warp3d.clouds.kernels.cells import lay
 
@@ -155,31 +158,36 @@ def _discs(origin: Doubles, cloud: Cloud) -> Surfels:
     return Surfels(origin, np.asarray(cloud.position, np.float32), axes, cloud.color, is_oriented)
 
 
-def _measured(position: Floats, normal: Floats, axes: Floats, has_radius: bool) -> None:
-    """Fill in normals and discs by the neighbours of each point."""
+def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
+    """Fill in normals and discs by the neighbours of each point; None: discs are not needed."""
     from scipy.spatial import cKDTree
 
-    from resample_warp3d.clouds.kernels.cells import limit, measure
+    from resample.engine.jit import workers
+    from resample_warp3d.clouds.kernels.cells import Spaced, limit, measure
 
     is_first = np.ones(len(position), np.bool_)
     is_first[1:] = (position[1:] != position[:-1]).any(axis=1)
     place = position[is_first]
-    if len(place) == 1 and not has_radius:
+    if len(place) == 1 and largest is not None:
         raise ValueError("all points are in one place, so their size is unknown; give a radius")
-    owner = np.cumsum(is_first) - 1
-    upward, size = np.ascontiguousarray(normal[is_first]), np.zeros((len(place), 2, 3), np.float32)
+    owner, count = np.cumsum(is_first) - 1, len(place)
+    upward = np.ascontiguousarray(normal[is_first])
+    discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
     tree = cKDTree(place, balanced_tree=False, compact_nodes=False)
-    few, many = min(NEIGHBOURS, len(place)), min(MORE_NEIGHBOURS, len(place))
-    nearest = np.zeros((len(place), min(NEAREST, few)), np.int64)
-    for first in range(0, len(place), AT_ONCE):
-        some = np.arange(first, min(first + AT_ONCE, len(place)))
-        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=-1)[1]
+    few, many = min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count)
+    nearest = np.zeros((count, few), np.int64)
+    for first in range(0, count, AT_ONCE):
+        some = np.arange(first, min(first + AT_ONCE, count))
+        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=workers())[1]
         is_open = np.zeros(len(some), np.bool_)
-        measure(place, neighbour, few == many, upward, size, is_open)
-        nearest[some] = neighbour[:, : nearest.shape[1]]
+        measure(place, neighbour, few == many, upward, discs, is_open)
+        nearest[some] = neighbour
         if is_open.any() and few < many:
-            neighbour = tree.query(place[some[is_open]], np.arange(1, many + 1), workers=-1)[1]
-            measure(place, neighbour, True, upward, size, np.zeros(len(neighbour), np.bool_))
-    before = np.linalg.norm(size, axis=2).max(axis=1)
-    limit(np.ascontiguousarray(nearest[:, 1:]), before, LARGEST, size)
-    normal[:], axes[:] = upward[owner], size[owner]
+            more = np.arange(1, many + 1)
+            neighbour = tree.query(place[some[is_open]], more, workers=workers())[1]
+            measure(place, neighbour, True, upward, discs, np.zeros(len(neighbour), np.bool_))
+    if count > 1 and largest is not None and np.isfinite(largest):
+        size = np.linalg.norm(discs.axes, axis=2).max(axis=1)
+        around = np.ascontiguousarray(nearest[:, 1:])
+        limit(around, discs.spacing, size, float(largest), discs.axes)
+    normal[:], axes[:] = upward[owner], discs.axes[owner]

@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     from resample.types import Doubles
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
+    from resample_warp3d.views.together import Joining
 
 Shape = tuple[int, int]  # height and width, px
+FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
+RELATIVE = ("relative", "relative-z")
 Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
@@ -35,20 +38,23 @@ class Depth(Choices):
     """What the numbers of the depth file mean."""
 
     depth_kind: Annotated[
-        Literal["z", "ray", "inverse", "disparity"],
+        Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
         Field(
             description="Z along the camera's axis, length of the ray, 1 / z, or disparity of a "
-            "calibrated pair. 0, NaN and inf are unknown."
+            "calibrated pair, where 0, NaN and inf are unknown; or what networks tell: relative, "
+            "larger is nearer, or relative-z, larger is farther."
         ),
     ] = "z"
     depth_scale: Annotated[
         float | None,
         Field(description="Numbers per unit: 1000 for mm, 5000 for TUM. Floats need none."),
     ] = None
-    near: Annotated[float | None, Field(description="Inverse depth: z at the largest number.")] = (
-        None
-    )
-    far: Annotated[float | None, Field(description="Inverse depth: z at 0; may be inf.")] = None
+    near: Annotated[
+        float | None, Field(description="Inverse depth: z at the largest number. Relative: 1.")
+    ] = None
+    far: Annotated[
+        float | None, Field(description="Inverse depth: z at 0; may be inf. Relative: 10.")
+    ] = None
     baseline: Annotated[
         float | None, Field(description="Disparity: distance of the two eyes, scene units.")
     ] = None
@@ -77,18 +83,39 @@ class Depth(Choices):
         """Refuse what can be seen to be wrong without the files."""
         if self.depth_kind == "disparity" and self.baseline is None:
             raise ValueError("disparity needs --baseline; without one, see the command stereo")
-        of_kind = {
-            "inverse": ("near", "far"),
-            "disparity": ("baseline", "focal", "doffs"),
+        of_kinds = {
+            ("inverse", *RELATIVE): ("near", "far"),
+            ("disparity",): ("baseline", "focal", "doffs"),
         }
-        for kind, names in of_kind.items():
+        for kinds, names in of_kinds.items():
             given = [name for name in names if getattr(self, name) not in (None, 0.0)]
-            if given and self.depth_kind != kind:
-                raise ValueError(f"--{given[0]} belongs to --depth-kind {kind}")
+            if given and self.depth_kind not in kinds:
+                raise ValueError(f"--{given[0]} belongs to --depth-kind {' or '.join(kinds)}")
+        if self.is_relative and self.depth_scale is not None:
+            raise ValueError("relative depth has no scale; --near and --far say its range")
+        if self.is_relative:
+            self._relative()
         if self.depth_pose is not None and self.depth_intrinsics is None:
             raise ValueError("--depth-pose belongs to --depth-intrinsics; give both")
         if self.depth_intrinsics is not None:
             intrinsic_numbers("depth-intrinsics", self.depth_intrinsics)
+
+    def range(self) -> tuple[float, float]:
+        """Z that relative depth is taken to lie between."""
+        from resample_warp3d.depth import encodings
+
+        near = encodings.NEAR if self.near is None else self.near
+        return near, encodings.FAR * near if self.far is None else self.far
+
+    def _relative(self) -> "Encoding":
+        from resample_warp3d.depth.encodings import RelativeDepth
+
+        return RelativeDepth(*self.range(), self.depth_kind == "relative-z")
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether the numbers have an unknown scale."""
+        return self.depth_kind in RELATIVE
 
     def camera(self, camera: "Camera", shape: Shape, stored: Shape) -> "Camera":
         """Camera that took the depth: its own, or the picture's at the depth's size.
@@ -129,7 +156,57 @@ class Depth(Choices):
         if self.depth_kind == "disparity":
             focal = abs(float(camera.matrix[0, 0])) if self.focal is None else self.focal
             return encodings.Disparity(focal, self.baseline or 0.0, self.depth_scale, self.doffs)
+        if self.is_relative:
+            return self._relative()
         return encodings.PlanarDepth(self.depth_scale)
+
+
+class PairDepth(Depth):
+    """What the numbers are that tell how far things are from two eyes."""
+
+    depth_kind: Annotated[
+        Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
+        Field(description="As of render; or pair, px between the pictures of a rectified pair."),
+    ] = "pair"  # type: ignore[assignment]  # and one more
+
+
+class Parallax(Choices):
+    """How two eyes see a picture of any depth."""
+
+    eyes: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Distance of the eyes, scene units. So that parallax is at most 1.5 % of "
+            "the width.",
+        ),
+    ] = None
+    zero_plane: Annotated[
+        float | None,
+        Field(gt=0, description="Distance of what stays in the screen, scene units. The middle."),
+    ] = None
+    layout: Annotated[
+        Literal["one", "side-by-side", "top-bottom", "anaglyph"],
+        Field(
+            description="What is written: the other eye's picture alone, or both: the left one at "
+            "the left, on top, or in red."
+        ),
+    ] = "one"
+
+    def check(self, meaning: PairDepth) -> None:
+        """Refuse what says nothing about a rectified pair.
+
+        Raises
+        ------
+        ValueError
+            There is such a choice.
+        """
+        if meaning.depth_kind != "pair":
+            return
+        for name in ("eyes", "zero_plane"):
+            if getattr(self, name) is not None:
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
 
 
 class SourceCamera(Choices):
@@ -184,6 +261,11 @@ class SourceCamera(Choices):
         """Those of a lens without its intrinsics; none of other lenses."""
         name, _, numbers = (self.lens or "").partition("=")
         return numbers_in("lens", numbers) if name == "k" else []
+
+    def guessed(self) -> "SourceCamera":
+        """Camera that is somehow, if nothing is known about it."""
+        ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
+        return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
         """Camera of a picture (height, width).
@@ -326,12 +408,24 @@ class Warping(Choices):
         Switch,
         Field(description="Make up what no view shows, from the background beside it."),
     ] = False
+    fill_by: Annotated[
+        Literal["picture", "layer"],
+        Field(
+            description="What --fill makes it up from: each picture, or a layer behind silhouettes "
+            "that the source gets once, so that films do not flicker."
+        ),
+    ] = "picture"
     unmixed: Annotated[
         bool,
         Switch,
         Field(description="Colors are names or numbers, which are not mixed."),
     ] = False
     threads: Threads = None
+
+    @property
+    def has_layer(self) -> bool:
+        """Whether sources get a layer behind their silhouettes."""
+        return self.fill_by == "layer"
 
     def built(self) -> "Method":
         """The method.
@@ -344,6 +438,8 @@ class Warping(Choices):
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
+        if self.has_layer and not self.fill:
+            raise ValueError("--fill-by layer belongs to --fill; give both")
         if self.filter is not None:
             from resample_warp3d.methods.filtering import check_method
 
@@ -362,6 +458,46 @@ class Warping(Choices):
                 f"{self.method} mixes colors; for labels take hybrid or {' or '.join(UNMIXED)}"
             )
         return method
+
+
+class Joint(Choices):
+    """How several views become one."""
+
+    blend: Annotated[
+        Literal["feathered", "confident", "best"],
+        Field(
+            description="Of several views: feathered, by sampling and angle, fading out toward a "
+            "view's border; confident, by sampling alone; best, one view for each pixel."
+        ),
+    ] = "feathered"
+    match_colors: Annotated[
+        Literal["gain", "gain-bias", "none"],
+        Field(description="What makes several views equally bright. Their mean stays."),
+    ] = "gain"
+    match_depths: Annotated[
+        Literal["scale", "none"],
+        Field(description="What makes depths of several views meet. Their mean stays."),
+    ] = "scale"
+    votes: Annotated[
+        Literal["majority", "none"],
+        Field(description="Leave out what as many views look through as see."),
+    ] = "majority"
+    plain: Annotated[
+        bool,
+        Switch,
+        Field(description="Take several views as they are: confident, and none of the others."),
+    ] = False
+
+    def joining(self, *, unmixed: bool) -> "Joining":
+        """The choices; names are not blended."""
+        from resample_warp3d.views.together import PLAIN, Joining
+
+        chosen = (
+            PLAIN
+            if self.plain
+            else Joining(self.blend, self.match_colors, self.match_depths, self.votes)
+        )
+        return replace(chosen, blend="best", colors="none") if unmixed else chosen
 
 
 class Extras(Choices):

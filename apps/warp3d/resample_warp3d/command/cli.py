@@ -14,11 +14,15 @@ from resample_warp3d.command.choices import (
     Aim,
     Depth,
     Extras,
+    Joint,
+    PairDepth,
+    Parallax,
     Refine,
     SourceCamera,
     Travel,
     Warping,
 )
+from resample_warp3d.command.clouds import CloudLook
 
 app = App(
     name="resample-warp3d",
@@ -29,7 +33,9 @@ app = App(
 )
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
-WRITTEN, EXTRAS, TRAVEL = Written(), Extras(), Travel()
+WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
+JOINT = Joint()
+PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -47,6 +53,7 @@ def render(
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
     view: Annotated[list[str] | None, flags.Switch] = None,
+    joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
@@ -74,10 +81,10 @@ def render(
     from resample_warp3d.command.inputs import Reader, check_poses, read_view, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
+        joined,
         mention_holes,
         prepared,
         report,
-        warped,
     )
     from resample_warp3d.command.writing import (
         check_extras,
@@ -86,15 +93,15 @@ def render(
         write_extras,
     )
 
-    for choice in (eye, meaning, aim):
-        choice.check()
+    aim.check()
+    reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     check_extras(extras)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     check_output(output, look, transparent=not warping.fill)
     further = [view_names(text) for text in view or []]
     check_targets(output, *extras.paths())
-    session, reader = Session(), Reader(eye, meaning, labels=warping.unmixed)
+    session = Session()
     with session.stage("read"):
         views = [read_view(reader, color, depth)]
         views += [read_view(reader, *names) for names in further]
@@ -105,7 +112,10 @@ def render(
     check_memory(shape, picture.data.shape[2])
     target = aim.camera(camera, source_shape, eye.convention)
     sources = prepared(session, views, warping)
-    seen = warped(session, sources, target, shape, warping)
+    together = joined(
+        session, sources, target, shape, warping, joint.joining(unmixed=warping.unmixed)
+    )
+    seen = together.warped
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
@@ -117,19 +127,22 @@ def render(
         write_picture(output, made, look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, *sources[0][:2], extras.export_as)
+            write_geometry(extras.export, sources[0].source, camera, extras.export_as)
     if extras.stats is not None:
-        write_json(extras.stats, report(session, sources, seen, warping))
+        write_json(extras.stats, report(session, sources, together, warping))
 
 
 @app.command
 def stereo(
     picture: str,
-    disparity: str,
+    depth: str,
     /,
     *,
     output: flags.Output,
     disparity_scale: float | None = None,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[PairDepth, flags.Flat] = PAIR_DEPTH,
+    parallax: Annotated[Parallax, flags.Flat] = PARALLAX,
     fraction: Annotated[float, flags.Hyphen] = 1.0,
     given: Annotated[Literal["left", "right"], Parameter(name="--from")] = "left",
     warping: Annotated[Warping, flags.Flat] = WARPING,
@@ -137,16 +150,18 @@ def stereo(
     holes: Path | None = None,
     coverage: Path | None = None,
 ) -> None:
-    """Make one picture of a rectified pair from the other and its disparity.
+    """Make the picture of the other eye from a picture and its disparity or depth, or both in one.
 
-    Example: resample-warp3d stereo im2.png disp2.png --disparity-scale 4 -o right.png
+    Example: resample-warp3d stereo photo.jpg rel.npy --depth-kind relative --layout anaglyph --fill
+    -o photo-3d.png
 
     Parameters
     ----------
     picture
         The left one, unless --from says otherwise.
-    disparity
-        Of the same size: how much further left things are in the right picture; 0 is unknown.
+    depth
+        Of the same size: how much further left things are in the right picture, 0 is unknown; or
+        depth of the kind that --depth-kind says.
     output
         As of render.
     disparity_scale
@@ -163,26 +178,42 @@ def stereo(
     from resample.command.session import Session
     from resample.files.pictures import check_output, look_of, write_picture
     from resample.files.writing import check_targets
-    from resample_warp3d.command.inputs import read_rectified
+    from resample_warp3d.command.inputs import Reader, read_rectified, read_view
+    from resample_warp3d.command.pairs import Eyes, together
     from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
     from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
+    from resample_warp3d.depth.equation import of_rectified
 
     extras = Extras(holes=holes, coverage=coverage)
     check_extras(extras)
+    parallax.check(meaning)
+    is_pair = meaning.depth_kind == "pair"
+    reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
     warping.built()
     look = look_of(written)
     check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
-    seen = read_rectified(picture, disparity, disparity_scale)
+    if reader is None:
+        seen, eyes = read_rectified(picture, depth, disparity_scale), Eyes(1.0, 0.0)
+    else:
+        seen = read_view(reader, picture, depth)
+        eyes = Eyes.of(seen, parallax)
     shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
     check_memory(shape, seen.picture.data.shape[2])
     (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
-    warped = shifted(session, source.source, way, shape, warping)
+    warped = shifted(session, source, of_rectified(way, *eyes), shape, warping)
     if not warping.fill:
         mention_holes(warped)
-    write_picture(output, warped_picture(warped, seen.picture.kind, filled=warping.fill), look)
+    made = warped_picture(warped, seen.picture.kind, filled=warping.fill)
+    if parallax.layout != "one":
+        first = seen.picture
+        if seen.image.place.size:  # a lens, which the other picture is free of
+            unbent = shifted(session, source, of_rectified(0.0), shape, warping)
+            first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
+        made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
+    write_picture(output, made, look)
     write_extras(extras, warped, None)
 
 
@@ -222,15 +253,14 @@ def animate(
     from resample_warp3d.command.inputs import Reader, read_view
     from resample_warp3d.command.rendering import check_memory, film_of
 
-    eye.check()
-    meaning.check()
+    reader = Reader.checked(eye, meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     asked = None if size is None else height_and_width(size)
     check_film(output, fps)
     session = Session()
-    seen = read_view(Reader(eye, meaning), color, depth)
+    seen = read_view(reader, color, depth)
     full = seen.picture.data.shape[0], seen.picture.data.shape[1]
     shape = full if asked is None else asked
     check_memory(shape, seen.picture.data.shape[2])
@@ -253,16 +283,14 @@ def cloud(
     pose: str | None = None,
     intrinsics: Annotated[str | None, flags.Hyphen] = None,
     size: flags.Size = "640x480",
-    point_size: float = 1.0,
-    filter: str | None = None,  # noqa: A002
-    light: Literal["none", "eye"] | None = None,
-    one_sided: Annotated[bool, flags.Switch] = False,
+    look: Annotated[CloudLook, flags.Flat] = CLOUD,
     background: str | None = None,
     bits: flags.Bits = 8,
 ) -> None:
     """Show a point cloud with normals, where it has them, and colors.
 
-    Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y -o scan.png
+    Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y --color-by intensity
+    --color-bar -o scan.png
 
     Parameters
     ----------
@@ -272,43 +300,85 @@ def cloud(
         File or file:frame of a pose: in place of the camera, with intrinsics.
     intrinsics
         fx,fy,cx,cy[,skew] in px; for a pose.
-    point_size
-        Factor of what the points' spacing suggests.
-    filter
-        Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel.
-    light
-        Where light comes from: eye, for clouds without colors, or none, for others.
-    one_sided
-        Leave out what is seen from behind.
     background
         Behind the picture: black, white, #rrggbb or none for transparent. None.
     """
-    from resample.cameras.files import viewpoint
     from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_warp3d.clouds.files import read_cloud
-    from resample_warp3d.clouds.rendering import CloudStyle, Light, render_cloud
-    from resample_warp3d.command.rendering import announce, check_memory, cloud_camera
+    from resample_warp3d.command.clouds import (
+        beside,
+        calibrated_of,
+        camera_of,
+        scene_of,
+        start_of,
+    )
+    from resample_warp3d.command.rendering import check_memory
 
     check_suffix(output)
     shape = height_and_width(size)
-    seen_from = viewpoint(camera, up=up)
-    if (pose is None) != (intrinsics is None):
-        raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
-    calibrated = None if pose is None or intrinsics is None else (pose, intrinsics)
+    seen_from, calibrated = start_of(camera, up), calibrated_of(pose, intrinsics)
     behind = None if background is None else linear_color(background)
-    lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
-    style = CloudStyle(point_size=point_size, light=lights[light], cull=one_sided)
+    look.check(output, shape[0])
     check_targets(output)
     check_memory(shape, 4)
-    points = read_cloud(file)
-    placed = cloud_camera(points, shape, seen_from, calibrated)
-    announce()
-    with Session().stage("paint", bar="painting"):
-        frame = render_cloud(points, placed, size=shape, style=style, filter=filter)
-    write_frame(output, frame, bits=bits, background=behind)
+    session = Session()
+    scene = scene_of(session, file, look)
+    placed = camera_of(scene.surfels, shape, seen_from) if calibrated is None else calibrated
+    with session.stage("paint", bar="painting"):
+        frame = scene.picture(placed, shape)
+    bar = scene.bar(shape[0], behind)
+    drawn = frame._replace(rgba=beside(frame.rgba, bar, behind))
+    write_frame(output, drawn, bits=bits, background=behind)
+
+
+@app.command
+def animate_cloud(
+    file: Path,
+    /,
+    *,
+    output: flags.FilmOutput,
+    path: str = "orbit",
+    frames: int | None = None,
+    camera: flags.Viewed = "30/20/1",
+    up: flags.Up = "z",
+    fps: flags.FramesPerSecond = 24.0,
+    size: flags.Size = "640x480",
+    look: Annotated[CloudLook, flags.Flat] = CLOUD,
+    background: flags.FilmBackground = "black",
+    resume: flags.Resume = False,
+) -> None:
+    """Move a camera around a point cloud.
+
+    Example: resample-warp3d animate-cloud scan.ply --camera 0/20/1 --up y -o orbit.mp4
+
+    Parameters
+    ----------
+    file
+        As of cloud.
+    path
+        The camera's way: orbit, once around; sway, left and right; or a file of keyframes or poses.
+    frames
+        How many. 96; of a file as many as its times ask for.
+    """
+    from resample.command.session import Session
+    from resample.command.settings import linear_color
+    from resample.files.animations import check_film, write_film
+    from resample_warp3d.command.clouds import cameras_of, film_of, path_of, scene_of, start_of
+    from resample_warp3d.command.rendering import check_memory
+
+    shape = height_and_width(size)
+    check_film(output, fps)
+    viewpoints = path_of(path, frames, fps, start_of(camera, up))
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    look.check(output, shape[0])
+    check_memory(shape, 4)
+    session = Session()
+    scene = scene_of(session, file, look)
+    film = film_of(scene, cameras_of(scene.surfels, viewpoints, shape), shape, behind)
+    with session.stage("film", bar="moving") as progress:
+        write_film(output, film, fps, resume=resume, progress=progress)
 
 
 @app.command
@@ -379,9 +449,8 @@ def compare(
         announce()
         comparison = compare_scene(names, side, chosen)
     else:
-        for choice in (eye, meaning, aim):
-            choice.check()
-        comparison = compare_files(given, Reader(eye, meaning), aim, names, refine)
+        aim.check()
+        comparison = compare_files(given, Reader.checked(eye, meaning), aim, names, refine)
     if output is not None:
         sheet(comparison, output)
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
@@ -435,10 +504,10 @@ def figures(
         announce()
         figure = generated_figure(side, views, names)
     else:
-        for choice in (eye, meaning, aim):
-            choice.check()
+        aim.check()
+        reader = Reader.checked(eye, meaning)
         output.mkdir(parents=True, exist_ok=True)
-        figure = figure_of_files((color, depth), Reader(eye, meaning), aim, names)
+        figure = figure_of_files((color, depth), reader, aim, names)
     write_figures(output, figure)
     sys.stdout.write(plain(figure.rows))
 

@@ -109,6 +109,25 @@ class Reader(NamedTuple):
     meaning: Depth
     labels: bool = False  # colors are names, kept as they are stored
 
+    @classmethod
+    def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "Reader":
+        """Reader of what the command line says; what it takes for granted is said.
+
+        Raises
+        ------
+        ValueError
+            The choices do not go together.
+        """
+        meaning.check()
+        if meaning.is_relative:
+            near, far = meaning.range()
+            what = f"the depth is taken for {near:g} to {far:g} units (--near, --far)"
+            given, eye = eye, eye.guessed()
+            view = "" if eye is given else f", the view for {eye.fov:g} degrees (--fov)"
+            say(what + view)
+        eye.check()
+        return cls(eye, meaning, labels)
+
 
 def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> DepthView:
     """Depth image of a calibrated camera; a doubtful scale is said.
@@ -142,7 +161,7 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
     image = _depth_image(picture, (color, depth), nearness)
     step = encoding.quantum(raw)
     doubt = check_scale(image.nearness)
-    if doubt is not None:
+    if doubt is not None and not reader.meaning.is_relative:
         say(f"{depth}: {doubt}")
     image = image._replace(place=lens_places(camera, shape))
     return DepthView(picture, image, camera, step, is_fitted=nearness.shape != shape)

@@ -1,29 +1,31 @@
 """Depth images warped for the command line."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import Camera
-from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.colors import Background
 from resample.command.console import say
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.animations import fingerprint
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
-from resample_warp3d.command.choices import Shape, Warping, with_intrinsics
+from resample_warp3d.command.choices import Shape, Warping
 from resample_warp3d.command.inputs import DepthView
-from resample_warp3d.depth.equation import between, of_rectified
+from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
+from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
 
 if TYPE_CHECKING:
-    from resample_warp3d.clouds.files import Cloud
+    from resample_warp3d.views.together import Joining
 
 BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
 TOLD = {
@@ -45,6 +47,14 @@ class Prepared(NamedTuple):
     source: Source
     camera: Camera
     refined: Refined  # how its depth was conditioned
+    layer: Source | None  # behind its silhouettes, if that is asked for and there is any
+
+
+class Together(NamedTuple):
+    """Several sources in one picture."""
+
+    warped: Warped
+    found: list[dict[str, Any]] | None  # about each source, for `--stats`; None: there is only one
 
 
 class Film(NamedTuple):
@@ -70,53 +80,90 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
     if choice.refine == "auto" and refined.chosen != "none":
         say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
     source = sourced(refined.image, noise=choice.noise, step=refined.step)
-    return Prepared(source, view.camera, refined)
+    layer = background(source) if choice.has_layer else None
+    return Prepared(source, view.camera, refined, layer)
 
 
 def warped(
-    session: Session, sources: Sequence[Prepared], target: Camera, shape: Shape, choice: Warping
+    session: Session, source: Prepared, target: Camera, shape: Shape, choice: Warping
 ) -> Warped:
+    """A source as a camera sees it in a frame (height, width)."""
+    return _rendered(session, source, between(source.camera, target), shape, choice)
+
+
+def joined(
+    session: Session,
+    sources: Sequence[Prepared],
+    target: Camera,
+    shape: Shape,
+    choice: Warping,
+    joining: "Joining",
+) -> Together:
     """Sources as a camera sees them together in a frame (height, width)."""
-    equations = [between(prepared.camera, target) for prepared in sources]
-    each = [prepared.source for prepared in sources]
-    return _rendered(session, each, equations, shape, choice)
+    from resample_warp3d.views.together import Standing, agreed, layers_of, render_together
+
+    if len(sources) == 1:
+        return Together(warped(session, sources[0], target, shape, choice), None)
+    look = partial(
+        render_together, target=target, shape=shape, method=choice.built(), joining=joining,
+        filter=choice.filter, threads=choice.threads,
+    )  # fmt: skip
+    with session.stage("match"):
+        ready = agreed([Standing(each.source, each.camera) for each in sources], joining)
+    with session.stage("warp"):
+        seen = look(ready)
+        layers = layers_of(ready, [each.layer for each in sources])
+        alone = replace(joining, votes="none")
+        layer = look(layers, joining=alone, match=seen.match).warped if layers.order else None
+    found = [
+        {
+            "depth_factor": round(1.0 / float(scale), 6),
+            "gain": [round(float(each), 6) for each in gain],
+            "bias": [round(float(each), 6) for each in bias],
+        }
+        for scale, gain, bias in zip(ready.scale, *seen.match, strict=True)
+    ]
+    return Together(filled(session, seen.warped, layer, choice), found)
 
 
 def shifted(
-    session: Session, source: Source, fraction: float, shape: Shape, choice: Warping
+    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
-    """Picture of a rectified pair as seen from a fraction of the way to the other eye."""
-    return _rendered(session, [source], [of_rectified(fraction)], shape, choice)
+    """Picture of a rectified pair as the equation of the other eye, or another place, says."""
+    return _rendered(session, source, equation, shape, choice)
 
 
 def _rendered(
-    session: Session,
-    sources: Sequence[Source],
-    equations: Sequence[Equation],
-    shape: Shape,
-    choice: Warping,
+    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
-    from resample_warp3d.merging import merge
     from resample_warp3d.warping import render
 
     method = choice.built()
     with session.stage("warp"):
-        each = [
-            render(source, equation, shape, method, choice.threads, filter=choice.filter)
-            for source, equation in zip(sources, equations, strict=True)
-        ]
-        together = each[0] if len(each) == 1 else merge(each)
+        seen, *layers = (
+            render(each, equation, shape, method, choice.threads, filter=choice.filter)
+            for each in (source.source, source.layer)
+            if each is not None
+        )
+    layer = layers[0] if layers else None
+    return filled(session, seen, layer, choice)
+
+
+def filled(session: Session, seen: Warped, layer: Warped | None, choice: Warping) -> Warped:
+    """Picture with its holes made up, if that is asked for, from a layer first if there is one."""
     if not choice.fill:
-        return together
+        return seen
     with session.stage("fill"):
-        return fill(together)
+        return fill(seen if layer is None else behind(seen, layer))
 
 
 def report(
-    session: Session, sources: Sequence[Prepared], warped: Warped, choice: Warping
+    session: Session, sources: Sequence[Prepared], seen: Together, choice: Warping
 ) -> dict[str, Any]:
-    """Sizes, what was done about depth, shares and times, for `--stats`."""
+    """Sizes, what was done about depth, what was found about several views, shares and times."""
+    warped = seen.warped
     covered = warped.magnification > 0
+    about = {} if seen.found is None else {"views": seen.found}
     return {
         "sources": [list(prepared.source.nearness.shape[::-1]) for prepared in sources],
         "refine": [_findings(prepared.refined) for prepared in sources],
@@ -129,6 +176,7 @@ def report(
         "magnification": (
             round(float(np.median(warped.magnification[covered])), 6) if covered.any() else None
         ),
+        **about,
         "seconds": session.times(),
     }
 
@@ -151,10 +199,10 @@ def film_of(
     session: Session, view: DepthView, shape: Shape, choice: Warping, background: Background
 ) -> Film:
     """Film of a view: what its frames (H, W, 3) look like, and what they depend on."""
-    sources = prepared(session, [view], choice)
+    (source,) = prepared(session, [view], choice)
 
     def frame(camera: Camera) -> Floats:
-        seen = warped(session, sources, camera, shape, choice)
+        seen = warped(session, source, camera, shape, choice)
         return on_screen(seen, has_alpha=view.picture.kind.has_alpha, background=background)
 
     job = {
@@ -166,44 +214,6 @@ def film_of(
         "version": version("hybrid-resample"),
     }
     return Film(frame, job)
-
-
-def cloud_camera(
-    cloud: "Cloud", shape: Shape, viewpoint: Viewpoint, calibrated: tuple[str, str] | None
-) -> Camera:
-    """Camera that looks at a cloud.
-
-    Parameters
-    ----------
-    cloud
-        Points.
-    shape
-        Height and width of the picture, px.
-    viewpoint
-        Where from.
-    calibrated
-        In its place, if not None, the words of a pose and of intrinsics.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        The numbers are no camera's, or a file cannot be read.
-    """
-    from resample.cameras.files import read_pose
-    from resample_warp3d.clouds.framing import framed
-
-    if calibrated is not None:
-        pose, intrinsics = calibrated
-        return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose))
-    if isinstance(viewpoint, Spot | Calibrated):
-        return viewpoint.sized(*shape)
-    if not isinstance(viewpoint, Orbit):
-        return cast(Camera, viewpoint)  # files hold no parallel ones
-    angles = viewpoint.azimuth, viewpoint.elevation
-    camera = framed(cloud, size=shape, azimuth=angles[0], elevation=angles[1], up=viewpoint.up)
-    matrix = camera.matrix.copy()
-    matrix[:2, :2] *= viewpoint.zoom
-    return Camera(matrix, camera.world_to_camera)
 
 
 def check_memory(shape: Shape, channels: int) -> None:

@@ -23,6 +23,8 @@ from resample.types import Doubles, Floats
 Raw = NDArray[Any]  # (H, W) whole numbers or floats, as a file holds them
 
 FARTHEST, NEAREST = 1000.0, 0.001  # m, of the median; beyond them a scale is doubted
+NEAR, FAR = 1.0, 10.0  # scene units that relative depth is taken for
+STRAY = 1e-3  # of relative depth's numbers, at each end of their range
 OUT_OF_RANGE = 1e-3  # by which normalised values may exceed 1
 
 
@@ -210,12 +212,71 @@ class BareDisparity:
         return _step(raw, self.scale, 1.0)
 
 
+@dataclass(frozen=True)
+class RelativeDepth:
+    """Numbers that tell what is nearer, up to an unknown scale and shift, as networks give them.
+
+    Their range, but for a thousandth of them at each end, is taken to lead from far to near. NaN
+    and inf are unknown, 0 is not.
+
+    Parameters
+    ----------
+    near, far
+        z of the nearest and of the farthest, scene units.
+    is_distance
+        Larger numbers are farther away, and grow as z does (Marigold); otherwise they are nearer,
+        and grow as 1 / z does (MiDaS, Depth Anything).
+
+    Raises
+    ------
+    ValueError
+        A number is not above 0, or near is not below far; far is inf, and numbers grow as z does.
+    """
+
+    near: float = NEAR
+    far: float = FAR
+    is_distance: bool = False
+
+    def __post_init__(self) -> None:
+        _check_positive(near=self.near)
+        if not self.near < self.far:
+            raise ValueError(f"near {self.near:g} is not below far {self.far:g}")
+        if self.is_distance and math.isinf(self.far):
+            raise ValueError("distances up to an unknown scale need a finite far")
+
+    def nearness(self, raw: Raw) -> Floats:
+        is_known = np.isfinite(raw)
+        low, high = self._range(raw)
+        share = np.maximum(
+            (raw.astype(np.float64) - low) / (high - low), 0.0
+        )  # where that is known
+        if self.is_distance:
+            return _where(is_known, 1.0 / (self.near + share * (self.far - self.near)))
+        return _where(is_known, share * (1.0 / self.near - 1.0 / self.far) + 1.0 / self.far)
+
+    def quantum(self, raw: Raw) -> float | None:
+        if self.is_distance:
+            return None
+        low, high = self._range(raw)
+        return _step(raw, high - low, 1.0 / self.near - 1.0 / self.far)
+
+    def _range(self, raw: Raw) -> tuple[float, float]:
+        """Numbers that are taken for the ends."""
+        known = raw[np.isfinite(raw)].astype(np.float64)
+        if not known.size or known.min() == known.max():
+            raise ValueError("relative depth is the same everywhere: it tells nothing")
+        low = float(np.quantile(known, STRAY, method="lower"))
+        high = float(np.quantile(known, 1.0 - STRAY, method="higher"))
+        return (low, high) if low < high else (float(known.min()), float(known.max()))
+
+
 ENCODINGS: Mapping[str, type[Encoding]] = {
     "z": PlanarDepth,
     "ray": RayLength,
     "inverse": InverseDepth,
     "disparity": Disparity,
     "generalised": BareDisparity,
+    "relative": RelativeDepth,
 }
 
 

@@ -25,13 +25,15 @@ def between(source: Camera, target: Camera) -> Equation:
     return Equation(np.asarray(turned, np.float64), shift)
 
 
-def of_rectified(fraction: float) -> Equation:
-    """Equation of a rectified pair whose δ is the disparity in px.
+def of_rectified(fraction: float, gain: float = 1.0, zero: float = 0.0) -> Equation:
+    """Equation of a rectified pair whose disparity is `gain` (δ − `zero`) px.
 
     `fraction` 1 leads from the left view to the right one, where things are further left, −1 from
-    the right view to the left one, 0.5 to the view between.
+    the right view to the left one, 0.5 to the view between. What has the nearness `zero` stays.
     """
-    return Equation(np.eye(3), np.array([-fraction, 0.0, 0.0]))
+    matrix = np.eye(3)
+    matrix[0, 2] = fraction * gain * zero
+    return Equation(matrix, np.array([-fraction * gain, 0.0, 0.0]))
 
 
 def inverse(equation: Equation) -> Equation:

@@ -53,9 +53,9 @@ def fill(warped: Warped) -> Warped:
     color = np.divide(
         warped.image, part, out=np.zeros_like(warped.image), where=~rim.unknown[..., None]
     )
-    image = warped.image + (1.0 - part) * _inpainted(color, behind)
+    image = warped.image + (1.0 - part) * inpainted(color, behind)
     image = np.where(rim.unknown[..., None], image, color)
-    far = _inpainted(nearness[..., None], behind)[..., 0]
+    far = inpainted(nearness[..., None], behind)[..., 0]
     is_empty = rim.unknown & (nearness <= 0)
     found = np.where(is_empty, far, nearness)
     depth = np.full_like(warped.depth, np.inf)
@@ -133,7 +133,7 @@ def _met(nearness: Floats, unknown: Mask) -> Floats:
     return np.where(last >= 0, found, np.float32(0))
 
 
-def _inpainted(values: Floats, where: Mask) -> Floats:
+def inpainted(values: Floats, where: Mask) -> Floats:
     """Values (H, W, C) with the marked ones made up from the others; any range.
 
     OpenCV adds up to √2 to every value it makes up, in whatever unit: nothing where they are large.

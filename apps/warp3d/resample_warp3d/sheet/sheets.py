@@ -35,20 +35,11 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     is_label
         Colors are names: only the depth tells where silhouettes run, and nothing is unmixed.
     """
-    from resample_warp3d.depth.kernels import outlines
     from resample_warp3d.sheet.kernels import corners
 
     nearness, links = source.nearness, source.links
     height, width = nearness.shape
-    color = source.color
-    edge = np.empty((height, width, 2), np.float32)
-    error = np.array([max(source.noise, PRECISION), 0.3 * source.step])
-    if is_label:
-        outlines.find_silhouettes(np.zeros_like(color), nearness, links, error, edge)
-    else:
-        outlines.find_silhouettes(color, nearness, links, error, edge)
-        color = np.empty_like(color)
-        outlines.unmix(source.color, nearness, links, edge, color)
+    color, edge = alone(source, is_label=is_label)
     vertex = np.empty((height + 1, width + 1), np.float32)
     corners.fill_vertices(nearness, links, vertex)
     index = np.empty((height, width), np.int32)
@@ -58,6 +49,25 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     if place.size:
         bend(corner, place)
     return Sheet(grouped(color), vertex, place, index, corner, np.pad(links, MARGIN))
+
+
+def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
+    """Colors (H, W, C) of surfaces without each other's light, and silhouettes (H, W, 2).
+
+    Silhouettes are as `outlines.find_silhouettes` gives them; names have no light to part.
+    """
+    from resample_warp3d.depth.kernels import outlines
+
+    nearness, links = source.nearness, source.links
+    edge = np.empty((*nearness.shape, 2), np.float32)
+    error = np.array([max(source.noise, PRECISION), 0.3 * source.step])
+    if is_label:
+        outlines.find_silhouettes(np.zeros_like(source.color), nearness, links, error, edge)
+        return source.color, edge
+    outlines.find_silhouettes(source.color, nearness, links, error, edge)
+    color = np.empty_like(source.color)
+    outlines.unmix(source.color, nearness, links, edge, color)
+    return color, edge
 
 
 def grouped(color: Floats) -> Floats:

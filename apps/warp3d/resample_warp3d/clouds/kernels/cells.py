@@ -5,6 +5,7 @@ that contain the cells of their points leave no gap on a surface, however irregu
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,17 @@ AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
 RIM = 0.65  # of that spacing: how far a cell reaches where there is no neighbour
 FARTHEST = 5.0  # times that: how far it reaches among neighbours
 LONGEST = 8.0  # times its width a disc may be long
+ALIKE = 0.5  # of a point's spacing: neighbours with as much lie as lonely as it does
+FEW = 1  # of such neighbours have only stray points
 SLACK = 1.02  # discs overlap by this
 SWEEPS = 6  # of Jacobi's method: 3 × 3 matrices have then converged
+
+
+class Spaced(NamedTuple):
+    """What is measured of N points."""
+
+    axes: Floats  # (N, 2, 3) half axes of each point's disc, first × second along the normal
+    spacing: Floats  # (N,) mean distance to the nearest neighbours
 
 
 @kernel
@@ -254,11 +264,12 @@ def _measure(
     is_last: bool,
     chunk: int,
     normal: Floats,
-    axes: Floats,
+    discs: Spaced,
     is_open: Flags,
 ) -> None:
     """Normals, where they are 0, and discs of a chunk of points."""
     start = int(np.int64(chunk)) * CHUNK
+    axes, spacing = discs
     matrix, vectors = np.empty((3, 3)), np.empty((3, 3))
     polygon, spare = np.empty((MOST_CORNERS, 3)), np.empty((MOST_CORNERS, 3))
     for n in range(start, min(start + CHUNK, neighbour.shape[0])):
@@ -285,6 +296,7 @@ def _measure(
             normal[here, c] = np.float32(upward[c])
             axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
             axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
+        spacing[here] = np.float32(rim / RIM)
 
 
 @parallel_kernel
@@ -294,7 +306,7 @@ def measure(
     neighbour: Indices,
     is_last: bool,
     normal: Floats,
-    axes: Floats,
+    discs: Spaced,
     is_open: Flags,
 ) -> None:
     """Find normals and discs of some points.
@@ -309,38 +321,81 @@ def measure(
         Close the cells that are open.
     normal
         (N, 3) made unit length; filled where it is 0, with either of both signs.
-    axes
-        (N, 2, 3) filled: half axes of each point's disc, first × second along the normal.
+    discs
+        Filled.
     is_open
         (M,) filled: there are not enough neighbours all around the point, or it lies at a rim.
     """
     for chunk in tasks(counter, (neighbour.shape[0] + CHUNK - 1) // CHUNK):
-        _measure(position, neighbour, is_last, chunk, normal, axes, is_open)
+        _measure(position, neighbour, is_last, chunk, normal, discs, is_open)
 
 
 @kernel
-def _limit(nearest: Indices, size: Floats, most: float, axes: Floats, chunk: int) -> None:
+def _upper_of(numbers: Doubles, count: int) -> float:
+    """Upper quartile of the first numbers, which change their order."""
+    for n in range(1, count):
+        number, place = numbers[n], n
+        while place > 0 and numbers[place - 1] > number:
+            numbers[place] = numbers[place - 1]
+            place -= 1
+        numbers[place] = number
+    return float(numbers[3 * count // 4])
+
+
+@kernel
+def _limit(
+    nearest: Indices, spacing: Floats, size: Floats, most: float, axes: Floats, chunk: int
+) -> None:
     start = int(np.int64(chunk)) * CHUNK
+    count = nearest.shape[1]
+    sizes = np.empty(count)
     for n in range(start, min(start + CHUNK, size.size)):
-        around = np.float32(0)
-        for j in range(nearest.shape[1]):
-            around = max(around, size[nearest[n, j]])
-        if size[n] > most * around:
-            scale = np.float32(most) * around / size[n]
-            for c in range(3):
-                axes[n, 0, c] *= scale
-                axes[n, 1, c] *= scale
+        alike = 0
+        for j in range(count):
+            there = nearest[n, j]
+            sizes[j] = size[there]
+            if spacing[there] >= ALIKE * spacing[n]:
+                alike += 1
+        reach = _upper_of(sizes, count) * (most if alike > FEW else 1.0)
+        for k in range(2):
+            x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
+            length = math.sqrt(x * x + y * y + z * z)
+            if length > reach:
+                for c in range(3):
+                    axes[n, k, c] *= np.float32(reach / length)
 
 
 @parallel_kernel
-def limit(counter: Counter, nearest: Indices, size: Floats, most: float, axes: Floats) -> None:
-    """Shrink discs that are more than `most` times as large as those around them.
+def limit(
+    counter: Counter,
+    nearest: Indices,
+    spacing: Floats,
+    size: Floats,
+    most: float,
+    axes: Floats,
+) -> None:
+    """Shorten the half axes of discs that are far larger than those around them.
 
-    A stray point far from a surface would else cover it. `nearest` (N, k) holds neighbours, `size`
-    (N,) the sizes of discs before, `axes` (N, 2, 3) what is changed.
+    A half axis is at most `most` times as long as the upper quartile of the sizes around it, which
+    three of twelve cannot raise; of a stray point, as no more than one around is half as lonely,
+    not longer than that. Points far from a surface would else cover it, and thorns stand out from
+    its rims.
+
+    Parameters
+    ----------
+    nearest
+        (N, k) neighbours of each point, without itself.
+    spacing
+        (N,) mean distance to the nearest of them.
+    size
+        (N,) longest half axes before.
+    most
+        See above.
+    axes
+        (N, 2, 3) what is changed.
     """
     for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
-        _limit(nearest, size, most, axes, chunk)
+        _limit(nearest, spacing, size, most, axes, chunk)
 
 
 @kernel

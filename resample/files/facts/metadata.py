@@ -8,14 +8,15 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shutil import copyfileobj
 from types import MappingProxyType
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.geotiff import TAGS, Geo, geo_of, tags_of
-from resample.files.tags import (
+from resample.files.facts.geotiff import TAGS, Geo, geo_of, tags_of
+from resample.files.facts.tags import (
     LONG,
     SHORT,
     Directory,
@@ -263,18 +264,31 @@ def _put_into_png(path: Path, block: bytes) -> None:
 
     If it has a color profile, what OpenImageIO says about the color beside it goes.
     """
-    data = path.read_bytes()
-    chunks, place = [], 8
-    while place < len(data):
-        size = 12 + int(struct.unpack(">I", data[place : place + 4])[0])
-        chunks.append(data[place : place + size])
-        place += size
-    has_profile = any(chunk[4:8] == b"iCCP" for chunk in chunks)
-    left_out = (b"eXIf", *((b"sRGB", b"gAMA", b"cHRM") if has_profile else ()))
-    header, *others = [chunk for chunk in chunks if chunk[4:8] not in left_out]
-    named = b"eXIf" + block
-    fresh = struct.pack(">I", len(block)) + named + struct.pack(">I", zlib.crc32(named))
-    path.write_bytes(data[:8] + header + (fresh if block else b"") + b"".join(others))
+    fresh = path.with_name(f"{path.name}.exif")
+    try:
+        with path.open("rb") as source, fresh.open("xb") as target:
+            target.write(source.read(8))
+            header, *others = _before_pixels(source)
+            has_profile = any(chunk[4:8] == b"iCCP" for chunk in others)
+            left_out = (b"eXIf", *((b"sRGB", b"gAMA", b"cHRM") if has_profile else ()))
+            named = b"eXIf" + block
+            length, check = struct.pack(">I", len(block)), struct.pack(">I", zlib.crc32(named))
+            target.write(header + (length + named + check if block else b""))
+            target.writelines(chunk for chunk in others if chunk[4:8] not in left_out)
+            copyfileobj(source, target)
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _before_pixels(file: BinaryIO) -> Iterator[bytes]:
+    """Chunks of a PNG file up to its pixels, from where it is read."""
+    while True:
+        head = file.read(8)
+        if len(head) < 8 or head[4:] == b"IDAT":
+            file.seek(-len(head), 1)
+            return
+        yield head + file.read(4 + int(struct.unpack(">I", head[:4])[0]))
 
 
 def _put_into_jpeg(path: Path, block: bytes) -> None:

@@ -1,0 +1,172 @@
+"""Pictures that would fill the memory as light: kept as stored, warped and written in strips."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.files.facts.metadata import About
+from resample.files.pictures import Kind, Levels, Picture, has_levels, read_picture_levels
+from resample.types import Floats
+from resample_texture.asking import method_named, within
+from resample_texture.command.choices import Warping
+from resample_texture.command.inputs import Aim, Target
+from resample_texture.command.rendering import (
+    announce,
+    as_light,
+    bytes_at_once,
+    finished,
+    placed,
+    sees_all,
+)
+from resample_texture.drawing import Drawing, drawn
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+from resample_texture.types import Edge
+
+MOST_AT_ONCE = 1 << 30  # bytes that a warp in one go may take
+MOST_IN_STRIP = 1 << 22  # values of the target that are worked on at a time
+ROWS = 32  # a strip's are a multiple of, so that files keep their blocks
+
+Roi = tuple[int, int, int, int]  # left, top, width and height, px
+
+
+def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "Large | None":
+    """Picture that is warped strip by strip: one that is large, if its kind and warp allow that.
+
+    Raises
+    ------
+    ValueError, OSError
+        The file, or a choice, cannot be worked with.
+    """
+    form = has_levels(path)
+    if form is None or choice.total:
+        return None
+    target = aim(form[:2])
+    shape = target.shape if roi is None else (roi[3], roi[2])
+    is_small = bytes_at_once(form, shape) <= MOST_AT_ONCE
+    if is_small or isinstance(target.places, ForwardMap):
+        return None
+    method = method_named(
+        choice.method,
+        filter=choice.filter,
+        interpolation=choice.interpolation,
+        quality=choice.quality,
+    )
+    whole = (0, 0, target.shape[1], target.shape[0])
+    large = Large(path, form, target, choice, method, roi or whole)
+    return large if large.looks else None
+
+
+@dataclass(frozen=True, eq=False)
+class Large:
+    """A picture, and what is to be made of it.
+
+    Parameters
+    ----------
+    path
+        File of the picture.
+    form
+        Its height, width and number of channels.
+    target
+        Where it goes.
+    choice, method
+        How it is warped.
+    roi
+        What of the target is wanted.
+    """
+
+    path: Path
+    form: tuple[int, int, int]
+    target: Target
+    choice: Warping
+    method: Any  # a `Method` that may have `seen_tiles`
+    roi: Roi
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of what is made, px."""
+        return self.roi[3], self.roi[2]
+
+    @property
+    def looks(self) -> bool:
+        """Whether every part of the target looks at a part of the source."""
+        if not hasattr(self.method, "seen_tiles"):
+            return False
+        if not isinstance(self.target.places, Homography):
+            return True
+        geometry, shape, _ = within(self.target.places, self.target.shape, self.roi, self.method)
+        edge = Edge(self.choice.edge)
+        return self.method.seen_tiles(self.form[:2], geometry, shape, edge) is not None
+
+    @cached_property
+    def levels(self) -> Levels:
+        """The picture as stored."""
+        return read_picture_levels(self.path)
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Of what is made: with transparency, if not all of it shows the picture."""
+        kind = self.levels.kind
+        if kind.has_alpha or self.choice.edge != "transparent" or self._is_whole:
+            return kind
+        return kind._replace(channels=(*kind.channels, "A"))
+
+    @cached_property
+    def about(self) -> About:
+        """What the file of what is made tells."""
+        about = self.levels.about
+        return about._replace(geo=placed(about.geo, self.target, self.roi))
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """Whether every pixel shows the picture and nothing else."""
+        if isinstance(self.target.places, Homography):
+            return sees_all(self.target, self.form[:2], self.roi)
+        return all(self._sees_all(first, count) for first, count in self._rows())
+
+    def _sees_all(self, first: int, count: int) -> bool:
+        """Whether all pixels of rows of a map show the picture and nothing else."""
+        geometry, shape, _ = self._part(first, count)
+        assert isinstance(geometry, BackwardMap)
+        if not np.isfinite(geometry.x + geometry.y).all():
+            return False
+        seen = self.method.seen_tiles(self.form[:2], geometry, shape, Edge.TRANSPARENT)
+        height, width, _ = self.form
+        low, high = seen.bounds[:, :2].min(axis=0), seen.bounds[:, 2:].max(axis=0)
+        return bool((low >= 0.0).all() and high[0] <= width and high[1] <= height)
+
+    def _rows(self) -> Iterator[tuple[int, int]]:
+        """First row of each strip, and how many there are."""
+        height, width = self.shape
+        most = MOST_IN_STRIP // ((self.form[2] + 1) * width)
+        count = max(ROWS, most // ROWS * ROWS)
+        yield from ((first, min(count, height - first)) for first in range(0, height, count))
+
+    def _part(
+        self, first: int, count: int
+    ) -> tuple[Homography | ForwardMap | BackwardMap, tuple[int, int], tuple[slice, slice]]:
+        """Geometry of some rows."""
+        left, top, width, _ = self.roi
+        roi = (left, top + first, width, count)
+        return within(self.target.places, self.target.shape, roi, self.method)
+
+    def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
+        """First row, picture and coverage of strips of what is made, from the top."""
+        announce(self.choice)
+        for first, count in self._rows():
+            yield first, self._strip(first, count)
+
+    def _strip(self, first: int, count: int) -> tuple[Picture, Floats]:
+        levels, choice = self.levels, self.choice
+        geometry, shape, part = self._part(first, count)
+        drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
+        is_linear = choice.linear and levels.kind.is_encoded
+        image, coverage = drawn(levels.data, drawing, linear_light=is_linear, alpha=None)
+        image, coverage = image[part], coverage[part]
+        is_whole = not self.kind.has_alpha
+        made = finished(image, coverage, levels.kind, choice, keeps_gaps=False, is_whole=is_whole)
+        made = as_light(made) if levels.kind.is_encoded and not choice.linear else made
+        return made._replace(about=self.about), coverage

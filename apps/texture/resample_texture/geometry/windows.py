@@ -1,0 +1,117 @@
+"""Large pictures in parts: windows of the target, and the part of the source that each shows."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample_texture.geometry.mappings import BackwardMap, Homography
+
+MOST_TWICE = 1.5  # texels of two halves' sources by those of the whole's: more is not halved
+LEFT, TOP, RIGHT, BOTTOM = range(4)
+
+Integers = NDArray[np.int64]
+
+
+class Rect(NamedTuple):
+    """Pixels of a part of a picture; the last ones are not in it."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """Rows and columns."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    def is_within(self, size: tuple[int, int]) -> bool:
+        """Whether it lies within a picture (height, width)."""
+        return min(self.left, self.top) >= 0 and self.right <= size[1] and self.bottom <= size[0]
+
+    @property
+    def pixels(self) -> int:
+        """How many there are."""
+        return max(0, self.right - self.left) * max(0, self.bottom - self.top)
+
+
+class PictureWindow(NamedTuple):
+    """A part of the target, and the part of the source that has a say in it.
+
+    Of a source that is repeated the part may lie beyond its edges.
+    """
+
+    target: Rect
+    source: Rect
+
+
+class SeenTiles(NamedTuple):
+    """What tiles of a target see of a source."""
+
+    tiles: Integers  # (T, 4) px, row by row
+    bounds: Doubles  # (T, 4) texels; the first is the greater where a tile sees nothing
+    reach: int  # texels around those bounds that have a say
+    is_endless: bool  # the source is repeated beyond its edges
+
+
+def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
+    """Windows of a target, from the top, and what they show of a source (height, width).
+
+    A window is halved while it, or its source, has more than `most` pixels; unless it is a tile,
+    or its halves see almost the same.
+    """
+    columns = int((seen.tiles[:, TOP] == seen.tiles[0, TOP]).sum())
+    waiting = [np.arange(len(seen.tiles)).reshape(-1, columns)]
+    while waiting:
+        part = waiting.pop()
+        window = _window(seen, part, size)
+        halves = np.array_split(part, 2, axis=int(part.shape[0] < part.shape[1]))
+        both = sum(_window(seen, half, size).source.pixels for half in halves if half.size)
+        is_small = max(window.target.pixels, window.source.pixels) <= most
+        if is_small or part.size == 1 or both > MOST_TWICE * window.source.pixels:
+            is_all = window.source.pixels >= size[0] * size[1]
+            yield window._replace(source=Rect(0, 0, size[1], size[0])) if is_all else window
+        else:
+            waiting += halves[::-1]
+
+
+def between(
+    geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int]
+) -> Homography | BackwardMap:
+    """Geometry that leads from a window's part of a source (height, width) to its target.
+
+    Of a map it has the whole target still.
+    """
+    (u, v, *_), (x, y, *_) = window.source, window.target
+    if isinstance(geometry, BackwardMap):
+        return BackwardMap(geometry.x - u, geometry.y - v)
+    there = np.array([[1.0, 0.0, u], [0.0, 1.0, v], [0.0, 0.0, 1.0]])
+    back = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
+    return Homography(back @ geometry.oriented(size) @ there, is_signed=True)
+
+
+def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
+    """PictureWindow of some tiles."""
+    tiles, bounds = seen.tiles[which.ravel()], seen.bounds[which.ravel()]
+    low, high = tiles[:, :2].min(axis=0), tiles[:, 2:].max(axis=0)
+    target = Rect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+    first, last = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
+    if seen.is_endless and (first <= last).all():
+        sides = *(np.floor(first) - seen.reach), *(np.ceil(last) + seen.reach)
+        return PictureWindow(target, Rect(*(int(side) for side in sides)))
+    across = _stretch(first[0], last[0], size[1], seen.reach)
+    down = _stretch(first[1], last[1], size[0], seen.reach)
+    return PictureWindow(target, Rect(across[0], down[0], across[1], down[1]))
+
+
+def _stretch(first: float, last: float, size: int, reach: int) -> tuple[int, int]:
+    """Texels from the first to the last that is seen, of `size`, and those around; one or more."""
+    if first > last:
+        return 0, min(size, reach)
+    low = math.floor(min(max(first - reach, 0.0), size - 1.0))
+    high = math.ceil(min(max(last + reach, low + 1.0), size))
+    return low, high

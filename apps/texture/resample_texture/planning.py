@@ -1,0 +1,103 @@
+"""A warp that many pictures go through: what does not depend on them is worked out once."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample_texture.asking import (
+    Places,
+    check_shape,
+    edge_named,
+    geometry_of,
+    method_named,
+    whole_pair,
+)
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, put
+from resample_texture.geometry.mappings import Geometry
+from resample_texture.types import Edge, Method, Warped
+
+
+class Plan:
+    """A warp of pictures of one size by one matrix, map or function: a lens taken out of a film.
+
+    Parameters
+    ----------
+    matrix, shape, method, edge, convention, inverse
+        As `warp` takes them. A function is asked once.
+    source_shape
+        Height and width of the pictures, px.
+
+    Raises
+    ------
+    ValueError, LookupError
+        As of `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import Plan
+    >>> plan = Plan(np.diag([2.0, 2.0, 1.0]), (40, 60), (20, 30))
+    >>> plan(np.ones((20, 30), np.float32)).image.shape
+    (40, 60)
+    """
+
+    def __init__(
+        self,
+        matrix: ArrayLike | Geometry | Places,
+        shape: tuple[int, int],
+        source_shape: tuple[int, int],
+        method: str | Method = "hybrid",
+        *,
+        edge: str = "transparent",
+        convention: str = "corner",
+        inverse: bool = False,
+    ) -> None:
+        self.shape = whole_pair(shape, "height", "width")
+        self.source_shape = whole_pair(source_shape, "height", "width")
+        check_shape(self.shape)
+        check_shape(self.source_shape)
+        border = edge_named(edge)
+        geometry = geometry_of(matrix, self.shape, convention, inverse)
+        chosen: Any = method_named(method)
+        if hasattr(chosen, "planned") and border in tuple(Edge):
+            quick = chosen.planned(self.source_shape, geometry, self.shape, Edge(border))
+        else:
+            quick = chosen
+        self._drawing = Drawing(chosen, geometry, self.shape, border)
+        self._quick: Drawing = self._drawing._replace(method=quick)
+
+    def __call__(
+        self,
+        image: NDArray[Any],
+        *,
+        linear_light: bool = True,
+        alpha: str | None = None,
+        threads: int | None = None,
+        out: NDArray[Any] | None = None,
+    ) -> Warped:
+        """Warp a picture.
+
+        Parameters
+        ----------
+        image
+            Of `source_shape`, and else, as `linear_light`, `alpha`, `threads` and `out`, as `warp`
+            takes it; no batch.
+
+        Returns
+        -------
+        What `warp` gives.
+
+        Raises
+        ------
+        ValueError
+            The picture has another size, or cannot be worked with.
+        """
+        image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
+        if image.shape[:2] != self.source_shape:
+            raise ValueError(f"the plan is for pictures of {self.source_shape}, not {image.shape}")
+        values = image.size + image[0, 0].size * self.shape[0] * self.shape[1]
+        drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
+        drawing = drawing._replace(threads=threads)
+        warped = drawn(image, drawing, linear_light=linear_light, alpha=alpha)
+        return warped if out is None else put(warped, out)

@@ -1,0 +1,91 @@
+"""What a point cloud is."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+
+FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
+
+
+class Cloud(NamedTuple):
+    """N points of surfaces; what is not known of any of them has the length 0."""
+
+    position: Floats | Doubles  # (N, 3) scene units
+    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
+    color: Floats  # (N, 3) linear light; or (0, 3)
+    radius: Floats  # (N,) scene units, of the disc that a point stands for; or (0,)
+    columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: what else was measured, by name
+
+
+def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
+    """Points of a cloud by a mask or by their indices."""
+    position, normal, color, radius, columns = cloud
+    return Cloud(
+        position[which],
+        normal[which] if len(normal) else normal,
+        color[which] if len(color) else color,
+        radius[which] if len(radius) else radius,
+        {name: column[which] for name, column in columns.items()},
+    )
+
+
+def places(cloud: Cloud) -> Floats | Doubles:
+    """Positions (N, 3) of those points that have one.
+
+    Raises
+    ------
+    ValueError
+        Positions are no array of that shape.
+    """
+    position: Floats | Doubles = part_of(cloud, "position")
+    known: Floats | Doubles = position[np.isfinite(position).all(axis=1)]
+    return known
+
+
+def checked(cloud: Cloud) -> Cloud:
+    """Points that can be drawn, in arrays of the shapes that they must have, without columns.
+
+    Raises
+    ------
+    ValueError
+        Lengths do not fit, something is no array, or a coordinate is absurd.
+    """
+    parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
+    known = np.asarray(np.isfinite(parts["position"]).all(axis=1))
+    if len(parts["color"]):
+        known &= np.isfinite(parts["color"]).all(axis=1)
+    if len(parts["radius"]):
+        known &= np.isfinite(parts["radius"]) & (parts["radius"] > 0)
+    position, normal, color, radius, _ = some_of(Cloud(**parts), known)
+    farthest = float(np.abs(position).max(initial=0.0))
+    if farthest > FARTHEST:
+        raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
+    is_normal = np.isfinite(normal).all(axis=1, keepdims=True)
+    return Cloud(
+        np.asarray(position, np.float64),
+        np.asarray(np.where(is_normal, normal, 0.0), np.float32),
+        np.asarray(color, np.float32),
+        np.asarray(radius, np.float32),
+    )
+
+
+def part_of(cloud: Cloud, name: str) -> Any:
+    """A part of a cloud, whose shape fits the positions."""
+    count = len(cloud.position) if cloud.position is not None else "N"
+    rest = () if name == "radius" else (3,)
+    shape = f"({', '.join(map(str, (count, *rest)))}{'' if rest else ','})"
+    part = getattr(cloud, name)
+    if part is None:
+        nothing = "" if name == "position" else f", or {(0, *rest)} where it is unknown"
+        raise ValueError(f"{name} of a cloud is None; give an array of the shape {shape}{nothing}")
+    array = np.asarray(part)
+    lengths = {count} if name == "position" else {count, 0}
+    if array.dtype.kind not in "iuf" or array.shape[1:] != rest or len(array) not in lengths:
+        raise ValueError(f"{name} of a cloud has the shape {array.shape}; it must be {shape}")
+    return array

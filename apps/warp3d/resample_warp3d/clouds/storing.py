@@ -1,0 +1,116 @@
+"""Normals and discs of clouds kept on disk, by what they were measured of.
+
+Neighbours are looked up once per cloud, not once per picture. Files lie in the user's cache, or in
+the folder that HYBRID_RESAMPLE_CACHE names; those that were not used for longest go when all of
+them take more than `MOST_BYTES`. A file that is damaged, or that cannot be written, costs no more
+than the time to measure again.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from resample.files.writing import replacing
+from resample.types import Floats
+
+FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
+MOST_BYTES = 1 << 30
+LEAST_POINTS = 20_000  # fewer are measured about as quickly as they are looked up
+WIDTH = 9  # numbers per point: a normal and two half axes
+
+
+def folder() -> Path:
+    """Where what was measured is kept."""
+    import pooch
+
+    place = os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample")
+    return Path(place) / "clouds"
+
+
+def measured_once(
+    position: Floats, normal: Floats, axes: Floats, largest: float, measure: Callable[[], None]
+) -> None:
+    """Fill in normals and discs by what is kept of them, or else measure them and keep that.
+
+    Parameters
+    ----------
+    position
+        (N, 3) in their order.
+    normal
+        (N, 3) 0 where unknown; filled in.
+    axes
+        (N, 2, 3) filled in.
+    largest
+        As `resample_warp3d.clouds.spacing.prepare_cloud` takes it.
+    measure
+        Fills in both.
+    """
+    if len(position) < LEAST_POINTS:
+        measure()
+        return
+    path = folder() / f"{_name(position, normal, largest)}.npy"
+    found = _read(path, len(position))
+    if found is not None:
+        normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
+        return
+    measure()
+    with suppress(OSError):
+        _write(path, np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32))
+
+
+def _name(position: Floats, normal: Floats, largest: float) -> str:
+    """Text that is equal for equal clouds alone, measured by the same code."""
+    digest = hashlib.sha256(f"{_code()} {largest!r} {position.shape}".encode())
+    for array in (position, normal):
+        digest.update(np.ascontiguousarray(array, np.float32).data)
+    return digest.hexdigest()[:40]
+
+
+@cache
+def _code() -> str:
+    """Fingerprint of the sources by which discs are measured."""
+    from resample.engine.jit import SOURCES
+
+    here = Path(__file__).parent
+    sources = [here / "spacing.py", here / "kernels" / "cells.py"]
+    read = b"".join(source.read_bytes() for source in sources)
+    return hashlib.sha256(SOURCES.encode() + read).hexdigest()
+
+
+def _read(path: Path, count: int) -> Floats | None:
+    """What a file holds, if it is there and whole."""
+    try:
+        found: Floats = np.load(path)
+    except (OSError, ValueError, EOFError):
+        return None
+    if found.shape != (count, WIDTH) or found.dtype != np.float32:
+        return None
+    with suppress(OSError):
+        os.utime(path)  # it was of use now
+    return found
+
+
+def _write(path: Path, numbers: Floats) -> None:
+    """Keep numbers in a file, and let others go for it."""
+    if numbers.nbytes > MOST_BYTES:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _make_room(path.parent, numbers.nbytes)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, numbers)
+
+
+def _make_room(kept: Path, wanted: int) -> None:
+    """Remove the files that were not used for longest until so many bytes are free."""
+    files = [(entry.stat(), entry) for entry in kept.glob("*.npy")]
+    total = sum(stat.st_size for stat, _ in files)
+    for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
+        if total + wanted <= MOST_BYTES:
+            return
+        entry.unlink(missing_ok=True)
+        total -= stat.st_size

@@ -1,0 +1,346 @@
+"""Point clouds on the command line: how they look, where from, and films of them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from resample.command.flags import Switch
+from resample.command.settings import Choices, Threads
+
+if TYPE_CHECKING:
+    from resample.cameras.models import Camera
+    from resample.cameras.viewpoints import Viewpoint
+    from resample.command.session import Session
+    from resample.files.animations import Shots
+    from resample.types import Floats
+    from resample_warp3d.clouds.coloring import Scale
+    from resample_warp3d.clouds.spacing import Surfels
+
+Shape = tuple[int, int]  # height and width, px
+
+PATHS = ("orbit", "sway")
+FRAMES = 96
+SWAY = 20.0  # degrees to either side
+
+
+class CloudLook(Choices):
+    """How a cloud is drawn."""
+
+    color_by: Annotated[
+        str | None,
+        Field(
+            description="What colors mean: a column of the file, such as intensity, or x, y or z."
+        ),
+    ] = None
+    colormap: Annotated[
+        str, Field(description="Of --color-by: one of matplotlib's, such as turbo or tab10.")
+    ] = "viridis"
+    span: Annotated[
+        str | None,
+        Parameter(name="--range", allow_leading_hyphen=True),
+        Field(
+            description="Values of the colormap's ends: low,high, or shares of the points, such as "
+            "2%,98%. The least and the greatest."
+        ),
+    ] = None
+    color_bar: Annotated[
+        bool, Switch, Field(description="Add a bar to the right: of colors and values.")
+    ] = False
+    point_size: Annotated[
+        float, Field(description="Factor of what the points' spacing suggests.")
+    ] = 1.0
+    disc_limit: Annotated[
+        float | None,
+        Field(
+            description="How many times as large as those around it a point may be; inf for no "
+            "limit. 1.75, and 1 for stray points."
+        ),
+    ] = None
+    filter: Annotated[
+        str | None,
+        Field(description="Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel."),
+    ] = None
+    light: Annotated[
+        Literal["none", "eye"] | None,
+        Field(
+            description="Where light comes from: eye, for clouds without colors, or none, for "
+            "others."
+        ),
+    ] = None
+    one_sided: Annotated[bool, Switch, Field(description="Leave out what is seen from behind.")] = (
+        False
+    )
+    no_cache: Annotated[
+        bool,
+        Switch,
+        Field(description="Keep nothing of the cloud's neighbours on disk, and take nothing."),
+    ] = False
+    threads: Threads = None
+
+    def check(self, output: Path, height: int) -> None:
+        """Refuse what would be refused later, before any work is done.
+
+        Raises
+        ------
+        ValueError, LookupError
+            Something is unknown, out of range, or does not go together.
+        """
+        from resample import registry
+        from resample.colors import check_colormap
+        from resample.measuring.color_bars import check_bar
+
+        self.style()
+        check_colormap(self.colormap)
+        if self.filter is not None:
+            registry.build("filters", self.filter)
+        if self.color_by is None and (self.color_bar or self.span is not None):
+            raise ValueError("--color-bar and --range belong to --color-by; give it a column")
+        if self.color_bar:
+            check_bar(output, height)
+
+    def style(self) -> Any:
+        """The style that `render_cloud` takes."""
+        from resample_warp3d.clouds.rendering import CloudStyle, Light
+
+        lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
+        return CloudStyle(point_size=self.point_size, light=lights[self.light], cull=self.one_sided)
+
+
+class CloudScene(NamedTuple):
+    """A cloud that is ready to be drawn."""
+
+    surfels: "Surfels"
+    look: CloudLook
+    scale: "Scale | None"  # what its colors mean
+
+    def picture(self, camera: "Camera", shape: Shape) -> Any:
+        """Frame that a camera sees."""
+        from resample_warp3d.clouds.rendering import render_cloud
+
+        look = self.look
+        return render_cloud(
+            self.surfels,
+            camera,
+            size=shape,
+            style=look.style(),
+            filter=look.filter,
+            threads=look.threads,
+        )
+
+    def bar(self, height: int, background: Any) -> "Floats | None":
+        """Bar of the cloud's colors, if it is asked for."""
+        from resample.measuring.color_bars import plain_bar
+
+        if self.scale is None or not self.look.color_bar:
+            return None
+        colors, span, name = self.scale.colors(), self.scale.span, self.scale.name
+        behind = background or (0.0, 0.0, 0.0)
+        return plain_bar(colors, span, height, title=name, background=behind)
+
+
+def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
+    """Picture with its bar, if it has one."""
+    from resample.measuring.color_bars import with_color_bar
+
+    return rgba if bar is None else with_color_bar(rgba, bar, background)
+
+
+def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
+    """Cloud of a file, colored and measured.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is no cloud, has not what is asked for, or cannot be read.
+    """
+    from resample.command.session import announce_compilation
+    from resample_warp3d.clouds.coloring import colored
+    from resample_warp3d.clouds.files import read_cloud
+    from resample_warp3d.clouds.kernels.painting import paint
+    from resample_warp3d.clouds.spacing import LARGEST, prepare_cloud
+
+    with session.stage("read"):
+        cloud, scale = read_cloud(file), None
+        if look.color_by is not None:
+            cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
+    announce_compilation(paint)
+    with session.stage("prepare", bar="measuring"):
+        surfels = prepare_cloud(
+            cloud,
+            largest=LARGEST if look.disc_limit is None else look.disc_limit,
+            threads=look.threads,
+            cache=not look.no_cache,
+        )
+    return CloudScene(surfels, look, scale)
+
+
+def start_of(camera: str, up: str) -> "Viewpoint":
+    """Where a cloud is seen from; angles come with the field of view of clouds.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        It is no camera in perspective, or its file cannot be read.
+    """
+    from resample.cameras.files import viewpoint
+    from resample_warp3d.clouds.framing import FIELD
+
+    start = viewpoint(camera, FIELD, up)
+    if getattr(start, "fov", FIELD) == 0:
+        raise ValueError("a field of view of 0 degrees; clouds are seen in perspective")
+    return start
+
+
+def calibrated_of(pose: str | None, intrinsics: str | None) -> "Camera | None":
+    """Camera of the words of a pose and of intrinsics, if they are given.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        Only one is, the numbers are no camera's, or a file cannot be read.
+    """
+    from resample.cameras.files import read_pose
+    from resample_warp3d.command.choices import with_intrinsics
+
+    if pose is None and intrinsics is None:
+        return None
+    if pose is None or intrinsics is None:
+        raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
+    return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose))
+
+
+def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
+    """Camera that looks at a cloud from where it fills the frame, if only angles are given."""
+    from resample.cameras.viewpoints import Orbit
+    from resample_warp3d.clouds.framing import framed
+
+    if not isinstance(viewpoint, Orbit):
+        return _sized(viewpoint, shape)
+    camera = framed(
+        surfels,
+        size=shape,
+        azimuth=viewpoint.azimuth,
+        elevation=viewpoint.elevation,
+        up=viewpoint.up,
+        fov=viewpoint.fov,
+    )
+    return _zoomed(camera, viewpoint.zoom)
+
+
+def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
+    """Viewpoints of all frames of a film.
+
+    Parameters
+    ----------
+    path
+        One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
+    frames
+        How many; None are `FRAMES`, or as many as the keyframes' times ask for, in seconds.
+    fps
+        Frames per second.
+    start
+        Where the path starts, unless it has keyframes.
+
+    Raises
+    ------
+    ValueError, OSError
+        The path is unknown, the file's content is none, there are too few or too many frames, or
+        the start is no camera around the cloud.
+    """
+    from resample.cameras.keyframes import keyframes_of
+    from resample.cameras.viewpoints import Orbit
+    from resample.files.animations import MOST_FRAMES, check_count
+    from resample_warp3d.clouds.framing import FIELD
+
+    if path not in PATHS:
+        if not Path(path).exists() and not Path(path).suffix:
+            raise ValueError(
+                f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of keyframes or poses"
+            )
+        keyframes = keyframes_of(Path(path), FIELD)
+        if frames is None:
+            frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
+        check_count(frames)
+        return keyframes.between(frames)
+    if not isinstance(start, Orbit):
+        raise ValueError(
+            f"the path {path} goes around the cloud; give its camera as azimuth/elevation/zoom, or "
+            "a file of keyframes or poses as the path"
+        )
+    count = FRAMES if frames is None else frames
+    check_count(count)
+    turns = [n / count for n in range(count)]
+    if path == "sway":
+        angles = [start.azimuth + SWAY * math.sin(2.0 * math.pi * turn) for turn in turns]
+    else:
+        angles = [start.azimuth + 360.0 * turn for turn in turns]
+    return [replace(start, azimuth=angle) for angle in angles]
+
+
+def cameras_of(surfels: "Surfels", viewpoints: "Sequence[Viewpoint]", shape: Shape) -> list[Any]:
+    """Cameras of all frames; those around the cloud stay at one distance from its middle."""
+    from resample.cameras.viewpoints import Orbit
+    from resample_warp3d.clouds.framing import framed_together
+
+    around = [viewpoint for viewpoint in viewpoints if isinstance(viewpoint, Orbit)]
+    if len(around) < len(viewpoints):
+        return [_sized(viewpoint, shape) for viewpoint in viewpoints]
+    first = around[0]
+    cameras = framed_together(
+        surfels,
+        size=shape,
+        angles=[(each.azimuth, each.elevation) for each in around],
+        up=first.up,
+        fov=first.fov,
+    )
+    wide = math.tan(math.radians(first.fov) / 2.0)
+    return [
+        _zoomed(camera, each.zoom * wide / math.tan(math.radians(each.fov) / 2.0))
+        for camera, each in zip(cameras, around, strict=True)
+    ]
+
+
+def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background: Any) -> "Shots":
+    """Frames of a cloud."""
+    from importlib.metadata import version
+
+    import numpy as np
+
+    from resample.files.animations import Shots, fingerprint
+    from resample.measuring.compare import shown
+
+    bar = scene.bar(shape[0], background)
+
+    def frame(n: int) -> Any:
+        rgba = beside(scene.picture(cameras[n], shape).rgba, bar, background)
+        return np.floor(np.clip(shown(rgba, background), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+    surfels = scene.surfels
+    job = {
+        "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
+        "cameras": fingerprint(
+            np.stack([camera.matrix for camera in cameras]),
+            np.stack([camera.world_to_camera for camera in cameras]),
+        ),
+        "size": list(shape),
+        "look": scene.look.model_dump(exclude={"threads", "no_cache"}),
+        "background": list(background),
+        "version": version("hybrid-resample"),
+    }
+    return Shots(len(cameras), frame, job)
+
+
+def _sized(viewpoint: Any, shape: Shape) -> Any:
+    """Camera that a viewpoint without angles stands for."""
+    return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
+
+
+def _zoomed(camera: "Camera", zoom: float) -> "Camera":
+    matrix = camera.matrix.copy()
+    matrix[:2, :2] *= zoom
+    return replace(camera, matrix=matrix)

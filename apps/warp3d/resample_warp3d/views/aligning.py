@@ -1,0 +1,142 @@
+"""Depths of several sources made to agree: a scale of each, by points that two of them see."""
+
+import math
+from collections.abc import Sequence
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.types import Doubles
+from resample_warp3d.depth.equation import places, warp_places
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Equation, Source
+from resample_warp3d.views.robust import solved
+
+DEPTHS = ("scale", "none")
+COMPARED = 40_000  # points of a source, about
+ROUNDS = 3
+CLOSE = 0.08  # of the nearness: points farther from a surface than this are another's
+FEWEST = 200  # points that two sources must share to be compared
+STEP = 1e-3  # of the nearness, of differences in place of derivatives
+UNNOTICED = 2e-4  # a smaller correction is none
+ALL = RIGHT | DOWN | LEFT | UP
+
+
+class Met(NamedTuple):
+    """Points of one source that meet another's surface."""
+
+    error: Doubles  # (N,) logarithm of the other's nearness over that of the point
+    change: Doubles  # (N,) of it with the logarithm of the first one's scale
+
+
+def check_depths(depths: str) -> None:
+    """Refuse a way to match depths that there is not."""
+    if depths not in DEPTHS:
+        raise ValueError(f"unknown way to match depths {depths!r}; known: {', '.join(DEPTHS)}")
+
+
+def match_depths(
+    sources: Sequence[Source], equations: Sequence[Sequence[Equation]], depths: str = "scale"
+) -> Doubles:
+    """Factors (V,) of the sources' nearness with which their surfaces meet.
+
+    Parameters
+    ----------
+    sources
+        Of one scene; their order makes no difference but to that of the result. Those with a lens
+        are compared with others only, not others with them.
+    equations
+        From each source to each.
+    depths
+        `scale` or `none`.
+
+    Returns
+    -------
+    The product is 1, as no source is known to be right. 1 for all if they agree within 0.02 %, and
+    for a source that has nothing in common with the others.
+
+    Raises
+    ------
+    ValueError
+        The way is unknown.
+    """
+    check_depths(depths)
+    count = len(sources)
+    scale = np.zeros(count)
+    if depths == "none" or count < 2:
+        return np.exp(scale)
+    points = [_points(source) for source in sources]
+    for _ in range(ROUNDS):
+        rows, right = [], []
+        for first, second in permutations(range(count), 2):
+            if sources[second].place.size:
+                continue
+            place, nearness = points[first]
+            seen = nearness * math.exp(scale[first])
+            met = _met(place, seen, equations[first][second], sources[second], scale[second])
+            if met.error.size < FEWEST:
+                continue
+            row = np.zeros((met.error.size, count))
+            row[:, first], row[:, second] = met.change, 1.0
+            rows.append(row)
+            right.append(row[:, first] * scale[first] + scale[second] - met.error)
+        if not rows:
+            break
+        scale = solved(np.concatenate(rows), np.concatenate(right), np.ones((1, count)), scale)
+    if np.abs(scale).max() <= UNNOTICED:
+        scale = np.zeros(count)
+    return np.exp(scale)
+
+
+def scaled(source: Source, scale: float) -> Source:
+    """Source whose nearness is multiplied."""
+    if scale == 1.0:
+        return source
+    factor = np.float32(scale)
+    return source._replace(
+        nearness=source.nearness * factor, slope=source.slope * factor, step=source.step * scale
+    )
+
+
+def _points(source: Source) -> tuple[Doubles, Doubles]:
+    """Places (N, 2) and nearness (N,) of some samples inside surfaces."""
+    sparse = max(1, math.isqrt(source.nearness.size // COMPARED))
+    chosen = slice(sparse // 2, None, sparse)
+    image = DepthImage(source.color, source.nearness, source.place)
+    nearness = source.nearness[chosen, chosen].astype(np.float64)
+    inside = (source.links[chosen, chosen] & ALL) == ALL
+    return places(image)[chosen, chosen][inside], nearness[inside]
+
+
+def _met(place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float) -> Met:
+    """Points that meet a surface of the other, whose nearness has a scale."""
+    error = _errors(place, nearness, equation, other)
+    moved = _errors(place, nearness * math.exp(STEP), equation, other)
+    known = np.isfinite(error) & np.isfinite(moved)
+    known[known] = np.abs(error[known] + scale) < CLOSE
+    return Met(error[known] + scale, (moved[known] - error[known]) / STEP)
+
+
+def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:
+    """Logarithms (N,) of the other's nearness over the points'; not a number off its surfaces."""
+    seen, expected = warp_places(equation, place, nearness)
+    found = inside_surface(other, seen)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.log(found) - np.log(expected), np.float64)
+
+
+def inside_surface(source: Source, place: Doubles) -> Doubles:
+    """Nearness (N,) of a source at places (N, 2), bilinear; not a number off its surfaces."""
+    height, width = source.nearness.shape
+    at = np.where(np.isfinite(place), place, -1.0) - 0.5
+    column, row = (np.floor(at[:, axis]).astype(np.int64) for axis in (0, 1))
+    good = (column >= 0) & (row >= 0) & (column < width - 1) & (row < height - 1)
+    column, row = np.where(good, column, 0), np.where(good, row, 0)
+    links = source.links
+    good &= (links[row, column] & (RIGHT | DOWN)) == (RIGHT | DOWN)
+    good &= (links[row + 1, column + 1] & (LEFT | UP)) == (LEFT | UP)
+    x, y = at[:, 0] - column, at[:, 1] - row
+    nearness = source.nearness.astype(np.float64)
+    above = (1 - x) * nearness[row, column] + x * nearness[row, column + 1]
+    below = (1 - x) * nearness[row + 1, column] + x * nearness[row + 1, column + 1]
+    return np.where(good, (1 - y) * above + y * below, np.nan)

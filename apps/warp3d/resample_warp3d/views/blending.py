@@ -1,0 +1,89 @@
+"""What each view counts in each pixel: by its sampling, its angle, and how far its border is."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers
+from resample.types import Floats
+from resample_warp3d.types import Warped
+
+BLENDS = ("feathered", "confident", "best")
+SHARP = 2.0  # power of the confidence that views are weighed with
+LEAST = 1e-12  # weight of a view that has no confidence
+WHOLE = 0.95  # coverage from which a pixel is no border
+FEATHER = 2.0  # px from a view's border to where it counts in full
+AT_BORDER = 1e-3  # what a view counts beside its border
+OBLIQUE = math.radians(4.0)  # angle at which a view counts half
+
+Mask = NDArray[np.bool_]
+
+
+def check_blend(blend: str) -> None:
+    """Refuse a blend that there is not."""
+    if blend not in BLENDS:
+        raise ValueError(f"unknown blend {blend!r}; known: {', '.join(BLENDS)}")
+
+
+def weights(
+    views: Sequence[Warped], shown: NDArray[np.bool_], shares: Sequence[Floats], blend: str
+) -> list[Floats]:
+    """Weight (H, W) of each view; 0 where it does not show the surface.
+
+    Parameters
+    ----------
+    views
+        Of one target.
+    shown
+        (V, H, W) where each shows the surface that is asked for.
+    shares
+        (H, W) factors of each view, such as `angle_share` gives; or none.
+    blend
+        One of `BLENDS`.
+    """
+    found = []
+    for n, (view, where) in enumerate(zip(views, shown, strict=True)):
+        weight = view.confidence**SHARP
+        if shares:
+            weight = weight * shares[n]
+        if blend == "feathered":
+            weight = weight * feather(where & (view.coverage >= WHOLE))
+        found.append(np.where(where, weight + LEAST, 0).astype(np.float32))
+    if blend != "best":
+        return found
+    stack = np.stack(found)
+    first = stack.argmax(axis=0)
+    return [np.where((first == n) & where, np.float32(1), 0) for n, where in enumerate(stack > 0)]
+
+
+def feather(shown: Mask) -> Floats:
+    """From 0 at the border of what is shown to 1 inside; the picture's own frame is no border."""
+    import cv2
+
+    if shown.all():
+        return np.ones(shown.shape, np.float32)
+    mask = shown.astype(np.uint8)
+    away = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    share = np.clip(away / np.float32(FEATHER), 0, 1)
+    smooth = share * share * (3 - 2 * share)
+    return np.asarray(np.maximum(smooth, np.float32(AT_BORDER)), np.float32)
+
+
+def angle_share(view: Warped, source: Camera, target: Camera) -> Floats:
+    """What a view counts by the angle between its ray and the target's at each surface, 0..1.
+
+    An error of a source's depth moves its colors in proportion to that angle.
+    """
+    relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
+    eye = relative[:3, 3]
+    height, width = view.coverage.shape
+    turned = np.asarray(np.linalg.inv(target.matrix), np.float64)
+    ray = pixel_centers((height, width)) @ turned[:, :2].T + turned[:, 2]
+    point = ray * np.where(np.isfinite(view.depth), view.depth, 1.0)[..., None]
+    back = point - eye
+    aside = np.linalg.norm(np.cross(point, back), axis=2)
+    angle = np.arctan2(aside, np.einsum("hwk,hwk->hw", point, back))
+    return np.asarray(1.0 / (1.0 + np.square(angle / OBLIQUE)), np.float32)

@@ -1,0 +1,167 @@
+"""Several sources as one picture: matched, voted on and blended."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.profiles.filters import PixelFilter
+from resample.types import Doubles
+from resample_warp3d.depth.equation import between
+from resample_warp3d.merging import merge
+from resample_warp3d.types import Method, Source, Warped
+from resample_warp3d.views.aligning import check_depths, match_depths, scaled
+from resample_warp3d.views.blending import angle_share, check_blend
+from resample_warp3d.views.matching import Match, balanced, check_colors, match_colors
+from resample_warp3d.views.voting import check_votes, outvoted
+
+
+@dataclass(frozen=True)
+class Joining:
+    """How several views become one picture.
+
+    Parameters
+    ----------
+    blend
+        Of the views that show a pixel's surface: `feathered`, `confident` or `best`; see
+        `resample_warp3d.merging.merge`. Feathered ones count by their angle to the target, too.
+    colors
+        Matched by `gain`, `gain-bias` or `none`.
+    depths
+        Matched by `scale` or `none`.
+    votes
+        `majority` leaves out what as many sources look through as see; `none` believes all.
+
+    Raises
+    ------
+    ValueError
+        A name is unknown.
+    """
+
+    blend: str = "feathered"
+    colors: str = "gain"
+    depths: str = "scale"
+    votes: str = "majority"
+
+    def __post_init__(self) -> None:
+        check_blend(self.blend)
+        check_colors(self.colors)
+        check_depths(self.depths)
+        check_votes(self.votes)
+
+
+PLAIN = Joining("confident", "none", "none", "none")  # each view as it is
+
+
+class Standing(NamedTuple):
+    """A prepared source, and the camera that took it."""
+
+    source: Source
+    camera: Camera
+
+
+class Agreed(NamedTuple):
+    """Sources whose depths agree, in an order of their own."""
+
+    standing: list[Standing]
+    order: list[int]  # of the sources as they were given
+    scale: Doubles  # (V,) of their nearness, as they were given
+
+
+class Joined(NamedTuple):
+    """One picture of several views, and what was done to their colors."""
+
+    warped: Warped
+    match: Match  # of the sources as they were given
+
+
+def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
+    """Sources made ready to be seen together; one result serves every target."""
+    order = sorted(range(len(given)), key=lambda n: _digest(given[n]))
+    standing = [given[n] for n in order]
+    equations = [[between(one.camera, other.camera) for other in standing] for one in standing]
+    found = match_depths([each.source for each in standing], equations, joining.depths)
+    scale = np.ones(len(given))
+    scale[order] = found
+    ready = [
+        each._replace(source=scaled(each.source, float(factor)))
+        for each, factor in zip(standing, found, strict=True)
+    ]
+    return Agreed(ready, order, scale)
+
+
+def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
+    """Layers behind the sources that have one, as they were given, to be seen with their match."""
+    standing, order = [], []
+    for each, n in zip(sources.standing, sources.order, strict=True):
+        layer = layers[n]
+        if layer is not None:
+            standing.append(each._replace(source=scaled(layer, float(sources.scale[n]))))
+            order.append(n)
+    return Agreed(standing, order, sources.scale)
+
+
+def render_together(  # noqa: PLR0913 - what a user may say about a warp
+    sources: Agreed,
+    target: Camera,
+    shape: tuple[int, int],
+    method: str | Method = "hybrid",
+    joining: Joining | None = None,
+    *,
+    filter: str | PixelFilter | None = None,  # noqa: A002
+    threads: int | None = None,
+    match: Match | None = None,
+) -> Joined:
+    """Several sources as a camera sees them together.
+
+    Parameters
+    ----------
+    sources
+        Of `agreed`.
+    target, shape
+        Camera, and height and width in px.
+    method, filter, threads
+        As of `resample_warp3d.warp`.
+    joining
+        Choices; None are the defaults.
+    match
+        Of another frame, for films, whose brightness must not change; None looks for one.
+
+    Returns
+    -------
+    The picture, which neither the sources' order nor the threads change by a bit.
+    """
+    from resample_warp3d.warping import render
+
+    chosen = Joining() if joining is None else joining
+    equations = [between(each.camera, target) for each in sources.standing]
+    views = [
+        render(each.source, equation, shape, method, threads, filter=filter)
+        for each, equation in zip(sources.standing, equations, strict=True)
+    ]
+    if match is None:
+        found = match_colors(views, chosen.colors)
+        match = Match(np.empty_like(found.gain), np.empty_like(found.bias))
+        match.gain[sources.order], match.bias[sources.order] = found
+    ordered = Match(match.gain[sources.order], match.bias[sources.order])
+    views = balanced(views, ordered)
+    if chosen.votes == "majority" and len(views) > 1:
+        views = outvoted(views, [each.source for each in sources.standing], equations)
+    if len(views) == 1:
+        return Joined(views[0], match)
+    shares = (
+        [angle_share(v, s.camera, target) for v, s in zip(views, sources.standing, strict=True)]
+        if chosen.blend == "feathered"
+        else []
+    )
+    return Joined(merge(views, chosen.blend, shares), match)
+
+
+def _digest(given: Standing) -> bytes:
+    """What sources are put in order by: their bits."""
+    source, camera = given
+    parts = (source.color, source.nearness, camera.matrix, camera.world_to_camera)
+    return hashlib.blake2b(b"".join(np.ascontiguousarray(part).data for part in parts)).digest()

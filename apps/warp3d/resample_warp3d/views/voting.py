@@ -1,0 +1,81 @@
+"""Outliers voted out: what a view shows before everything else, and other sources look through."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.pixels import pixel_centers
+from resample.types import Doubles
+from resample_warp3d.depth.equation import inverse, warp_places
+from resample_warp3d.types import Equation, Source, Warped
+
+VOTES = ("majority", "none")
+SAME = 0.02  # of the nearness: what differs by less is one surface
+REACH = 1  # samples around a place that are looked at
+
+
+def check_votes(votes: str) -> None:
+    """Refuse a way to vote that there is not."""
+    if votes not in VOTES:
+        raise ValueError(f"unknown votes {votes!r}; known: {', '.join(VOTES)}")
+
+
+def outvoted(
+    views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Equation]
+) -> list[Warped]:
+    """Views without what as many sources look through as see.
+
+    A pixel's point is taken back to every other source. One that has the point's depth there, up to
+    2 %, speaks for it, as does the view itself; one that only has farther samples around it looks
+    through it; one that has something nearer cannot tell. Only points before what another view
+    shows at the pixel are asked about, so that no hole comes of it.
+    """
+    shown = [
+        np.where(view.coverage > 0, 1.0 / view.depth, 0.0).astype(np.float64) for view in views
+    ]
+    kept = []
+    for n, (view, nearness) in enumerate(zip(views, shown, strict=True)):
+        others = [each for m, each in enumerate(shown) if m != n]
+        farthest = np.min([np.where(each > 0, each, np.inf) for each in others], axis=0)
+        asked = np.flatnonzero((nearness > farthest * (1.0 + SAME)) & (nearness > 0))
+        balance = np.ones(asked.size, np.int64)
+        point = pixel_centers(view.coverage.shape).reshape(-1, 2)[asked]
+        for m, source in enumerate(sources):
+            if m == n or source.place.size:
+                continue
+            back = warp_places(inverse(equations[m]), point, nearness.flat[asked])
+            balance += vote(source, *back)
+        out = np.zeros(view.coverage.shape, np.bool_)
+        out.flat[asked[balance <= 0]] = True
+        kept.append(_without(view, out) if out.any() else view)
+    return kept
+
+
+def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]:
+    """1 where a source sees points, −1 where it looks through them, 0 where it cannot tell."""
+    height, width = source.nearness.shape
+    at = np.floor(np.where(np.isfinite(place), place, -9.0)).astype(np.int64)
+    column, row = at[:, 0], at[:, 1]
+    inside = (column >= REACH) & (row >= REACH)
+    inside &= (column < width - REACH) & (row < height - REACH)
+    column, row = np.where(inside, column, REACH), np.where(inside, row, REACH)
+    steps = range(-REACH, REACH + 1)
+    around = np.stack([source.nearness[row + y, column + x] for y in steps for x in steps])
+    low, high = around.min(axis=0), around.max(axis=0)
+    told = inside & (low > 0) & np.isfinite(nearness)
+    through = told & (nearness > high * (1.0 + SAME))
+    seen = told & ~through & (nearness >= low * (1.0 - SAME))
+    return np.asarray(seen.astype(np.int64) - through.astype(np.int64))
+
+
+def _without(view: Warped, out: NDArray[np.bool_]) -> Warped:
+    """View that shows nothing at some pixels."""
+    empty = np.float32(0)
+    return view._replace(
+        image=np.where(out[..., None], empty, view.image),
+        coverage=np.where(out, empty, view.coverage),
+        depth=np.where(out, np.float32(np.inf), view.depth),
+        magnification=np.where(out, empty, view.magnification),
+        confidence=np.where(out, empty, view.confidence),
+    )

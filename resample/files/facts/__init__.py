@@ -1,0 +1,1 @@
+"""What picture files tell besides their pixels."""

@@ -1,0 +1,75 @@
+"""Pictures larger than memory, written as their rows come."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from resample.files.facts.metadata import About, Stored
+from resample.files.pictures import Look, Picture, complaint_of, finish, opened, page_of
+from resample.files.writing import replacing
+
+Put = Callable[[Picture], None]
+
+
+@contextmanager
+def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
+    """Write a picture of so many rows; the file appears when the block ends well.
+
+    Parameters
+    ----------
+    path, look
+        As `write_picture` takes them.
+    height
+        Rows of the whole picture.
+
+    Yields
+    ------
+    What takes the picture's rows from the top, as many at a time as one likes, but all with the
+    same channels.
+
+    Raises
+    ------
+    ValueError
+        The format cannot hold them, or they are not so many.
+    OSError
+        The file cannot be written.
+    """
+    with replacing(path) as temporary:
+        rows = _Rows(path, temporary, height, look)
+        yield rows.put
+        rows.close()
+
+
+class _Rows:
+    """A file that is being written."""
+
+    def __init__(self, path: Path, temporary: Path, height: int, look: Look) -> None:
+        self.path, self.temporary, self.height, self.look = path, temporary, height, look
+        self.target: Any = None
+        self.done = 0
+        self.stored = Stored(About(), (), "")
+
+    def put(self, picture: Picture) -> None:
+        """Write the next rows."""
+        page = page_of(self.path, picture, self.look)
+        shape = self.height, *page.data.shape[1:]
+        if self.target is None:
+            self.stored = Stored(page.about, shape, page.data.dtype.name)
+            self.target = opened(self.path, self.temporary, page, self.height)
+        first, last = self.done, self.done + page.data.shape[0]
+        if self.stored.shape != shape or last > self.height:
+            raise ValueError(f"rows {first} to {last} of {page.data.shape} in {self.stored.shape}")
+        self._check(is_done=self.target.write_scanlines(first, last, 0, page.pixels))
+        self.done = last
+
+    def close(self) -> None:
+        """Write what is left to be written."""
+        if self.done != self.height:
+            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows came")
+        self._check(is_done=self.target.close())
+        finish(self.path, self.temporary, [self.stored])
+
+    def _check(self, *, is_done: bool) -> None:
+        if not is_done or self.target.has_error:
+            raise OSError(f"{self.path} cannot be written: {complaint_of(self.target)}")
