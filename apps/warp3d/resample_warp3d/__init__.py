@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from resample_warp3d.clouds.spacing import prepare_cloud
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
+    from resample_warp3d.depth.refining.conditioning import refine
+    from resample_warp3d.depth.refining.registering import registered
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.sheet.behind import background, behind
@@ -45,6 +47,8 @@ _HOMES = {
     "prepare": "depth.preparation",
     "prepare_cloud": "clouds.spacing",
     "read_cloud": "clouds.files",
+    "refine": "depth.refining.conditioning",
+    "registered": "depth.refining.registering",
     "render": "warping",
     "render_cloud": "clouds.rendering",
     "render_together": "views.together",
@@ -74,6 +78,8 @@ __all__ = [
     "prepare",
     "prepare_cloud",
     "read_cloud",
+    "refine",
+    "registered",
     "render",
     "render_cloud",
     "render_together",
