@@ -282,11 +282,16 @@ class SourceCamera(Choices):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample.cameras.files import read_shot
+        from resample.cameras.files import read_pose, read_shot
         from resample.cameras.lens_files import read_lens
+        from resample.cameras.trajectories import Shot
 
         name = self.source_pose if pose is None else pose
-        shot = None if name is None else read_shot(name)
+        whole_lens = None if self._coefficients else self.lens
+        is_known = any(way is not None for way in (self.intrinsics, self.fov, whole_lens))
+        shot = None
+        if name is not None:  # of a camera that is said here, the file's may be of any kind
+            shot = Shot("", read_pose(name)) if is_known else read_shot(name)
         if self._coefficients:
             return self._without_lens(shape, name, shot).with_lens(self._coefficients)
         if self.lens is not None:
@@ -315,7 +320,7 @@ class Aim(Choices):
         str | None,
         Field(
             description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
-            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt) or .toml."
+            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt, images.bin) or .toml."
         ),
     ] = None
     move: Annotated[

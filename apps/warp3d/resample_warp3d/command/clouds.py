@@ -252,8 +252,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         The path is unknown, the file's content is none, there are too few or too many frames, or
         the start is no camera around the cloud.
     """
-    from resample.cameras.keyframes import keyframes_of
+    from resample.cameras.keyframes import keyframes_of, left_out_of
     from resample.cameras.viewpoints import Orbit
+    from resample.command.console import say
     from resample.files.animations import MOST_FRAMES, check_count
     from resample_warp3d.clouds.framing import FIELD
 
@@ -263,6 +264,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
                 f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of keyframes or poses"
             )
         keyframes = keyframes_of(Path(path), FIELD)
+        complaint = left_out_of(Path(path))
+        if complaint is not None:
+            say(complaint)
         if frames is None:
             frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
         check_count(frames)

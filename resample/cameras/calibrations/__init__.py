@@ -1,0 +1,1 @@
+"""Calibrated cameras as programs that reconstruct scenes write them."""
