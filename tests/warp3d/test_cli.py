@@ -1,5 +1,6 @@
 import json
 import signal
+import struct
 import subprocess
 import sys
 from functools import partial
@@ -818,3 +819,48 @@ def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
 def test_a_depth_pose_needs_its_intrinsics(capsys):
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--depth-pose", pose("at.txt")))
     assert "--depth-pose belongs to --depth-intrinsics" in error
+
+
+# Models of COLMAP
+
+
+def colmap() -> None:
+    """A dense workspace: two pictures 0.2 apart, the second's camera of an unknown model, depth."""
+    one = struct.pack("<IiQQ4d", 1, 1, 32, 24, 20, 20, 16, 12)  # PINHOLE
+    two = struct.pack("<IiQQ5d", 2, 7, 32, 24, 20, 20, 16, 12, 0.5)  # FOV
+    Path("cameras.bin").write_bytes(struct.pack("<Q", 2) + one + two)
+    rows = [(1, 0.0, b"color.png"), (2, -0.2, b"right.png")]
+    pictures = [
+        struct.pack("<I7dI", n, 1, 0, 0, 0, x, 0, 0, n) + name + bytes(9) for n, x, name in rows
+    ]
+    Path("images.bin").write_bytes(struct.pack("<Q", 2) + b"".join(pictures))
+    depth = cv2.imread("depth.png", cv2.IMREAD_UNCHANGED).astype("<f4") / 1000
+    Path("color.png.geometric.bin").write_bytes(b"32&24&1&" + depth.tobytes())
+
+
+def test_a_model_of_colmap_brings_cameras_and_depth():
+    colmap()
+    words = ["--source-pose", "images.bin:color.png", "--pose", "images.bin:right.png", *FAST]
+    arguments = ["render", "color.png", "color.png.geometric.bin", *words, "-o", "model.exr"]
+    assert ended(*arguments) == 0
+    assert np.array_equal(read_image("model.exr"), moved(*RIGHT, *FAST))
+
+
+def test_a_camera_of_an_unknown_model_needs_intrinsics(capsys):
+    colmap()
+    words = [
+        *("render", "color.png", "color.png.geometric.bin", "--source-pose", "images.bin:right"),
+        *("--move", "0,0,0", *FAST, "-o", "out.png"),
+    ]
+    line = refused(capsys, *words)
+    assert "cameras.bin: camera 2: COLMAP's model 'FOV' is not known" in line
+    assert ended(*words, *EYE) == 0
+
+
+def test_a_film_along_a_file_says_which_poses_it_leaves_out(capsys):
+    lines = [f"{n} {0.1 * n} 0 0 0 0 0 1" for n in range(3)]
+    Path("way.txt").write_text("\n".join([*lines, "3 0 0 0 0 0 0 0"]))
+    words = ["--path", "way.txt", "-o", "film", *FAST]
+    assert ended("animate", "color.png", "depth.png", "--depth-scale", "1000", *EYE, *words) == 0
+    assert len(list(Path("film").glob("*.png"))) == 3
+    assert "1 of 4 cameras are left out: way.txt: line 4: the quaternion" in capsys.readouterr().err
