@@ -1,1 +1,1 @@
-"""Calibrated cameras as programs that reconstruct scenes write them."""
+"""Files of calibrated cameras as other programs write them."""

@@ -2,7 +2,7 @@
 
 from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -20,6 +20,7 @@ from resample.command.settings import (
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
+    from resample.cameras.lens_files import Calibration
     from resample.cameras.models import Camera
     from resample.cameras.trajectories import Shot
     from resample.types import Doubles
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
 Shape = tuple[int, int]  # height and width, px
+FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
 FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
 RELATIVE = ("relative", "relative-z")
 Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
@@ -213,7 +215,9 @@ class SourceCamera(Choices):
     """The camera that took the picture."""
 
     intrinsics: Annotated[
-        str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; fy may be negative.")
+        str | None,
+        Hyphen,
+        Field(description=f"fx,fy,cx,cy[,skew] in px; fy may be negative; or {FILES}."),
     ] = None
     fov: Annotated[
         float | None,
@@ -246,7 +250,7 @@ class SourceCamera(Choices):
         if len(given) > 1:
             raise ValueError(f"give one of {' and '.join(given)}, not both")
         if self.intrinsics is not None:
-            intrinsic_numbers("intrinsics", self.intrinsics)
+            check_intrinsics("intrinsics", self.intrinsics)
         elif not given and self.source_pose is None:
             raise ValueError(
                 "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
@@ -283,7 +287,7 @@ class SourceCamera(Choices):
             The numbers are no camera's, or a file cannot be read.
         """
         from resample.cameras.files import read_pose, read_shot
-        from resample.cameras.lens_files import read_lens
+        from resample.cameras.lens_files import read_calibration
         from resample.cameras.trajectories import Shot
 
         name = self.source_pose if pose is None else pose
@@ -295,7 +299,7 @@ class SourceCamera(Choices):
         if self._coefficients:
             return self._without_lens(shape, name, shot).with_lens(self._coefficients)
         if self.lens is not None:
-            camera = read_lens(self.lens)
+            camera = read_calibration(self.lens).sized(*shape)
             return camera if shot is None else camera.moved(shot.pose)
         return self._without_lens(shape, name, shot)
 
@@ -307,7 +311,8 @@ class SourceCamera(Choices):
         if self.fov is not None:
             return Camera.from_fov(self.fov, *shape, place)
         if self.intrinsics is not None:
-            return with_intrinsics("intrinsics", self.intrinsics, self.convention, place)
+            camera = with_intrinsics("intrinsics", self.intrinsics, self.convention).sized(*shape)
+            return camera if place is None else camera.moved(place)
         if shot is None or shot.camera is None or shot.shape is None:
             raise ValueError(f"{name} has no intrinsics; give --intrinsics fx,fy,cx,cy or --fov 60")
         return shot.camera.resized(shot.shape, shape)
@@ -336,7 +341,10 @@ class Aim(Choices):
     target_intrinsics: Annotated[
         str | None,
         Hyphen,
-        Field(description="fx,fy,cx,cy[,skew] of the new picture. The source's, fitted to size."),
+        Field(
+            description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
+            "source's, fitted to size."
+        ),
     ] = None
     size: Annotated[
         str | None,
@@ -353,7 +361,7 @@ class Aim(Choices):
         self.step()
         self.shape((1, 1))
         if self.target_intrinsics is not None:
-            intrinsic_numbers("target-intrinsics", self.target_intrinsics)
+            check_intrinsics("target-intrinsics", self.target_intrinsics)
 
     def shape(self, source: Shape) -> Shape:
         """Height and width of the new picture."""
@@ -382,9 +390,14 @@ class Aim(Choices):
         if self.target_intrinsics is None:
             matrix = source.resized(source_shape, self.shape(source_shape)).matrix
         else:
-            matrix = with_intrinsics(
-                "target-intrinsics", self.target_intrinsics, convention, None
-            ).matrix
+            given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
+            aimed = given.sized(*self.shape(source_shape))
+            if aimed.distortion is not None:
+                raise ValueError(
+                    f"{self.target_intrinsics} has a lens, and the new picture is made without;"
+                    " give its --target-intrinsics as fx,fy,cx,cy"
+                )
+            matrix = aimed.matrix
         return Camera(matrix, self.step() @ pose)
 
 
@@ -573,14 +586,25 @@ def intrinsic_numbers(name: str, text: str) -> list[float]:
     return [*numbers, 0.0][:5]
 
 
-def with_intrinsics(name: str, text: str, convention: str, pose: Any) -> "Camera":
-    """Camera of a text of intrinsics."""
+def check_intrinsics(name: str, text: str) -> None:
+    """Refuse what is neither numbers as `intrinsic_numbers` takes them nor a file of a camera."""
+    with_intrinsics(name, text, "corner")
+
+
+def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
+    """Camera of intrinsics, of numbers or of a file, which counts as its program does.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is neither, or the file cannot be read.
+    """
+    from resample.cameras.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera
 
+    if is_file(text):
+        return read_intrinsics(text)
     fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
-    return Camera.from_intrinsics(
-        *(fx, fy, cx, cy),
-        skew=skew,
-        world_to_camera=pose,
-        convention=convention,
+    return Calibration(
+        Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention),
     )
