@@ -5,13 +5,17 @@ the view along +z; where intrinsics come along, their pixel centers are at + 0.5
 """
 
 import errno
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from resample.cameras.calibrations import read_colmap, read_nerf
+from resample.cameras.calibrations.colmap import read_colmap
+from resample.cameras.calibrations.nerf import read_nerf
 from resample.cameras.models import Camera
 from resample.cameras.tables import read_toml, read_viewpoint
 from resample.cameras.trajectories import (
+    Entry,
+    Refused,
     Shot,
     lines_of,
     read_icl,
@@ -22,7 +26,7 @@ from resample.cameras.trajectories import (
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.types import Doubles
 
-KINDS: Mapping[str, Callable[[Path], list[Shot]]] = {
+KINDS: Mapping[str, Callable[[Path], list[Entry]]] = {
     "matrix": read_matrices,
     "tum": read_tum,
     "icl": read_icl,
@@ -34,8 +38,8 @@ KINDS: Mapping[str, Callable[[Path], list[Shot]]] = {
 SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 
 
-def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
-    """All poses of a file.
+def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
+    """All pictures of a file, those that cannot be had in their places.
 
     Parameters
     ----------
@@ -56,20 +60,55 @@ def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     if kind is not None and kind not in KINDS:
         raise ValueError(f"unknown kind of poses {kind!r}; known: {', '.join(KINDS)}")
-    shots = KINDS[kind or _recognised(file)](file)
-    if not shots:
+    entries = KINDS[kind or _recognised(file)](file)
+    if not entries:
         raise ValueError(f"{path} holds no poses")
+    return entries
+
+
+def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
+    """Pictures of a file, without those that cannot be had, of which `left_out` tells.
+
+    Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
+    is refused with what is wrong with the first.
+    """
+    entries = read_entries(path, kind)
+    shots = [entry for entry in entries if isinstance(entry, Shot)]
+    if not shots:
+        raise ValueError(next(entry.complaint for entry in entries if isinstance(entry, Refused)))
     return shots
 
 
 def read_poses(path: str | Path, kind: str | None = None) -> list[Doubles]:
-    """Poses (4, 4) of a file, world to camera; as `read_shots` takes and refuses it."""
-    return [shot.pose for shot in read_shots(path, kind)]
+    """Poses (4, 4) of a file, world to camera; as `read_shots`, but cameras need not be known."""
+    entries = read_entries(path, kind)
+    poses = [entry.pose for entry in entries if entry.pose is not None]
+    if not poses:
+        raise ValueError(next(entry.complaint for entry in entries if isinstance(entry, Refused)))
+    return poses
+
+
+def left_out(path: str | Path, *, poses: bool = False) -> str | None:
+    """Words about what of a file cannot be had, or of its poses; None if there is nothing."""
+    entries = read_entries(path)
+    refused = [entry for entry in entries if isinstance(entry, Refused)]
+    if poses:
+        refused = [entry for entry in refused if entry.pose is None]
+    if not refused:
+        return None
+    count = f"{len(refused)} of {len(entries)} cameras are left out"
+    return f"{count}: {refused[0].complaint}"
 
 
 def read_pose(text: str, kind: str | None = None) -> Doubles:
-    """Pose (4, 4), world to camera, of `file` or `file:frame`; see `read_shot`."""
-    return read_shot(text, kind).pose
+    """Pose (4, 4), world to camera, of `file` or `file:frame`; errors are those of `read_shot`.
+
+    Of a camera of an unknown kind the pose can be had.
+    """
+    entry = _read_entry(text, kind)
+    if entry.pose is None:
+        raise ValueError(_complaint(entry))
+    return entry.pose
 
 
 def read_camera(text: str, kind: str | None = None) -> Camera:
@@ -102,17 +141,30 @@ def read_shot(text: str, kind: str | None = None) -> Shot:
     Raises
     ------
     OSError, ValueError
-        The file is none that can be read.
+        The file is none that can be read, or this picture of it cannot be had.
     LookupError
         It has no such frame, or several.
     """
+    entry = _read_entry(text, kind)
+    if isinstance(entry, Refused):
+        raise ValueError(_complaint(entry))
+    return entry
+
+
+def _read_entry(text: str, kind: str | None) -> Entry:
     path, frame = file_and_frame(text)
-    shots = read_shots(path, kind)
+    entries = read_entries(path, kind)
     if frame:
-        return shots[_index(path, shots, frame)]
-    if len(shots) > 1:
-        raise LookupError(f"{path} holds {len(shots)} poses; pick one as {path}:{_choice(shots)}")
-    return shots[0]
+        return entries[_index(path, entries, frame)]
+    if len(entries) > 1:
+        raise LookupError(
+            f"{path} holds {len(entries)} poses; pick one as {path}:{_choice(entries)}"
+        )
+    return entries[0]
+
+
+def _complaint(entry: Entry) -> str:
+    return entry.complaint if isinstance(entry, Refused) else ""
 
 
 def file_and_frame(text: str) -> tuple[str, str]:
@@ -163,7 +215,7 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
 
 def _recognised(path: Path) -> str:
     """Kind of a file, by its name or else by how many numbers its lines have."""
-    if path.is_dir() or path.name.lower() == "images.txt":
+    if path.is_dir() or path.name.lower() in ("images.txt", "images.bin"):
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
     if known is not None:
@@ -173,31 +225,34 @@ def _recognised(path: Path) -> str:
         return "matrix"
     if counts and counts == [3, 4, 4, 4, 4] * (len(counts) // 5):
         return "log"
-    of_all = {8: "tum", 7: "icl"}.get(counts[0]) if len(set(counts)) == 1 else None
-    if of_all is None:
+    usual, lines = Counter(counts).most_common(1)[0] if counts else (0, 0)
+    of_most = {8: "tum", 7: "icl"}.get(usual)
+    if of_most is None or 2 * lines <= len(counts):
         raise ValueError(
             f"{path} is not recognised as a file of poses; say which it is: {', '.join(KINDS)}"
         )
-    return of_all
+    return of_most
 
 
-def _index(path: str, shots: list[Shot], frame: str) -> int:
+def _index(path: str, entries: list[Entry], frame: str) -> int:
     """Which pose a number or a name means."""
     if frame.isdecimal() and str(int(frame)) == frame:
-        if int(frame) < len(shots):
+        if int(frame) < len(entries):
             return int(frame)
-        raise LookupError(f"{path} has no frame {frame}; it has the frames 0 to {len(shots) - 1}")
+        raise LookupError(f"{path} has no frame {frame}; it has the frames 0 to {len(entries) - 1}")
     for shorten in (str, lambda name: Path(name).name, lambda name: Path(name).stem):
-        found = [n for n, shot in enumerate(shots) if shot.name and shorten(shot.name) == frame]
+        found = [
+            n for n, entry in enumerate(entries) if entry.name and shorten(entry.name) == frame
+        ]
         if len(found) == 1:
             return found[0]
         if found:
-            names = ", ".join(shots[n].name for n in found[:4])
+            names = ", ".join(entries[n].name for n in found[:4])
             raise LookupError(f"{path} has several frames {frame!r}: {names}; give the full name")
-    raise LookupError(f"{path} has no frame {frame!r}; pick one as {path}:{_choice(shots)}")
+    raise LookupError(f"{path} has no frame {frame!r}; pick one as {path}:{_choice(entries)}")
 
 
-def _choice(shots: list[Shot]) -> str:
+def _choice(entries: list[Entry]) -> str:
     """Words about what picks a frame."""
-    numbers = f"N, N from 0 to {len(shots) - 1}"
-    return f"{numbers}, or by name, such as {shots[0].name}" if shots[0].name else numbers
+    numbers = f"N, N from 0 to {len(entries) - 1}"
+    return f"{numbers}, or by name, such as {entries[0].name}" if entries[0].name else numbers

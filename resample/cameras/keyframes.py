@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.cameras.files import read_shots
+from resample.cameras.files import left_out, read_shots
 from resample.cameras.models import Camera
 from resample.cameras.tables import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
@@ -114,6 +114,8 @@ def read_keyframes(path: Path) -> Keyframes:
 def keyframes_of(path: Path, fov: float) -> Keyframes:
     """Keyframes of any file of cameras or poses; those without times are one second apart.
 
+    Pictures that cannot be had are left out, of which `left_out_of` tells.
+
     Parameters
     ----------
     path
@@ -139,6 +141,11 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
     with naming(str(path)):
         _check_alike(cameras)
     return Keyframes(np.arange(float(len(shots))), cameras)
+
+
+def left_out_of(path: Path) -> str | None:
+    """Words about what `keyframes_of` leaves out; None if there is nothing, as of TOML files."""
+    return None if path.suffix.lower() == ".toml" else left_out(path)
 
 
 def _camera(n: int, keyframe: _Timed) -> Viewpoint:

@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.cameras.calibrations.plain_yaml import plain_yaml
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
 from resample.types import Doubles
-from resample.words import naming, numbers_in
+from resample.words import naming, numbers_in, text_of
 
+SUFFIXES = (".yml", ".yaml", ".xml", ".json", ".toml")
 MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "matrix", "mtx", "K")
 COEFFICIENT_NAMES = (
     *("distortion_coefficients", "dist_coeffs", "distCoeffs", "coefficients", "dist"),
@@ -28,6 +30,13 @@ MODELS = {  # as OpenCV, ROS and COLMAP call them
     **dict.fromkeys(("pinhole", "plumb_bob", "rational_polynomial", "opencv"), LensModel.PINHOLE),
     **dict.fromkeys(("fisheye", "equidistant", "opencv_fisheye"), LensModel.FISHEYE),
 }
+SIZE_NAMES = (("image_height", "image_width"), ("height", "width"))
+ROS_NAMES = {  # of the message camera_info, of ROS 1 and 2: what its lists of numbers are
+    **dict.fromkeys("Kk", ("camera_matrix", (3, 3))),
+    **dict.fromkeys("Dd", ("distortion_coefficients", (-1,))),
+    **dict.fromkeys("Rr", ("rectification_matrix", (3, 3))),
+    **dict.fromkeys("Pp", ("projection_matrix", (3, 4))),
+}
 
 
 class Calibration(NamedTuple):
@@ -36,6 +45,30 @@ class Calibration(NamedTuple):
     camera: Camera  # its pose is the identity
     pinhole: Camera | None = None  # of which the matrix matters; None: the camera's own
     rotation: Doubles | None = None  # (3, 3) from the camera's axes to the pinhole's
+    shape: tuple[int, int] | None = None  # height and width that it is for, px; None: unknown
+
+    def sized(self, height: int, width: int) -> Camera:
+        """Camera of the same view for a picture of that size in px.
+
+        Raises
+        ------
+        ValueError
+            It is for pictures of other proportions, so that one cannot be the other resized.
+        """
+        if self.shape in (None, (height, width)):
+            return self.camera
+        old_height, old_width = self.shape or (height, width)
+        if abs(old_height * width - old_width * height) > max(old_height, old_width):
+            raise ValueError(
+                f"intrinsics for {old_width} x {old_height} pixels do not fit a picture of"
+                f" {width} x {height}, which has other proportions; give its own as fx,fy,cx,cy"
+            )
+        return self.camera.resized((old_height, old_width), (height, width))
+
+
+def is_file(text: str) -> bool:
+    """Whether a text is the name of a file of intrinsics, not numbers."""
+    return Path(text).suffix.lower() in SUFFIXES
 
 
 def read_lens(text: str) -> Camera:
@@ -46,6 +79,11 @@ def read_lens(text: str) -> Camera:
     return read_calibration(text).camera
 
 
+def read_intrinsics(path: str) -> Calibration:
+    """Camera of a file, as `read_calibration` takes it, but it need not have a lens."""
+    return _of_file(Path(path), None, needs_lens=False)
+
+
 def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
     """Camera with a lens, of a file or of numbers, and what its pictures are rectified to.
 
@@ -53,9 +91,11 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
     ----------
     text
         fx, fy, cx, cy, k1, k2, p1, p2[, k3...], of a fisheye fx, fy, cx, cy, k1, k2, k3, k4; or the
-        path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json or .toml file,
-        with a camera_matrix and distortion_coefficients, and maybe a lens_model (pinhole or
-        fisheye), a rectification_matrix (3, 3), and a new_camera_matrix (3, 3) or (3, 4).
+        path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
+        plain .yaml file, with a camera_matrix and distortion_coefficients, and maybe a lens_model
+        (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix (3, 3) or
+        (3, 4); of a camera_info .yaml of ROS, as its calibrator writes it or as a printed message;
+        or of Open3D's .json of a pinhole.
     model
         What the coefficients mean; by default what the file says, or a pinhole's.
 
@@ -66,11 +106,8 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
     OSError
         The file cannot be read.
     """
-    path = Path(text)
-    if path.suffix.lower() in (".yml", ".yaml", ".xml", ".json", ".toml"):
-        facts = _lens_facts(path)
-        with naming(str(path)):
-            return _calibration(facts, model)
+    if is_file(text):
+        return _of_file(Path(text), model, needs_lens=True)
     numbers = numbers_in("lens", text)
     if len(numbers) < 8:
         wanted = "k1,k2,k3,k4" if model == LensModel.FISHEYE else "k1,k2,p1,p2 or more"
@@ -93,62 +130,126 @@ def pinhole_of(matrix: ArrayLike) -> Camera:
     return Camera.from_opencv(given[:, :3] if given.shape == (3, 4) else given)
 
 
-def _calibration(facts: Mapping[str, Any], model: LensModel | None) -> Calibration:
+def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibration:
     """What a file says, with a model that it does not contradict."""
+    if not path.is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    facts = _facts(path)
+    with naming(str(path)):
+        if "intrinsic" in facts or "intrinsic_matrix" in facts:
+            return _of_open3d(facts.get("intrinsic", facts))
+        return _calibration(_of_ros(facts), model, needs_lens=needs_lens)
+
+
+def _calibration(
+    facts: Mapping[str, Any], model: LensModel | None, *, needs_lens: bool
+) -> Calibration:
+    """Calibration of names and values."""
     said = _model(facts)
     if model is not None and said not in (None, model):
         raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
-    intrinsics, bends = (_named(facts, names) for names in (MATRIX_NAMES, COEFFICIENT_NAMES))
+    intrinsics = _named(facts, MATRIX_NAMES)
+    bends = (_named if needs_lens else _maybe)(facts, COEFFICIENT_NAMES)
+    if bends is not None and not bends.size:  # of ROS, where nothing is distorted
+        bends = None
     camera = Camera.from_opencv(intrinsics, bends, model=model or said or LensModel.PINHOLE)
     matrix, rotation = (_maybe(facts, names) for names in (PINHOLE_NAMES, ROTATION_NAMES))
     return Calibration(
         camera,
         None if matrix is None else pinhole_of(matrix),
         None if rotation is None else turned_by(rotation),
+        _shape(facts),
     )
+
+
+def _of_open3d(facts: Mapping[str, Any]) -> Calibration:
+    """Pinhole of Open3D, whose matrix is a list of columns and whose pixel centers are at + 0."""
+    given = np.asarray(facts["intrinsic_matrix"], np.float64)
+    if given.shape not in ((9,), (3, 3)):
+        raise ValueError(f"its intrinsic_matrix has {given.size} numbers, not 9")
+    matrix = given.reshape(3, 3).T if given.ndim == 1 else given
+    return Calibration(Camera.from_opencv(matrix), shape=_shape(facts))
+
+
+def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The same names and values, those of a message of ROS by their names in its files."""
+    if "distortion_model" not in facts:
+        return facts
+    renamed = dict(facts)
+    for name, (full, shape) in ROS_NAMES.items():
+        if facts.get(name) is not None and full not in facts:
+            renamed[full] = np.asarray(facts[name], np.float64).reshape(shape)
+    return renamed
+
+
+def _shape(facts: Mapping[str, Any]) -> tuple[int, int] | None:
+    """Height and width that a file names."""
+    for names in SIZE_NAMES:
+        if all(facts.get(name) is not None for name in names):
+            height, width = (int(facts[name]) for name in names)
+            if min(height, width) < 0:
+                raise ValueError(f"it is for pictures of {width} x {height} pixels")
+            return (height, width) if height and width else None
+    return None
 
 
 def _model(facts: Mapping[str, Any]) -> LensModel | None:
     """Model that a file names."""
     said = next((facts[name] for name in MODEL_NAMES if name in facts), None)
-    if said is None:
-        return None
+    if said is None:  # OpenCV's program for calibration writes a number
+        return LensModel.FISHEYE if facts.get("fisheye_model") in (1, 1.0, "1") else None
     if str(said).lower() not in MODELS:
         raise ValueError(f"unknown lens model {said!r}; known: {', '.join(MODELS)}")
     return MODELS[str(said).lower()]
 
 
-def _lens_facts(path: Path) -> Mapping[str, Any]:
-    if not path.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    try:
-        if path.suffix.lower() == ".toml":
-            return tomllib.loads(path.read_text(encoding="utf-8"))
-        if path.suffix.lower() == ".json":
-            loaded = json.loads(path.read_text(encoding="utf-8"))
-            if not isinstance(loaded, dict):
-                raise ValueError("it holds no names")
-            return loaded
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return _opencv_facts(path)
+def _facts(path: Path) -> Mapping[str, Any]:
+    """Names and values of a file."""
+    suffix = path.suffix.lower()
+    if suffix == ".xml":
+        return _opencv_facts(path)
+    text = text_of(path)
+    is_opencv = text.startswith("%YAML:") or "!!opencv-" in text
+    if suffix in (".yml", ".yaml") and is_opencv:
+        return _opencv_facts(path)
+    with naming(str(path)):
+        if suffix == ".toml":
+            return tomllib.loads(text)
+        if suffix != ".json":
+            return plain_yaml(text)
+        loaded = json.loads(text)
+        if not isinstance(loaded, dict):
+            raise ValueError("it holds no names")
+        return loaded
 
 
 def _opencv_facts(path: Path) -> Mapping[str, Any]:
-    """Matrices of a file that `cv2.FileStorage` wrote."""
+    """Values of a file that `cv2.FileStorage` wrote."""
     import cv2
 
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-        nodes = [(name, storage.getNode(name)) for name in storage.root().keys()]  # noqa: SIM118
-        facts = {name: node.mat() for name, node in nodes if node.isMap()}
-        facts |= {name: node.string() for name, node in nodes if node.isString()}
+        facts = {name: _of_node(storage.getNode(name)) for name in storage.root().keys()}  # noqa: SIM118
         storage.release()
     except (cv2.error, SystemError, UnicodeDecodeError):
         raise ValueError(
             f"{path} is no file of cv2.FileStorage; such a .yml begins with %YAML:1.0"
         ) from None
     return facts
+
+
+def _of_node(node: Any) -> Any:
+    """Matrix, text, number or list of numbers; None of what else there is."""
+    if node.isMap():
+        names = node.keys()
+        if "dt" in names:
+            return node.mat()
+        return {name: _of_node(node.getNode(name)) for name in names}
+    if node.isSeq():
+        return [_of_node(node.at(n)) for n in range(node.size())]
+    if node.isString():
+        return node.string()
+    return node.real() if node.isInt() or node.isReal() else None
 
 
 def _named(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles:
@@ -165,6 +266,6 @@ def _maybe(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles | None:
         if name in facts:
             value = facts[name]
             if isinstance(value, Mapping):  # as cv2.FileStorage writes a matrix to JSON, and ROS
-                value = np.reshape(value["data"], (value["rows"], value["cols"]))
+                value = np.reshape(value["data"], (int(value["rows"]), int(value["cols"])))
             return np.asarray(value, np.float64)
     return None

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from resample.cameras.models import Camera
-from resample.cameras.trajectories import Shot
+from resample.cameras.trajectories import Entry, Shot, entry_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.words import naming, text_of
 
@@ -101,12 +101,17 @@ def read_viewpoint(path: Path) -> Viewpoint:
         return viewpoint_of(tomllib.loads(text_of(path)))
 
 
-def read_toml(path: Path) -> list[Shot]:
+def read_toml(path: Path) -> list[Entry]:
     """Cameras that have a place of their own: one as `read_viewpoint` takes it, or `[[camera]]`."""
     with naming(str(path)):
         content = tomllib.loads(text_of(path))
-        tables = content["camera"] if isinstance(content.get("camera"), list) else [content]
-        return [_shot(dict(table)) for table in tables]
+    if not isinstance(content.get("camera"), list):
+        return [entry_of(str(path), "", _shot, content)]
+    tables = content["camera"]
+    return [
+        entry_of(f"{path}: camera.{n}", _name(table), _shot, table)
+        for n, table in enumerate(tables)
+    ]
 
 
 def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
@@ -115,7 +120,13 @@ def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
     return form.model_validate(content).camera()
 
 
-def _shot(content: dict[str, Any]) -> Shot:
+def _name(table: Any) -> str:
+    """Time of a table; empty if it has none."""
+    return str(table.get("time", "")) if isinstance(table, dict) else ""
+
+
+def _shot(table: dict[str, Any]) -> Shot:
+    content = dict(table)
     name = str(content.pop("time", ""))
     viewpoint = viewpoint_of(content)
     if isinstance(viewpoint, Spot):

@@ -5,9 +5,9 @@ the view along +z.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,17 @@ class Shot(NamedTuple):
     shape: tuple[int, int] | None = None  # height and width that the intrinsics are for, px
 
 
+class Refused(NamedTuple):
+    """One picture of a file of poses that cannot be had, or only its pose."""
+
+    name: str  # as of `Shot`
+    complaint: str  # one line
+    pose: Doubles | None = None  # (4, 4) world to camera, where that is all right
+
+
+Entry = Shot | Refused
+
+
 class Line(NamedTuple):
     """Words of a line of text."""
 
@@ -35,40 +46,50 @@ class Line(NamedTuple):
     words: list[str]
 
 
-def read_matrices(path: Path) -> list[Shot]:
+def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> Entry:
+    """What a function reads, or why it cannot."""
+    try:
+        with naming(place):
+            return read(*given)
+    except ValueError as error:
+        return Refused(name, str(error))
+
+
+def read_matrices(path: Path) -> list[Entry]:
     """World-to-camera matrices: NPY of (..., 3 or 4, 4), or text, one of 3 × 4 or many of 4 × 4."""
     is_npy = path.suffix.lower() == ".npy"
-    shots = []
-    for n, matrix in enumerate(_npy_matrices(path) if is_npy else _text_matrices(path)):
-        with naming(f"{path}: pose {n}"):
-            shots.append(Shot("", rigid(matrix)))
-    return shots
+    matrices = _npy_matrices(path) if is_npy else _text_matrices(path)
+    return [
+        entry_of(f"{path}: pose {n}", "", lambda given: Shot("", rigid(given)), matrix)
+        for n, matrix in enumerate(matrices)
+    ]
 
 
-def read_tum(path: Path) -> list[Shot]:
+def read_tum(path: Path) -> list[Entry]:
     """Camera-to-world: time, tx, ty, tz, qx, qy, qz, qw in each line (TUM RGB-D)."""
-    lines = lines_of(path)
-    poses = _quaternion_poses(path, lines, table_of(path, lines, 8)[:, 1:])
-    return [Shot(line.words[0], pose) for line, pose in zip(lines, poses, strict=True)]
+    return [
+        entry_of(f"{path}: line {line.number}", line.words[0], _of_quaternion, line, 1)
+        for line in lines_of(path)
+    ]
 
 
-def read_icl(path: Path) -> list[Shot]:
+def read_icl(path: Path) -> list[Entry]:
     """Camera-to-world: tx, ty, tz, qx, qy, qz, qw in each line (as ICL-NUIM's in slambook)."""
-    lines = lines_of(path)
-    return [Shot("", pose) for pose in _quaternion_poses(path, lines, table_of(path, lines, 7))]
+    return [
+        entry_of(f"{path}: line {line.number}", "", _of_quaternion, line, 0)
+        for line in lines_of(path)
+    ]
 
 
-def read_log(path: Path) -> list[Shot]:
+def read_log(path: Path) -> list[Entry]:
     """Camera-to-world: a line of three numbers and a 4 × 4 matrix for each (Open3D)."""
     lines = lines_of(path)
     if [len(line.words) for line in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
         raise ValueError(f"{path} is no trajectory: each pose has a line of 3 numbers and 4 of 4")
-    rows = [line for n, line in enumerate(lines) if n % 5]
-    shots = []
-    for n, matrix in enumerate(table_of(path, rows, 4).reshape(-1, 4, 4)):
-        with naming(f"{path}: pose {n}"):
-            shots.append(Shot("", camera_to_world(matrix)))
-    return shots
+    return [
+        entry_of(f"{path}: pose {n}", "", _of_rows, lines[5 * n + 1 : 5 * n + 5])
+        for n in range(len(lines) // 5)
+    ]
 
 
 def _npy_matrices(path: Path) -> Doubles:
@@ -115,10 +136,15 @@ def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
     return rows
 
 
-def _quaternion_poses(path: Path, lines: Sequence[Line], numbers: Doubles) -> list[Doubles]:
-    """Poses of camera-to-world tx, ty, tz, qx, qy, qz, qw."""
-    poses = []
-    for line, row in zip(lines, numbers, strict=True):
-        with naming(f"{path}: line {line.number}"):
-            poses.append(camera_to_world(np.column_stack([from_quaternion(row[3:]), row[:3]])))
-    return poses
+def _of_quaternion(line: Line, before: int) -> Shot:
+    """Pose of camera-to-world tx, ty, tz, qx, qy, qz, qw, with so many words before them."""
+    if len(line.words) != before + 7:
+        raise ValueError(f"{len(line.words)} numbers instead of {before + 7}")
+    x, y, z, *quaternion = [float(word) for word in line.words][before:]
+    pose = camera_to_world(np.column_stack([from_quaternion(quaternion), [x, y, z]]))
+    return Shot(line.words[0] if before else "", pose)
+
+
+def _of_rows(lines: Sequence[Line]) -> Shot:
+    """Pose of a camera-to-world matrix."""
+    return Shot("", camera_to_world([[float(word) for word in line.words] for line in lines]))

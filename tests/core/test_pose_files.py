@@ -3,7 +3,15 @@ import json
 import numpy as np
 import pytest
 
-from resample.cameras.files import KINDS, read_camera, read_pose, read_poses, read_shot, read_shots
+from resample.cameras.files import (
+    KINDS,
+    left_out,
+    read_camera,
+    read_pose,
+    read_poses,
+    read_shot,
+    read_shots,
+)
 from resample.cameras.poses import from_quaternion
 
 QUATERNIONS = np.array([[0.1, -0.2, 0.3, 0.9], [-0.4, 0.1, 0.0, 0.8], [0.0, 0.7, 0.0, -0.7]])
@@ -206,12 +214,23 @@ def test_a_camera_has_its_pose(tmp_path):
         ("SIMPLE_RADIAL 64 48 80 30 25 -0.1", 80, [-0.1, 0, 0, 0]),
         ("RADIAL 64 48 80 30 25 -0.1 0.02", 80, [-0.1, 0.02, 0, 0]),
         ("FULL_OPENCV 64 48 80 81 30 25 1 2 3 4 5 6 7 8", 81, [1, 2, 3, 4, 5, 6, 7, 8]),
+        ("SIMPLE_RADIAL_FISHEYE 64 48 80 30 25 -0.1", 80, [-0.1, 0, 0, 0]),
+        ("RADIAL_FISHEYE 64 48 80 30 25 -0.1 0.02", 80, [-0.1, 0.02, 0, 0]),
+        ("OPENCV_FISHEYE 64 48 80 81 30 25 1 2 3 4", 81, [1, 2, 3, 4]),
     ],
 )
 def test_every_model_of_colmap_that_opencv_has_is_read(tmp_path, model, focal, distortion):
     camera = read_camera(f"{write_colmap(tmp_path, '1 ' + model)}:0")
     np.testing.assert_array_equal(camera.matrix, [[80, 0, 30], [0, focal, 25], [0, 0, 1]])
     assert (None if camera.distortion is None else camera.distortion.tolist()) == distortion
+    assert camera.model == ("fisheye" if "FISHEYE" in model else "pinhole")
+
+
+@pytest.mark.parametrize("said", [{"camera_model": "OPENCV_FISHEYE"}, {"is_fisheye": True}])
+def test_a_fisheye_of_nerf_is_read(tmp_path, said):
+    facts = {**FACTS, **said, "k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}
+    camera = read_camera(f"{write_nerf(tmp_path, facts)}:0")
+    assert (camera.model, camera.distortion.tolist()) == ("fisheye", [0.1, 0.2, 0.3, 0.4])
 
 
 def test_an_angle_of_view_needs_the_frame_s_width(tmp_path):
@@ -266,7 +285,7 @@ BAD = {
     "rows.txt": ("1 2 3 4 5 6 7 8 9 10 11 12\n", "not recognised"),  # KITTI: its way is not said
     "five.txt": ("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 0 0 0\n", "not recognised"),
     "scaled.txt": ("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "pose 0: the pose's rotation"),
-    "quaternion.txt": ("0 0 0 0 0 0 1\n0 0 0 0 0 0 2\n", "line 2: the quaternion"),
+    "quaternion.txt": ("0 0 0 0 0 0 2\n", "line 1: the quaternion"),
     "cut.log": ("0 0 1\n1 0 0 0\n0 1 0 0\n", "no trajectory"),
     "empty.log": ("", "holds no poses"),
     "broken.json": ('{"frames": [', "broken.json: Expecting value"),
@@ -329,7 +348,7 @@ def test_a_missing_file_is_named():
 
 
 def test_a_folder_without_a_model_says_what_to_write(tmp_path):
-    with pytest.raises(ValueError, match=r"no images\.txt; write COLMAP's model as text"):
+    with pytest.raises(ValueError, match=r"no images\.bin and no images\.txt; give the folder"):
         read_shots(tmp_path)
 
 
@@ -337,13 +356,17 @@ def test_a_folder_without_a_model_says_what_to_write(tmp_path):
     ("camera", "complaint"),
     [
         (
-            "1 OPENCV_FISHEYE 64 48 80 80 30 25 0 0 0 0",
-            "'OPENCV_FISHEYE' is not known; known: SIMPLE",
+            "1 FOV 64 48 80 80 30 25 0.5",
+            r"cameras\.txt: line 2: COLMAP's model 'FOV' is not known; known: SIMPLE",
         ),
         ("1 PINHOLE 64 48 80 81 30", "PINHOLE has a width, a height and 4 numbers, not 5"),
         ("1", "model '' is not known"),
         ("2 PINHOLE 64 48 80 81 30 25", r"cameras\.txt has no camera 1"),
         ("1 PINHOLE 64 48 0 81 30 25", "singular"),
+        ("1 PINHOLE 0 48 80 81 30 25", "pictures of 0 x 48 pixels"),
+        ("1 PINHOLE nan 48 80 81 30 25", "pictures of nan x 48 pixels"),
+        ("1 PINHOLE inf 48 80 81 30 25", "cannot convert float infinity"),
+        ("one PINHOLE 64 48 80 81 30 25", r"cameras\.txt: line 2: invalid literal"),
     ],
 )
 def test_cameras_of_colmap_that_cannot_be_had_are_refused(tmp_path, camera, complaint):
@@ -354,8 +377,8 @@ def test_cameras_of_colmap_that_cannot_be_had_are_refused(tmp_path, camera, comp
 @pytest.mark.parametrize(
     ("facts", "complaint"),
     [
-        ({"camera_model": "OPENCV_FISHEYE"}, "undistort the pictures first"),
-        ({"is_fisheye": True}, "undistort the pictures first"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "undistort the pictures first"),
+        ({"camera_model": "OPENCV", "is_fisheye": True}, "undistort the pictures first"),
         ({"k4": 0.1}, "undistort the pictures first"),
         ({"camera_angle_x": 0, "w": 64, "h": 48}, "cannot see an angle of 0"),
         ({"camera_angle_x": "wide", "w": 64, "h": 48}, "frame 0: "),
@@ -364,3 +387,63 @@ def test_cameras_of_colmap_that_cannot_be_had_are_refused(tmp_path, camera, comp
 def test_cameras_of_nerf_that_cannot_be_had_are_refused(tmp_path, facts, complaint):
     with pytest.raises(ValueError, match=complaint):
         read_shots(write_nerf(tmp_path, facts))
+
+
+# What cannot be had does not spoil the rest.
+
+
+def test_a_camera_of_text_that_cannot_be_had_spares_the_others(tmp_path):
+    camera = "1 PINHOLE 64 48 80 81 30 25\n2 FOV 64 48 80 81 30 25 0.5\n3 PINHOLE 64 48 80 x 30 25"
+    path = write_colmap(tmp_path, camera) / "images.txt"
+    lines = path.read_text().splitlines()
+    lines[3], lines[5] = lines[3].replace(" 1 ima", " 2 ima"), lines[5].replace(" 1 oth", " 3 oth")
+    path.write_text("\n".join(lines))
+    assert [shot.name for shot in read_shots(tmp_path)] == [NAMES[0]]
+    with pytest.raises(ValueError, match="line 3: COLMAP's model 'FOV' is not known"):
+        read_camera(f"{tmp_path}:b")
+    with pytest.raises(ValueError, match="line 4: could not convert string to float: 'x'"):
+        read_camera(f"{tmp_path}:c")
+    np.testing.assert_allclose(read_poses(tmp_path), WORLD_TO_CAMERA, atol=1e-12)
+
+
+def test_a_frame_of_nerf_that_cannot_be_had_spares_the_others(tmp_path):
+    path = write_nerf(tmp_path, FACTS)
+    facts = json.loads(path.read_text())
+    facts["frames"][0]["camera_model"] = "EQUIRECTANGULAR"
+    facts["frames"][1]["transform_matrix"][0][0] = 5
+    path.write_text(json.dumps(facts))
+    assert read_shot(f"{path}:2").shape == (48, 64)
+    np.testing.assert_allclose(read_pose(f"{path}:a"), WORLD_TO_CAMERA[0], atol=1e-12)
+    for name, complaint in (("a", "frame 0: its lens"), ("b", "frame 1: ")):
+        with pytest.raises(ValueError, match=complaint):
+            read_shot(f"{path}:{name}")
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        ("1305031102.1 0 0 0 0 0 0 0", "line 3: the quaternion"),
+        ("1305031102.1 nan nan nan nan nan nan nan", "line 3: "),
+        ("1305031102.1 0 0", "line 3: 3 numbers instead of 8"),
+    ],
+)
+def test_a_lost_frame_of_tum_spares_the_others(tmp_path, damage, complaint):
+    path = write_tum(tmp_path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:2], damage, *lines[3:]]))
+    np.testing.assert_allclose(read_pose(f"{path}:2"), WORLD_TO_CAMERA[2], atol=1e-12)
+    assert len(read_poses(path)) == 2
+    assert left_out(path, poses=True).startswith("1 of 3 cameras are left out: ")
+    with pytest.raises(ValueError, match=complaint):
+        read_pose(f"{path}:1305031102.1")
+
+
+def test_one_table_of_many_that_cannot_be_had_spares_the_others(tmp_path):
+    path = tmp_path / "cameras.toml"
+    path.write_text(
+        "[[camera]]\ntime = 1\neye = [0, -3, 0]\ntarget = [0, 0, 0]\n"
+        "[[camera]]\ntime = 2\neye = [0, 0, 0]\ntarget = [0, 0, 0]\n"
+    )
+    assert len(read_poses(path)) == 1
+    with pytest.raises(ValueError, match=r"camera\.1: "):
+        read_pose(f"{path}:1")

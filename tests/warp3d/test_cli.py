@@ -1,5 +1,6 @@
 import json
 import signal
+import struct
 import subprocess
 import sys
 from functools import partial
@@ -818,3 +819,128 @@ def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
 def test_a_depth_pose_needs_its_intrinsics(capsys):
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--depth-pose", pose("at.txt")))
     assert "--depth-pose belongs to --depth-intrinsics" in error
+
+
+# Models of COLMAP
+
+
+def colmap() -> None:
+    """A dense workspace: two pictures 0.2 apart, the second's camera of an unknown model, depth."""
+    one = struct.pack("<IiQQ4d", 1, 1, 32, 24, 20, 20, 16, 12)  # PINHOLE
+    two = struct.pack("<IiQQ5d", 2, 7, 32, 24, 20, 20, 16, 12, 0.5)  # FOV
+    Path("cameras.bin").write_bytes(struct.pack("<Q", 2) + one + two)
+    rows = [(1, 0.0, b"color.png"), (2, -0.2, b"right.png")]
+    pictures = [
+        struct.pack("<I7dI", n, 1, 0, 0, 0, x, 0, 0, n) + name + bytes(9) for n, x, name in rows
+    ]
+    Path("images.bin").write_bytes(struct.pack("<Q", 2) + b"".join(pictures))
+    depth = cv2.imread("depth.png", cv2.IMREAD_UNCHANGED).astype("<f4") / 1000
+    Path("color.png.geometric.bin").write_bytes(b"32&24&1&" + depth.tobytes())
+
+
+def test_a_model_of_colmap_brings_cameras_and_depth():
+    colmap()
+    words = ["--source-pose", "images.bin:color.png", "--pose", "images.bin:right.png", *FAST]
+    arguments = ["render", "color.png", "color.png.geometric.bin", *words, "-o", "model.exr"]
+    assert ended(*arguments) == 0
+    assert np.array_equal(read_image("model.exr"), moved(*RIGHT, *FAST))
+
+
+def test_a_camera_of_an_unknown_model_needs_intrinsics(capsys):
+    colmap()
+    words = [
+        *("render", "color.png", "color.png.geometric.bin", "--source-pose", "images.bin:right"),
+        *("--move", "0,0,0", *FAST, "-o", "out.png"),
+    ]
+    line = refused(capsys, *words)
+    assert "cameras.bin: camera 2: COLMAP's model 'FOV' is not known" in line
+    assert ended(*words, *EYE) == 0
+
+
+def test_a_film_along_a_file_says_which_poses_it_leaves_out(capsys):
+    lines = [f"{n} {0.1 * n} 0 0 0 0 0 1" for n in range(3)]
+    Path("way.txt").write_text("\n".join([*lines, "3 0 0 0 0 0 0 0"]))
+    words = ["--path", "way.txt", "-o", "film", *FAST]
+    assert ended("animate", "color.png", "depth.png", "--depth-scale", "1000", *EYE, *words) == 0
+    assert len(list(Path("film").glob("*.png"))) == 3
+    assert "1 of 4 cameras are left out: way.txt: line 4: the quaternion" in capsys.readouterr().err
+
+
+# Intrinsics of files
+
+
+def files_of_intrinsics(width: int = 32, height: int = 24) -> None:
+    """`EYE` as Open3D, ROS and OpenCV write it, with the first pixel's center at 0."""
+    rows = [[20.0, 0, 15.5], [0, 20, 11.5], [0, 0, 1]]
+    columns = np.transpose(rows).ravel().tolist()
+    facts = {"width": width, "height": height, "intrinsic_matrix": columns}
+    Path("open3d.json").write_text(json.dumps(facts))
+    Path("ros.yaml").write_text(
+        f"height: {height}\nwidth: {width}\ndistortion_model: plumb_bob\n"
+        f"D: [0, 0, 0, 0, 0]\nK: {np.ravel(rows).tolist()}\n"
+    )
+    storage = cv2.FileStorage("opencv.yml", cv2.FILE_STORAGE_WRITE)
+    storage.write("camera_matrix", np.array(rows))
+    storage.release()
+
+
+@pytest.mark.parametrize("name", ["open3d.json", "ros.yaml", "opencv.yml"])
+def test_intrinsics_of_a_file_are_their_numbers(name):
+    files_of_intrinsics()
+    words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
+    expected = moved(*RIGHT, *FAST)
+    assert ended(*words, "--intrinsics", name, "-o", "file.exr") == 0
+    assert np.array_equal(read_image("file.exr"), expected)
+    assert ended(*words, *EYE, "--target-intrinsics", name, "-o", "target.exr") == 0
+    assert np.array_equal(read_image("target.exr"), expected)
+
+
+def test_intrinsics_of_a_file_are_fitted_to_the_picture(capsys):
+    files_of_intrinsics(64, 48)
+    words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
+    half = ["--intrinsics", "10,10,8,6"]
+    assert ended(*words, *half, "-o", "half.exr") == 0
+    for option in ("--intrinsics", "--lens"):
+        assert ended(*words, option, "open3d.json", "-o", "file.exr") == 0
+        assert np.array_equal(read_image("file.exr"), read_image("half.exr"))
+    files_of_intrinsics(64, 64)
+    capsys.readouterr()  # what was said of the others
+    line = refused(capsys, *words, "--intrinsics", "ros.yaml", "-o", "no.png")
+    assert "64 x 64 pixels do not fit a picture of 32 x 24" in line
+
+
+def test_a_lens_of_a_file_bends_as_its_numbers_do(capsys):
+    files_of_intrinsics()
+    bent = Path("ros.yaml").read_text().replace("D: [0, 0, 0, 0, 0]", "D: [0.2, 0, 0, 0, 0]")
+    Path("ros.yaml").write_text(bent)
+    words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
+    assert ended(*words, "--lens", "20,20,15.5,11.5,0.2,0,0,0", "-o", "numbers.exr") == 0
+    for option in ("--intrinsics", "--lens"):
+        assert ended(*words, option, "ros.yaml", "-o", "file.exr") == 0
+        assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))
+    capsys.readouterr()  # what was said of these
+    line = refused(capsys, *words, *EYE, "--target-intrinsics", "ros.yaml", "-o", "no.png")
+    assert "ros.yaml has a lens, and the new picture is made without" in line
+
+
+@pytest.mark.parametrize("option", ["--intrinsics", "--lens", "--target-intrinsics"])
+def test_files_that_hold_no_intrinsics_are_one_line(option, capsys):
+    Path("bad.yaml").write_text("K: [1, 2")
+    eye = EYE if option == "--target-intrinsics" else []
+    for name, complaint in (("bad.yaml", "its list has no end"), ("no.json", "there is no such")):
+        words = [*eye, *RIGHT, option, name, "-o", "no.png"]
+        line = refused(capsys, "render", "color.png", "depth.png", "--depth-scale", 1000, *words)
+        assert f"{name}: " in line
+        assert complaint in line
+
+
+def test_a_cloud_is_seen_with_intrinsics_of_a_file():
+    scan()
+    files_of_intrinsics()
+    words = ["cloud", "scan.ply", "--pose", pose("there.txt"), "--size"]
+    assert ended(*words, "32x24", *EYE, "-o", "numbers.exr") == 0
+    assert ended(*words, "32x24", "--intrinsics", "ros.yaml", "-o", "file.exr") == 0
+    assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))
+    assert ended(*words, "64x48", "--intrinsics", "40,40,32,24", "-o", "numbers.exr") == 0
+    assert ended(*words, "64x48", "--intrinsics", "open3d.json", "-o", "file.exr") == 0
+    assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))

@@ -1,3 +1,5 @@
+import struct
+
 import numpy as np
 import pytest
 
@@ -322,7 +324,7 @@ def test_a_truncated_file_is_an_error_of_one_line(tmp_path, suffix):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".exr", ".pfm", ".npy", ".npz", ".txt"])
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".pfm", ".npy", ".npz", ".bin", ".txt"])
 def test_a_file_of_something_else_is_an_error_of_one_line(tmp_path, suffix):
     path = tmp_path / f"depth{suffix}"
     path.write_text("no depth at all\n" * 20)
@@ -341,7 +343,7 @@ def test_a_folder_is_no_file(tmp_path):
         read_depth(tmp_path)
 
 
-@pytest.mark.parametrize("suffix", [".pfm", ".npy"])
+@pytest.mark.parametrize("suffix", [".pfm", ".npy", ".bin"])
 def test_nothing_can_be_picked_where_there_is_one_array(tmp_path, suffix):
     path = tmp_path / f"depth{suffix}"
     path.touch()
@@ -374,6 +376,57 @@ def test_pickled_objects_are_not_loaded(tmp_path):
     np.save(tmp_path / "depth.npy", np.array([{}], object), allow_pickle=True)
     with pytest.raises(OSError, match="no array of numbers"):
         read_depth(tmp_path / "depth.npy")
+
+
+# COLMAP's dense depth maps.
+
+
+def colmap_bytes(planes):
+    """`width&height&channels&` and the planes, of which rows follow each other (its Mat::Write)."""
+    height, width = planes[0].shape
+    content = b"%d&%d&%d&" % (width, height, len(planes))
+    for plane in planes:
+        for row in range(height):
+            content += b"".join(struct.pack("<f", plane[row, n]) for n in range(width))
+    return content
+
+
+@pytest.mark.parametrize("kind", ["geometric", "photometric"])
+def test_a_dense_map_of_colmap_is_read(tmp_path, kind):
+    path = tmp_path / f"view.jpg.{kind}.bin"
+    path.write_bytes(colmap_bytes([SINGLE]))
+    assert SINGLE.shape[0] != SINGLE.shape[1]
+    np.testing.assert_array_equal(read_depth(path), SINGLE)
+
+
+def test_nothing_of_a_dense_map_is_unknown(tmp_path):
+    path = tmp_path / "view.jpg.geometric.bin"
+    path.write_bytes(colmap_bytes([np.array([[0, 2], [-1, 4]], np.float32)]))
+    np.testing.assert_array_equal(PlanarDepth().nearness(read_depth(path)), [[0, 0.5], [0, 0.25]])
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (
+            colmap_bytes([SINGLE] * 3),
+            "3 channels; depth has one, as in stereo/depth_maps",
+        ),
+        (b"4&3", "no depth map of COLMAP's: it does not begin with"),
+        (b"4&three&1&" + bytes(48), "no depth map of COLMAP's"),
+        (b"4&-3&1&" + bytes(48), "no depth map of COLMAP's"),
+        (b"999999999&999999999&1&" + bytes(48), "is cut off or damaged"),
+        (b"4&3&1&" + bytes(44), "4 × 3 floats are 48 bytes, it has 44"),
+        (b"4&3&1&" + bytes(52), "4 × 3 floats are 48 bytes, it has 52"),
+        (b"0&3&1&", r"depth is numbers \(H, W\)"),
+    ],
+)
+def test_a_dense_map_that_is_none_is_an_error_of_one_line(tmp_path, content, complaint):
+    path = tmp_path / "view.jpg.geometric.bin"
+    path.write_bytes(content)
+    with pytest.raises((OSError, ValueError), match=complaint) as caught:
+        read_depth(path)
+    assert "\n" not in str(caught.value)
 
 
 # Real files.

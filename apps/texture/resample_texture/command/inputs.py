@@ -132,7 +132,7 @@ def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool
     """Target (height, width) where a lens is taken out, or put in."""
     from resample_texture.geometry.lenses import places_by_lens
 
-    camera, pinhole, rotation = calibration
+    camera, pinhole, rotation, _ = calibration
     places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
     return Target(places, shape)
 

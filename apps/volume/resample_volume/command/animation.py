@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.keyframes import Keyframes, keyframes_of
+from resample.cameras.keyframes import Keyframes, keyframes_of, left_out_of
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Viewpoint
+from resample.command.console import say
 from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
@@ -139,6 +140,9 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
 def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
     """Path through the keyframes of a file, all of whose frames can be seen."""
     keyframes = keyframes_of(path, fov)
+    complaint = left_out_of(path)
+    if complaint is not None:
+        say(complaint)
     if frames is None:
         frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
     try:

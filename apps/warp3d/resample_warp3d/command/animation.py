@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from resample.cameras.files import read_poses
+from resample.cameras.files import left_out, read_poses
 from resample.cameras.models import Camera
 from resample.colors import Background
+from resample.command.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
@@ -155,6 +156,9 @@ def poses_of(
         if amount is not None:
             raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
         poses = read_poses(path)
+        complaint = left_out(path, poses=True)
+        if complaint is not None:
+            say(complaint)
         return poses_between(poses, len(poses) if frames is None else frames)
     flight = NearbyPath(path, FRAMES if frames is None else frames, amount)
     return [flight.pose(n, start, distance) for n in range(flight.frames)]

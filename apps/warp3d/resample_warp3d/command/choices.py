@@ -2,7 +2,7 @@
 
 from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -20,6 +20,7 @@ from resample.command.settings import (
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
+    from resample.cameras.lens_files import Calibration
     from resample.cameras.models import Camera
     from resample.cameras.trajectories import Shot
     from resample.types import Doubles
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
 Shape = tuple[int, int]  # height and width, px
+FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
 FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
 RELATIVE = ("relative", "relative-z")
 Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
@@ -213,7 +215,9 @@ class SourceCamera(Choices):
     """The camera that took the picture."""
 
     intrinsics: Annotated[
-        str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; fy may be negative.")
+        str | None,
+        Hyphen,
+        Field(description=f"fx,fy,cx,cy[,skew] in px; fy may be negative; or {FILES}."),
     ] = None
     fov: Annotated[
         float | None,
@@ -246,7 +250,7 @@ class SourceCamera(Choices):
         if len(given) > 1:
             raise ValueError(f"give one of {' and '.join(given)}, not both")
         if self.intrinsics is not None:
-            intrinsic_numbers("intrinsics", self.intrinsics)
+            check_intrinsics("intrinsics", self.intrinsics)
         elif not given and self.source_pose is None:
             raise ValueError(
                 "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
@@ -282,15 +286,20 @@ class SourceCamera(Choices):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
-        from resample.cameras.files import read_shot
-        from resample.cameras.lens_files import read_lens
+        from resample.cameras.files import read_pose, read_shot
+        from resample.cameras.lens_files import read_calibration
+        from resample.cameras.trajectories import Shot
 
         name = self.source_pose if pose is None else pose
-        shot = None if name is None else read_shot(name)
+        whole_lens = None if self._coefficients else self.lens
+        is_known = any(way is not None for way in (self.intrinsics, self.fov, whole_lens))
+        shot = None
+        if name is not None:  # of a camera that is said here, the file's may be of any kind
+            shot = Shot("", read_pose(name)) if is_known else read_shot(name)
         if self._coefficients:
             return self._without_lens(shape, name, shot).with_lens(self._coefficients)
         if self.lens is not None:
-            camera = read_lens(self.lens)
+            camera = read_calibration(self.lens).sized(*shape)
             return camera if shot is None else camera.moved(shot.pose)
         return self._without_lens(shape, name, shot)
 
@@ -302,7 +311,8 @@ class SourceCamera(Choices):
         if self.fov is not None:
             return Camera.from_fov(self.fov, *shape, place)
         if self.intrinsics is not None:
-            return with_intrinsics("intrinsics", self.intrinsics, self.convention, place)
+            camera = with_intrinsics("intrinsics", self.intrinsics, self.convention).sized(*shape)
+            return camera if place is None else camera.moved(place)
         if shot is None or shot.camera is None or shot.shape is None:
             raise ValueError(f"{name} has no intrinsics; give --intrinsics fx,fy,cx,cy or --fov 60")
         return shot.camera.resized(shot.shape, shape)
@@ -315,7 +325,7 @@ class Aim(Choices):
         str | None,
         Field(
             description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
-            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt) or .toml."
+            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt, images.bin) or .toml."
         ),
     ] = None
     move: Annotated[
@@ -331,7 +341,10 @@ class Aim(Choices):
     target_intrinsics: Annotated[
         str | None,
         Hyphen,
-        Field(description="fx,fy,cx,cy[,skew] of the new picture. The source's, fitted to size."),
+        Field(
+            description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
+            "source's, fitted to size."
+        ),
     ] = None
     size: Annotated[
         str | None,
@@ -348,7 +361,7 @@ class Aim(Choices):
         self.step()
         self.shape((1, 1))
         if self.target_intrinsics is not None:
-            intrinsic_numbers("target-intrinsics", self.target_intrinsics)
+            check_intrinsics("target-intrinsics", self.target_intrinsics)
 
     def shape(self, source: Shape) -> Shape:
         """Height and width of the new picture."""
@@ -377,9 +390,14 @@ class Aim(Choices):
         if self.target_intrinsics is None:
             matrix = source.resized(source_shape, self.shape(source_shape)).matrix
         else:
-            matrix = with_intrinsics(
-                "target-intrinsics", self.target_intrinsics, convention, None
-            ).matrix
+            given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
+            aimed = given.sized(*self.shape(source_shape))
+            if aimed.distortion is not None:
+                raise ValueError(
+                    f"{self.target_intrinsics} has a lens, and the new picture is made without;"
+                    " give its --target-intrinsics as fx,fy,cx,cy"
+                )
+            matrix = aimed.matrix
         return Camera(matrix, self.step() @ pose)
 
 
@@ -568,14 +586,25 @@ def intrinsic_numbers(name: str, text: str) -> list[float]:
     return [*numbers, 0.0][:5]
 
 
-def with_intrinsics(name: str, text: str, convention: str, pose: Any) -> "Camera":
-    """Camera of a text of intrinsics."""
+def check_intrinsics(name: str, text: str) -> None:
+    """Refuse what is neither numbers as `intrinsic_numbers` takes them nor a file of a camera."""
+    with_intrinsics(name, text, "corner")
+
+
+def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
+    """Camera of intrinsics, of numbers or of a file, which counts as its program does.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is neither, or the file cannot be read.
+    """
+    from resample.cameras.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera
 
+    if is_file(text):
+        return read_intrinsics(text)
     fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
-    return Camera.from_intrinsics(
-        *(fx, fy, cx, cy),
-        skew=skew,
-        world_to_camera=pose,
-        convention=convention,
+    return Calibration(
+        Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention),
     )

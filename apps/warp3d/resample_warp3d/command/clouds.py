@@ -13,6 +13,7 @@ from resample.command.flags import Switch
 from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
+    from resample.cameras.lens_files import Calibration
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
@@ -118,14 +119,14 @@ class CloudScene(NamedTuple):
     look: CloudLook
     scale: "Scale | None"  # what its colors mean
 
-    def picture(self, camera: "Camera", shape: Shape) -> Any:
+    def picture(self, camera: "Camera | Calibration", shape: Shape) -> Any:
         """Frame that a camera sees."""
         from resample_warp3d.clouds.rendering import render_cloud
 
         look = self.look
         return render_cloud(
             self.surfels,
-            camera,
+            _sized(camera, shape),
             size=shape,
             style=look.style(),
             filter=look.filter,
@@ -196,7 +197,7 @@ def start_of(camera: str, up: str) -> "Viewpoint":
     return start
 
 
-def calibrated_of(pose: str | None, intrinsics: str | None) -> "Camera | None":
+def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
     """Camera of the words of a pose and of intrinsics, if they are given.
 
     Raises
@@ -211,7 +212,8 @@ def calibrated_of(pose: str | None, intrinsics: str | None) -> "Camera | None":
         return None
     if pose is None or intrinsics is None:
         raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
-    return with_intrinsics("intrinsics", intrinsics, "corner", read_pose(pose))
+    calibration = with_intrinsics("intrinsics", intrinsics, "corner")
+    return calibration._replace(camera=calibration.camera.moved(read_pose(pose)))
 
 
 def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
@@ -252,8 +254,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         The path is unknown, the file's content is none, there are too few or too many frames, or
         the start is no camera around the cloud.
     """
-    from resample.cameras.keyframes import keyframes_of
+    from resample.cameras.keyframes import keyframes_of, left_out_of
     from resample.cameras.viewpoints import Orbit
+    from resample.command.console import say
     from resample.files.animations import MOST_FRAMES, check_count
     from resample_warp3d.clouds.framing import FIELD
 
@@ -263,6 +266,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
                 f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of keyframes or poses"
             )
         keyframes = keyframes_of(Path(path), FIELD)
+        complaint = left_out_of(Path(path))
+        if complaint is not None:
+            say(complaint)
         if frames is None:
             frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
         check_count(frames)

@@ -12,6 +12,7 @@ from resample.memory import require_memory
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
+COLMAP_HEADER = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
 BYTES_PER_VALUE = 24  # of depth, and of the copies that are made while it is turned into nearness
 
 
@@ -21,8 +22,9 @@ def read_depth(path: str | Path) -> Raw:
     Parameters
     ----------
     path
-        PNG, TIFF, EXR and what else OpenImageIO reads; PFM; NPY; NPZ. `file:name` picks a channel,
-        or an array of an NPZ; without it a file has one, or a channel Z.
+        PNG, TIFF, EXR and what else OpenImageIO reads; PFM; NPY; NPZ; COLMAP's dense .bin.
+        `file:name` picks a channel, or an array of an NPZ; without it a file has one, or a channel
+        Z.
 
     Returns
     -------
@@ -38,10 +40,12 @@ def read_depth(path: str | Path) -> Raw:
     """
     file, name = _split(path)
     suffix = file.suffix.lower()
-    if name and suffix in (".pfm", ".npy"):
+    if name and suffix in (".pfm", ".npy", ".bin"):
         raise ValueError(f"{file} holds one array, of which no {name!r} can be picked")
     if suffix == ".pfm":
         raw = _read_pfm(file)
+    elif suffix == ".bin":
+        raw = _read_colmap(file)
     elif suffix in (".npy", ".npz"):
         raw = _read_numpy(file, name)
     else:
@@ -85,6 +89,34 @@ def _read_pfm(path: Path) -> Raw:
         )
     kind = "<f4" if scale < 0 else ">f4"
     return np.frombuffer(content, kind, width * height).reshape(height, width)[::-1]
+
+
+def _read_colmap(path: Path) -> Raw:
+    """Depth map of COLMAP's stereo: `width&height&channels&`, then rows of float32 from the top.
+
+    Its 0 is unknown; of its normals, which are three such planes, nothing is depth.
+    """
+    with path.open("rb") as file:
+        found = COLMAP_HEADER.match(file.read(64))
+        if found is None:
+            raise ValueError(
+                f"{path} is no depth map of COLMAP's: it does not begin with width&height&channels&"
+            )
+        width, height, channels = map(int, found.groups())
+        if channels != 1:
+            raise ValueError(
+                f"{path} holds {channels} channels; depth has one, as in stereo/depth_maps"
+            )
+        size, wanted = path.stat().st_size - found.end(), 4 * width * height
+        if size != wanted:
+            raise OSError(
+                f"{path} is cut off or damaged: {width} × {height} floats are {wanted} bytes, it"
+                f" has {size}"
+            )
+        what = f"{path} of {width} x {height} pixels"
+        require_memory(BYTES_PER_VALUE * width * height, what, "take a smaller one")
+        file.seek(found.end())
+        return np.frombuffer(file.read(wanted), "<f4").reshape(height, width)
 
 
 def _read_numpy(path: Path, name: str) -> Raw:

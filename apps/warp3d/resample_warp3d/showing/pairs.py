@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.files import read_shots
+from resample.cameras.files import left_out, read_poses
 from resample.cameras.models import Camera
 from resample.colors import to_srgb
 from resample.files.images import read_image
@@ -176,13 +176,16 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
         sorted(file for file in (folder / str(facts[kind]).partition("/")[0]).iterdir())
         for kind in ("color", "depth")
     )
-    poses = [shot.pose for shot in read_shots(folder / str(facts["pose"]).split()[0].rstrip(":"))]
+    file = folder / str(facts["pose"]).split()[0].rstrip(":")
+    complaint = left_out(file, poses=True)
+    if complaint is not None:
+        raise ValueError(f"each picture needs its pose; {complaint}")
     numbers = [int(file.stem) for file in colors]
     cameras = [
         Camera.from_intrinsics(
             facts["fx"], facts["fy"], facts["cx"], facts["cy"], pose, convention="opencv"
         )
-        for pose in poses
+        for pose in read_poses(file)
     ]
     encoding = PlanarDepth(facts["depth_scale"])
     for first, second in FRAMES.get(folder.name) or itertools.pairwise(numbers):

@@ -1,0 +1,1 @@
+"""Files of calibrated cameras as other programs write them."""

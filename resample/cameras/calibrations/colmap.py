@@ -1,0 +1,174 @@
+"""Models of COLMAP, as text and as binary files; their pixel centers are at + 0.5."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.cameras.calibrations import colmap_binary
+from resample.cameras.calibrations.colmap_binary import Posed
+from resample.cameras.models import Camera, LensModel
+from resample.cameras.poses import from_quaternion, rigid
+from resample.cameras.trajectories import Entry, Refused, Shot, entry_of, lines_of
+from resample.words import naming, text_of
+
+# Where fx, fy, cx, cy and then OpenCV's coefficients stand; −1 is 0.
+MODELS = {
+    "SIMPLE_PINHOLE": (0, 0, 1, 2),
+    "PINHOLE": (0, 1, 2, 3),
+    "SIMPLE_RADIAL": (0, 0, 1, 2, 3, -1, -1, -1),
+    "RADIAL": (0, 0, 1, 2, 3, 4, -1, -1),
+    "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
+    "FULL_OPENCV": (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
+    "SIMPLE_RADIAL_FISHEYE": (0, 0, 1, 2, 3, -1, -1, -1),
+    "RADIAL_FISHEYE": (0, 0, 1, 2, 3, 4, -1, -1),
+    "OPENCV_FISHEYE": (0, 1, 2, 3, 4, 5, 6, 7),
+}
+
+
+class Sized(NamedTuple):
+    """Camera without a pose, and the height and width of its pictures, px."""
+
+    camera: Camera
+    shape: tuple[int, int]
+
+
+OTHERS = -1  # number of all that come after what cannot be read
+Cameras = Mapping[int, Sized | str]  # by number; a text says why one cannot be had
+
+
+def read_colmap(path: Path) -> list[Entry]:
+    """World-to-camera poses of images.bin or images.txt, and the cameras of the file beside it.
+
+    `path` is the folder, of which binary files are taken first, as COLMAP does, or the file.
+    """
+    images = _images_of(path)
+    is_binary = images.suffix.lower() == ".bin"
+    cameras = images.with_name("cameras.bin" if is_binary else "cameras.txt")
+    known = (_binary_cameras if is_binary else _text_cameras)(cameras) if cameras.is_file() else {}
+    if is_binary:
+        pictures = colmap_binary.pictures_of(images)
+        return [
+            entry_of(f"{images}: picture {n}", picture.name, _entry, picture, cameras, known)
+            for n, picture in enumerate(pictures)
+        ]
+    return [
+        entry_of(f"{images}: line {n}", _name_of(line), _text_entry, line, cameras, known)
+        for n, line in _text_pictures(text_of(images))
+    ]
+
+
+def _images_of(path: Path) -> Path:
+    """File of pictures, of a folder or its own."""
+    if not path.is_dir():
+        return path
+    for name in ("images.bin", "images.txt"):
+        if (path / name).is_file():
+            return path / name
+    raise ValueError(
+        f"{path} holds no images.bin and no images.txt; give the folder of COLMAP's model, such as"
+        " sparse/0"
+    )
+
+
+def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
+    """Posed with its camera, of the file `path`, if there is one."""
+    w, x, y, z, *shift = picture.numbers
+    pose = rigid(np.column_stack([from_quaternion([x, y, z, w]), shift]))
+    if not cameras:
+        return Shot(picture.name, pose)
+    unknown = f"{path.name} has no camera {picture.camera}"
+    found = cameras.get(picture.camera, cameras.get(OTHERS, unknown))
+    if isinstance(found, str):
+        return Refused(picture.name, found, pose)
+    return Shot(picture.name, pose, found.camera.moved(pose), found.shape)
+
+
+def _camera(model: str, width: float, height: float, given: Sequence[float]) -> Sized:
+    """Camera of a model's parameters."""
+    if model not in MODELS:
+        raise ValueError(
+            f"COLMAP's model {model!r} is not known; known: {', '.join(MODELS)}; undistort the"
+            " pictures first"
+        )
+    order = MODELS[model]
+    if len(given) != max(order) + 1:
+        raise ValueError(
+            f"{model} has a width, a height and {max(order) + 1} numbers, not {len(given) + 2}"
+        )
+    if not (width >= 1 and height >= 1):
+        raise ValueError(f"a camera cannot have pictures of {width:g} x {height:g} pixels")
+    fx, fy, cx, cy, *coefficients = [given[n] if n >= 0 else 0.0 for n in order]
+    camera = Camera.from_intrinsics(fx, fy, cx, cy)
+    if coefficients:
+        is_fisheye = model.endswith("FISHEYE")
+        camera = camera.with_lens(
+            coefficients, LensModel.FISHEYE if is_fisheye else LensModel.PINHOLE
+        )
+    return Sized(camera, (int(height), int(width)))
+
+
+# Text.
+
+
+def _text_pictures(text: str) -> Iterator[tuple[int, str]]:
+    """Lines of pictures, numbered from 1; each is followed by one of points, which may be empty."""
+    is_points = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if is_points:
+            is_points = False
+        elif line.strip() and not line.startswith("#"):
+            yield number, line
+            is_points = True
+
+
+def _text_entry(line: str, path: Path, cameras: Cameras) -> Entry:
+    """Entry of: number, qw, qx, qy, qz, tx, ty, tz, number of the camera, name."""
+    words = line.split(maxsplit=9)
+    if len(words) != 10:
+        raise ValueError(f"a picture has 10 words, not {len(words)}")
+    numbers = [float(word) for word in words[1:8]]
+    return _entry(Posed(_name_of(line), numbers, int(words[8])), path, cameras)
+
+
+def _name_of(line: str) -> str:
+    """Name of a line of a picture; empty if it is cut off."""
+    words = line.split(maxsplit=9)
+    return words[9].strip() if len(words) == 10 else ""
+
+
+def _text_cameras(path: Path) -> Cameras:
+    """Cameras of: number, model, width, height, parameters."""
+    cameras: dict[int, Sized | str] = {}
+    for line in lines_of(path):
+        place = f"{path}: line {line.number}"
+        number, model = [*line.words, ""][:2]
+        with naming(place):
+            key = int(number)
+        try:
+            with naming(place):
+                width, height, *given = [*map(float, line.words[2:])] or [0.0, 0.0]
+                cameras[key] = _camera(model, width, height, given)
+        except ValueError as error:
+            cameras[key] = str(error)
+    return cameras
+
+
+# Binary.
+
+
+def _binary_cameras(path: Path) -> Cameras:
+    cameras: dict[int, Sized | str] = {}
+    for number, model, width, height, given in colmap_binary.cameras_of(path):
+        try:
+            with naming(f"{path}: camera {number}"):
+                cameras[number] = _camera(model, width, height, given)
+        except ValueError as error:
+            cameras[number] = str(error)
+        if model not in dict(colmap_binary.MODELS):
+            cameras[OTHERS] = (
+                f"{path}: what comes after camera {number} cannot be found, as its model, {model},"
+                " is not known"
+            )
+    return cameras
