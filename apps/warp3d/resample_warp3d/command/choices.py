@@ -100,7 +100,7 @@ class Depth(Choices):
         if self.depth_pose is not None and self.depth_intrinsics is None:
             raise ValueError("--depth-pose belongs to --depth-intrinsics; give both")
         if self.depth_intrinsics is not None:
-            intrinsic_numbers("depth-intrinsics", self.depth_intrinsics)
+            check_intrinsics("depth-intrinsics", self.depth_intrinsics)
 
     def range(self) -> tuple[float, float]:
         """Z that relative depth is taken to lie between."""
@@ -139,7 +139,8 @@ class Depth(Choices):
         if self.depth_intrinsics is None:
             return camera if shape == stored else camera.resized(shape, stored)
         pose = camera.world_to_camera if self.depth_pose is None else read_pose(self.depth_pose)
-        return with_intrinsics("depth-intrinsics", self.depth_intrinsics, "corner", pose)
+        own = with_intrinsics("depth-intrinsics", self.depth_intrinsics, "corner")
+        return own.sized(*stored).moved(pose)
 
     def encoding(self, camera: "Camera") -> "Encoding":
         """Meaning of the numbers, for a picture of the camera.
