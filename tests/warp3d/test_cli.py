@@ -893,6 +893,9 @@ def test_intrinsics_of_a_file_are_their_numbers(name):
     assert np.array_equal(read_image("file.exr"), expected)
     assert ended(*words, *EYE, "--target-intrinsics", name, "-o", "target.exr") == 0
     assert np.array_equal(read_image("target.exr"), expected)
+    for own, output in (("20,20,16,12", "numbers.exr"), (name, "depth.exr")):
+        assert ended(*words, *EYE, "--depth-intrinsics", own, "-o", output) == 0
+    assert np.array_equal(read_image("depth.exr"), read_image("numbers.exr"))
 
 
 def test_intrinsics_of_a_file_are_fitted_to_the_picture(capsys):

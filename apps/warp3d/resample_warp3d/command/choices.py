@@ -67,8 +67,8 @@ class Depth(Choices):
         str | None,
         Hyphen,
         Field(
-            description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth; what it "
-            "saw is brought to the picture's camera."
+            description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth, or a "
+            "file as of --intrinsics; what it saw is brought to the picture's camera."
         ),
     ] = None
     depth_pose: Annotated[
