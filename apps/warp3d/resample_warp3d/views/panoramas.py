@@ -1,0 +1,141 @@
+"""Equirectangular pictures with the lengths of their rays, as sources that can be seen together.
+
+    seen = render_together(panorama(color, length), target, (480, 640), joining=SEAMLESS)
+
+The warping equation knows views of less than half of everything, so a panorama is cut, without any
+resampling, into six blocks of its own pixels: four around, and one about each pole. Each is a depth
+image of a camera that looks at its middle and sees its pixels where they lie.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.cameras.models import Camera
+from resample.types import Doubles, Floats
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.types import DepthImage
+from resample_warp3d.views.together import Agreed, Joining, Standing, agreed
+from resample_warp3d.warping import as_light
+
+SIDES = 4
+SHARED = 4  # px that neighbouring blocks have in common, on either side of where they meet
+SMALLEST = 16  # px of height
+SEAMLESS = Joining("feathered", "none", "none", "none")  # faces fade where they end
+
+
+Indices = NDArray[np.int64]
+
+
+class Face(NamedTuple):
+    """Part of a panorama, and the camera that sees it."""
+
+    image: DepthImage
+    camera: Camera
+
+
+def panorama(
+    color: NDArray[np.number],
+    length: ArrayLike,
+    world_to_camera: ArrayLike | None = None,
+    *,
+    noise: float | None = None,
+    refine: str = "auto",
+) -> Agreed:
+    """Sources of a panorama, for `resample_warp3d.render_together` with `SEAMLESS`.
+
+    Parameters
+    ----------
+    color, length, world_to_camera
+        As `faces` takes them; color also in 8 or 16 bits, as `resample_warp3d.warp` takes it.
+    noise, refine
+        As of `resample_warp3d.warp`, for each face.
+
+    Raises
+    ------
+    ValueError
+        As of `faces`; or a choice cannot be worked with.
+    """
+    cut = faces(as_light(color), length, world_to_camera)
+    prepared = [
+        Standing(prepare(face.image, noise=noise, refine=refine), face.camera) for face in cut
+    ]
+    return agreed(prepared, SEAMLESS)
+
+
+def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None) -> list[Face]:
+    """Depth images of a panorama: ahead, right, behind, left, above, below.
+
+    Parameters
+    ----------
+    color
+        (H, 2 H, C) linear light. The middle of the picture is ahead (+z), its left and right edges
+        meet behind, and its top row is above (−y).
+    length
+        (H, 2 H) distance from the eye, along the ray; 0, negative numbers, inf and NaN are unknown.
+    world_to_camera
+        (4, 4) pose of the panorama; the identity if left out.
+
+    Raises
+    ------
+    ValueError
+        The picture is not twice as wide as high, or its depth has another size.
+    """
+    far = np.asarray(length, np.float64)
+    height, width = far.shape if far.ndim == 2 else (0, 0)
+    if color.shape[:2] != far.shape or width != 2 * height or height < SMALLEST:
+        raise ValueError(
+            f"a panorama has a color and a depth of H x 2 H pixels, {SMALLEST} or more high, not"
+            f" {color.shape[:2]} and {far.shape}"
+        )
+    if not (np.isfinite(far) & (far > 0)).any():
+        raise ValueError("the panorama has no depth at all")
+    known = np.where(np.isfinite(far) & (far > 0), far, np.inf)
+    pose = np.eye(4) if world_to_camera is None else np.asarray(world_to_camera, np.float64)
+    made = []
+    for rows, columns, turn in _blocks(height, width):
+        ray = _rays(rows, columns, height) @ turn[:3, :3].T
+        focal = width / (2.0 * math.pi)  # as many px per radian as the panorama has
+        camera = Camera.from_intrinsics(focal, focal, 0.0, 0.0, turn @ pose)
+        block = np.ix_(rows, columns % width)
+        nearness = (1.0 / (known[block] * ray[..., 2])).astype(np.float32)
+        place = focal * ray[..., :2] / ray[..., 2:]
+        made.append(Face(DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
+    return made
+
+
+def _blocks(height: int, width: int) -> Iterator[tuple[Indices, Indices, Doubles]]:
+    """Rows and columns of all faces, which may go on beyond the edges, and where they look."""
+    quarter = height // 4
+    around = np.arange(quarter - SHARED, height - quarter + SHARED)
+    for side in range(SIDES):
+        first, last = (width // 2 + round((side + end) * width / SIDES) for end in (-0.5, 0.5))
+        columns = np.arange(first - SHARED, last + SHARED)
+        yield around, columns, _turn(2.0 * math.pi * side / SIDES, 0.0)
+    whole = np.arange(-1, width + 1)  # its ends meet
+    pole = np.arange(quarter + SHARED)
+    yield pole, whole, _turn(0.0, 0.5 * math.pi)
+    yield height - 1 - pole[::-1], whole, _turn(0.0, -0.5 * math.pi)
+
+
+def _rays(rows: Indices, columns: Indices, height: int) -> Doubles:
+    """Unit directions of pixels, (rows, columns, 3), x right, y down, z ahead."""
+    longitude = math.pi * ((columns + 0.5) / height - 1.0)
+    latitude = math.pi * (0.5 - (rows[:, None] + 0.5) / height)
+    flat = np.cos(latitude)
+    parts = flat * np.sin(longitude), -np.sin(latitude), flat * np.cos(longitude)
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def _turn(yaw: float, pitch: float) -> Doubles:
+    """Pose (4, 4) of a camera turned to the right or upwards, rad."""
+    pose = np.eye(4)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    pose[:3, :3] = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
+    if pitch:
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        pose[:3, :3] = [[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]]
+    return pose
