@@ -821,6 +821,12 @@ def test_a_depth_pose_needs_its_intrinsics(capsys):
     assert "--depth-pose belongs to --depth-intrinsics" in error
 
 
+def test_depth_of_its_own_camera_is_not_brought_through_a_lens(capsys):
+    eye = ["--lens", "20,20,16,12,-0.1,0,0,0", "--depth-scale", "1000", "--move", "0.1,0,0"]
+    words = ["render", "color.png", "depth.png", *eye, "--depth-intrinsics", "20,20,16,12"]
+    assert "a picture without a lens" in refused(capsys, *words, "-o", "out.png")
+
+
 # Models of COLMAP
 
 

@@ -133,6 +133,11 @@ class Reader(NamedTuple):
             view = "" if eye is given else f", the view for {eye.fov:g} degrees (--fov)"
             say(what + view)
         eye.check()
+        if meaning.depth_intrinsics is not None and eye.lens is not None:
+            raise ValueError(
+                "--depth-intrinsics brings depth to a picture without a lens; take that out first, "
+                "by resample-texture undistort"
+            )
         return cls(eye, meaning, labels)
 
 
