@@ -15,6 +15,7 @@ from resample.files.images import read_channels
 from resample.types import Doubles
 
 FIXED_POINT_STEPS = 32  # per pixel, of OpenCV's integer maps
+NPY = b"\x93NUMPY"  # what an array's file begins with
 FLOW_MAGIC = 202021.25  # the first number of a .flo file
 UNKNOWN_FLOW = 1e9  # px; what moves farther is not known, Baker et al. 2011
 NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
@@ -79,7 +80,7 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
     """
     with Path(path).open("rb") as file:
         try:
-            if Path(path).suffix.lower() == ".npy":  # of which as much is read as is looked at
+            if file.peek(len(NPY))[: len(NPY)] == NPY:  # as much is read as is looked at
                 loaded = np.lib.format.open_memmap(path, mode="r")
             else:
                 loaded = np.load(file, allow_pickle=False)
