@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,9 @@ def warp_all(
         A choice or a file cannot be worked with.
     """
     warping.check()
+    aim = lru_cache(maxsize=1)(
+        aim
+    )  # pictures of one size go to one place, whose files are read once
     job = Job(aim, warping, look_of(written), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
@@ -236,12 +240,8 @@ def _warped_frames(
     session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
 ) -> Iterator[Picture]:
     """Pictures of a file, warped one by one."""
-    targets: dict[tuple[int, ...], Target] = {}
     for n, picture in enumerate(frames.read()):
-        shape = picture.data.shape[:2]
-        if shape not in targets:
-            targets[shape] = job.target(picture)
-        result, _ = job.warped(session, picture, targets[shape], output, None)
+        result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             _say_lost(picture.about, result, output)
         if progress is not None:

@@ -7,6 +7,7 @@ from resample.engine.windows.boxes import SPARE, Plate
 from resample.engine.windows.filtering import Filters, filter_plate, gather_plate
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
+from resample_texture.geometry import shifts
 from resample_texture.types import Edge
 
 Integers = NDArray[np.int64]
@@ -15,12 +16,8 @@ Range = tuple[int, int]  # first texel and last + 1
 
 def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     """Texels that stand at indices within and beyond the source's edges, as filters read them."""
-    if edge is Edge.CLAMP:
-        return np.asarray(np.clip(index, 0, size - 1))
-    if edge is Edge.WRAP:
-        return index % size
-    index = index % (2 * size)
-    return np.minimum(index, 2 * size - 1 - index)
+    continued = Edge.MIRROR if edge is Edge.TRANSPARENT else edge
+    return shifts.texels_at(index, size, continued)[0]
 
 
 def plates_of(

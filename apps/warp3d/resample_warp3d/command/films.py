@@ -3,7 +3,7 @@
 import glob
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +55,14 @@ class DepthFilm:
 
     @property
     def _count(self) -> int:
-        frames = frames_of(Path(self.depth))
-        return len(self._files) if frames is None else len(frames.seconds)
+        return len(self._files) if self._levels is None else len(self._levels.seconds)
 
-    @property
+    @cached_property
+    def _levels(self) -> Frames | None:
+        """Film of gray levels, if depth is one."""
+        return frames_of(Path(self.depth))
+
+    @cached_property
     def _files(self) -> list[str]:
         """Depth files in the order of their names."""
         folder = Path(self.depth)
@@ -68,10 +72,9 @@ class DepthFilm:
 
     def depths(self) -> Iterator[Raw]:
         """Numbers of the depth of each picture; of a film levels of 8 bits."""
-        frames = frames_of(Path(self.depth))
-        if frames is None:
+        if self._levels is None:
             return (read_depth(file) for file in self._files)
-        return (_gray_levels(picture) for picture in frames.read())
+        return (_gray_levels(picture) for picture in self._levels.read())
 
     def reader(self, reader: Reader) -> Reader:
         """Reader for which relative depth has one range in all pictures, so that nothing pumps."""
@@ -115,13 +118,11 @@ def render_film(
     check_frames(output, film.frames, look)
     session = Session()
     with session.stage("film", bar="moving") as progress:
-        same = film.reader(reader)
-        pictures = _pictures(session, film, same, aim, warping)
-        first = next(pictures)
         count = len(film.frames.seconds)
 
         def told() -> Iterator[Picture]:
-            for n, picture in enumerate(chain([first], pictures)):
+            made = _pictures(session, film, film.reader(reader), aim, warping)
+            for n, picture in enumerate(made):
                 if progress is not None:
                     progress((n + 1) / count)
                 yield picture

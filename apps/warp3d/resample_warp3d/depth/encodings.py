@@ -258,7 +258,7 @@ class RelativeDepth:
         return _where(is_known, share * (1.0 / self.near - 1.0 / self.far) + 1.0 / self.far)
 
     def quantum(self, raw: Raw) -> float | None:
-        if self.is_distance:
+        if self.is_distance or raw.dtype.kind == "f":
             return None
         low, high = self._range(raw)
         return _step(raw, high - low, 1.0 / self.near - 1.0 / self.far)
