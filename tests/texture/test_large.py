@@ -31,6 +31,7 @@ WARPS = {
     "bent": ["undistort", "--lens", LENS.format(-0.2), "--inverse"],
     "map": ["warp", "--map", "map.npy", "--convention", "opencv"],
     "flow": ["warp", "--flow", "flow.npy"],
+    "filtered": ["undistort", "--lens", LENS.format(-0.15), "--filter", "gaussian:sigma=0.5"],
     "rival": ["rotate", "--degrees", "7", "--method", "lanczos4"],
     "copied": ["rotate", "--degrees", "7", "--method", "nearest"],
     "splats": ["rotate", "--degrees", "7", "--method", "paper"],

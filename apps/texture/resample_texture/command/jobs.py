@@ -100,10 +100,8 @@ def warp_all(
         A choice or a file cannot be worked with.
     """
     warping.check()
-    aim = lru_cache(maxsize=1)(
-        aim
-    )  # pictures of one size go to one place, whose files are read once
-    job = Job(aim, warping, look_of(written), region(besides.roi))
+    # Pictures of one size go to one place, whose files are read once.
+    job = Job(lru_cache(maxsize=1)(aim), warping, look_of(written), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)

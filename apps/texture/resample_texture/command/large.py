@@ -95,9 +95,8 @@ class Large:
         """Whether every part of the target looks at a part of the source."""
         if not hasattr(self.method, "seen_tiles"):
             return False
-        if not isinstance(self.target.places, Homography):
-            return True
-        geometry, shape, _ = within(self.target.places, self.target.shape, self.roi, self.method)
+        is_plane = isinstance(self.target.places, Homography)  # along maps all parts are alike
+        geometry, shape, _ = self._part(*((0, self.roi[3]) if is_plane else next(self._rows())))
         edge = Edge(self.choice.edge)
         return self.method.seen_tiles(self.form[:2], geometry, shape, edge) is not None
 
