@@ -13,7 +13,7 @@ from resample.command.session import Session
 from resample.files.pictures import Look, Picture
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample_warp3d.command.choices import Aim, Extras, Warping
-from resample_warp3d.command.inputs import Reader, view_of
+from resample_warp3d.command.inputs import Reader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.encodings import Raw, RelativeDepth
@@ -135,14 +135,15 @@ def _pictures(
 ) -> Iterator[Picture]:
     """Pictures of a film from the other place; all depth is treated as that of the first."""
     names = str(film.frames.path), film.depth
-    for picture, raw in zip(film.frames.read(), film.depths(), strict=True):
+    for n, (picture, raw) in enumerate(zip(film.frames.read(), film.depths(), strict=True)):
         view = view_of(reader, picture, raw, names)
-        source_shape = picture.data.shape[0], picture.data.shape[1]
-        shape = aim.shape(source_shape)
+        if n == 0:
+            mention_doubt(reader, view, film.depth)
+        shape = aim.shape(view.shape)
         check_memory(shape, picture.data.shape[2])
         sources = prepared(session, [view], warping)
         warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
-        target = aim.camera(view.camera, source_shape, reader.eye.convention)
+        target = aim.camera(view.camera, view.shape, reader.eye.convention)
         seen = warped(session, sources[0], target, shape, warping)
         yield warped_picture(seen, picture.kind, filled=warping.fill)
 

@@ -160,7 +160,9 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
         The files do not fit each other, hold no depth, or a choice cannot be worked with.
     """
     picture = read_names(color) if reader.labels else read_picture(color)
-    return view_of(reader, picture, read_depth(depth), (color, depth), pose)
+    view = view_of(reader, picture, read_depth(depth), (color, depth), pose)
+    mention_doubt(reader, view, depth)
+    return view
 
 
 def view_of(
@@ -194,12 +196,16 @@ def view_of(
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
     image = _depth_image(picture, names, nearness)
-    doubt = check_scale(image.nearness)
-    if doubt is not None and not meaning.is_relative:
-        say(f"{depth}: {doubt}")
     image = image._replace(place=lens_places(camera, shape))
     is_fitted = nearness.shape != shape
     return DepthView(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
+
+
+def mention_doubt(reader: Reader, view: DepthView, depth: str) -> None:
+    """Say so if the scale of a depth, of that name, is doubtful."""
+    doubt = check_scale(view.image.nearness)
+    if doubt is not None and not reader.meaning.is_relative:
+        say(f"{depth}: {doubt}")
 
 
 def read_views(
