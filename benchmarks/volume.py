@@ -10,7 +10,7 @@ from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
 from resample.cameras.models import AnyCamera
 from resample.resampler import Primitive, Resampler
-from resample.types import Field, Samples
+from resample.types import Field, LatticeField, Samples
 from resample.types import View as Perspective
 from resample_volume.rendering import Appearance, Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
@@ -86,11 +86,11 @@ class View:
         )
 
     @cached_property
-    def samples(self) -> Samples | Field:
+    def samples(self) -> Samples | Field | LatticeField:
         """Lit for the camera."""
         return self.shown.subject.seen_by(self.camera)
 
-    def paint(self, form: Resampler, seen: Samples | Field) -> Any:
+    def paint(self, form: Resampler, seen: Samples | Field | LatticeField) -> Any:
         """RGBA."""
         return form(seen, self.camera, height=self.side, width=self.side).rgba
 

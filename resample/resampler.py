@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from resample.cameras.models import AnyCamera
 from resample.painting.layers import layers_of
 from resample.painting.points import can_defer_points, paint_points
+from resample.painting.rays import Gathering, paint_field
 from resample.painting.scene import (
     Painted,
     Progress,
@@ -45,6 +46,7 @@ from resample.types import (
     Field,
     Floats,
     Frame,
+    LatticeField,
     Pieces,
     Profile,
     RadialTable,
@@ -171,7 +173,7 @@ class Resampler:
 
     def __call__(
         self,
-        samples: Samples | Field,
+        samples: Samples | Field | LatticeField,
         camera: AnyCamera,
         *,
         height: int,
@@ -186,7 +188,8 @@ class Resampler:
         ----------
         samples
             What is seen; the result does not depend on their order. A `Field` is classified after
-            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does.
+            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does; a
+            `LatticeField` needs `Rays`.
         camera
             Where from.
         height, width
@@ -207,7 +210,10 @@ class Resampler:
             have a scale each.
         """
         check_size(height, width)
-        self._check_field(isinstance(samples, Field))
+        self._check_field(samples)
+        if isinstance(samples, LatticeField):
+            with _kernels(threads):
+                return self._gathered(samples, camera.view(), (height, width), clip, progress)
         checked, look = _checked(samples)
         if checked.scale is not None:
             self._check_scaled()
@@ -240,12 +246,18 @@ class Resampler:
             project(records, checked, scene.view, scene.ellipsoid, scene.screen, scene.style)
             return records
 
-    def _check_field(self, is_field: bool) -> None:
+    def _check_field(self, samples: Samples | Field | LatticeField) -> None:
         """Refuse a field that the order cannot classify, and samples that hold no field."""
-        if is_field and self.order.summing is not Summing.SLABS:
+        if isinstance(samples, LatticeField) != (self.order.summing is Summing.RAYS):
+            raise ValueError(
+                "a field on a lattice and the order rays belong together; got "
+                f"{type(samples).__name__} and {self.order}"
+            )
+        is_field = isinstance(samples, Field | LatticeField)
+        if is_field and self.order.summing not in OF_FIELDS:
             raise ValueError(
                 f"{self.order} composites colors, so a field cannot be classified after its "
-                "reconstruction; image-sheets can"
+                "reconstruction; rays and image-sheets can"
             )
         if is_field and self.splat_color is not None:
             raise ValueError("splats of a field cannot be colored: their colors come after them")
@@ -254,6 +266,19 @@ class Resampler:
                 f"the projection {self.projection} needs a field; samples that have their colors "
                 "can be shown by composite"
             )
+
+    def _gathered(
+        self,
+        field: LatticeField,
+        view: View,
+        size: tuple[int, int],
+        clip: ArrayLike | None,
+        progress: Progress | None,
+    ) -> Frame:
+        """Picture of a field that rays go through."""
+        style = self._style(field.lattice, field.classifier)
+        gathering = Gathering(style, self._tables, self.order.thickness, clip)
+        return self._developed(*paint_field(field, view, size, gathering, progress))
 
     def _check_scaled(self) -> None:
         """Refuse choices that would paint samples of a scale each as if they had none."""
@@ -381,6 +406,7 @@ class Resampler:
         )
 
 
+OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,
@@ -397,10 +423,13 @@ def _check_together(choice: Resampler) -> None:
             f"the primitive {choice.primitive} goes with the footprint {', '.join(known)}, not "
             f"{choice.footprint}"
         )
-    if choice.projection is not Projection.COMPOSITE and choice.order.summing is not Summing.SLABS:
+    if choice.projection is not Projection.COMPOSITE and choice.order.summing not in OF_FIELDS:
         raise ValueError(
-            f"the projection {choice.projection} needs the order image-sheets, not {choice.order}"
+            f"the projection {choice.projection} needs the order rays or image-sheets, not "
+            f"{choice.order}"
         )
+    if choice.order.summing is Summing.RAYS:
+        _check_rays(choice)
     if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):
         raise ValueError(
             "first-hit needs an iso value, and no other projection has one "
@@ -408,6 +437,19 @@ def _check_together(choice: Resampler) -> None:
         )
     if choice.iso is not None and not math.isfinite(choice.iso):
         raise ValueError(f"the iso value is {choice.iso}; it must be finite")
+
+
+def _check_rays(choice: Resampler) -> None:
+    """Refuse choices about how samples are painted, which rays do not paint."""
+    default = {field.name: field.default for field in fields(Resampler)}
+    default["reconstruction"] = GaussianKernel()
+    for name in ("primitive", "footprint", "reconstruction", "threshold", "opacity"):
+        chosen = getattr(choice, name)
+        if chosen != default[name]:
+            raise ValueError(
+                f"rays paint no samples, so they have no {name} {chosen}; take the order "
+                "image-sheets, or leave it out"
+            )
 
 
 def _position(iso: float, look: Classifier) -> float:

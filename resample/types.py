@@ -86,6 +86,42 @@ class Field(NamedTuple):
     classifier: Classifier
 
 
+Coefficients = NDArray[np.uint16] | Floats
+Flags = NDArray[np.uint8]
+
+
+class Bounds(NamedTuple):
+    """Least and greatest value in each brick of a field, z slowest."""
+
+    least: Floats  # (z, y, x)
+    greatest: Floats  # (z, y, x)
+
+
+class Spline(NamedTuple):
+    """A scalar field on a lattice, as the coefficients of cubic B-splines.
+
+    They go on for two samples on each side; see `resample.engine.rays.splines`.
+    """
+
+    coefficient: Coefficients  # (N,) z slowest; value = zero + scale × Σ coefficient × weight
+    row: int  # coefficients from one row to the next
+    plane: int  # coefficients from one plane to the next
+    scale: float  # data units
+    zero: float  # data units
+    shape: tuple[int, int, int]  # samples along z, y and x
+
+
+class LatticeField(NamedTuple):
+    """A scalar field of samples on a lattice; what it looks like is decided along rays."""
+
+    spline: Spline
+    bounds: Bounds  # data units
+    known: Flags  # (N,) which samples stand for something, as coefficients lie; or (0,): all do
+    lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
+    origin: Doubles  # (3,) scene position of the first sample
+    classifier: Classifier
+
+
 # What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.
 # With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
 # index of the affine and corrected models; the exact model multiplies q by the pixel's own

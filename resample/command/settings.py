@@ -89,7 +89,8 @@ class Resampling(Choices):
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections take image-sheets:thickness=0.5, maxima 1."
+            " Fields and their projections are gathered along rays:step=1,sharpness=1, or take "
+            "image-sheets, too."
         ),
     ] = None
     projection: Shown = "composite"
@@ -104,7 +105,7 @@ class Resampling(Choices):
     ] = "sample"
 
     def resampler(self, *, of_field: bool = False) -> "Resampler":
-        """Renderer with these choices; one of fields cuts splats unless an order was chosen.
+        """Renderer with these choices; fields are gathered along rays unless an order was chosen.
 
         Raises
         ------
@@ -115,8 +116,7 @@ class Resampling(Choices):
         from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
 
         is_of_field = of_field or self.projection != "composite"
-        thickness = 1 if self.projection == "maximum" else 0.5  # that takes all voxels
-        own = f"image-sheets:thickness={thickness}" if is_of_field else "every-sample"
+        own = "rays" if is_of_field else "every-sample"
         return Resampler(
             primitive=Primitive(self.method),
             footprint=None if self.footprint is None else Footprint(self.footprint),

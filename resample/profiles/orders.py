@@ -17,6 +17,7 @@ class Summing(IntEnum):
     POINTS = 0  # points of a sheet; splats are composited one by one
     SHEETS = 1  # all samples of a sheet
     SLABS = 2  # all that lies between two planes parallel to the screen, which cut splats
+    RAYS = 3  # nothing: a field on a lattice is gathered along rays
 
 
 class CompositingOrder(Protocol):
@@ -118,6 +119,43 @@ class ImageSheets:
 
     def __call__(self, view: View, lattice: Doubles) -> Layers:
         return of_depth(view, thickness_of(lattice, self.thickness))
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Fields gathered along rays, the other way round: pixels look for samples.
+
+    Where samples grow, this is quicker than summing their splats slab by slab. The field is a cubic
+    B-spline that passes through the samples, and looks of values are integrated over steps
+    (Engel, Kraus and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001).
+
+    Parameters
+    ----------
+    step
+        Longest step along a ray, voxels; where the field bends, its middle is looked at, too.
+    sharpness
+        1: the field passes through the samples; 0: it is the smooth one whose coefficients they
+        are; between them it is a mixture.
+    """
+
+    step: float = 1.0
+    sharpness: float = 1.0
+
+    summing = Summing.RAYS
+
+    def __post_init__(self) -> None:
+        if not 0.01 <= self.step <= 4:
+            raise ValueError(f"a step of {self.step} voxels; 0.01 to 4 are allowed")
+        if not 0 <= self.sharpness <= 1:
+            raise ValueError(f"the sharpness is {self.sharpness}; 0 to 1 is allowed")
+
+    @property
+    def thickness(self) -> float:
+        """Longest step along a ray, voxels."""
+        return self.step
+
+    def __call__(self, view: View, lattice: Doubles) -> Layers:
+        return of_depth(view, thickness_of(lattice, self.step))
 
 
 def of_depth(view: View, thickness: float) -> Layers:

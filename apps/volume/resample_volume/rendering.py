@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
-from resample.profiles.orders import Summing
-from resample.resampler import MEASURING, Projection, Resampler
-from resample.types import Doubles, Field, Frame, Samples, View
+from resample.profiles.orders import Rays, Summing
+from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
+from resample.types import Doubles, Field, Frame, LatticeField, Samples, View
 from resample_volume.looks.presets import transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.transfer import Transfer, from_points
@@ -20,6 +21,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import Shifted, centered, sphere_around
+from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify
 
@@ -116,9 +118,9 @@ def check_together(
     is_composite = projection is Projection.COMPOSITE
     if is_composite and classification is Classification.PRE:
         return
-    if resampler.order.summing is not Summing.SLABS:
+    if resampler.order.summing not in OF_FIELDS:
         raise ValueError(
-            f"the classification post needs the order image-sheets, not {resampler.order}"
+            f"the classification post needs the order rays or image-sheets, not {resampler.order}"
         )
     if "labels" in extras:
         raise ValueError(
@@ -148,16 +150,18 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     )
 
 
-def field_of(volume: Volume, appearance: Appearance, resampler: Resampler) -> FieldVoxels:
-    """Voxels that a projection of the field needs, with gradients where they are needed.
+def field_of(
+    volume: Volume, appearance: Appearance, resampler: Resampler
+) -> FieldVoxels | Gathered:
+    """What a projection of the field needs: voxels, or the field on its lattice for rays.
 
     Raises
     ------
     ValueError
         The transfer function is of gradients, where values alone are shown; or see
-        `field_voxels`.
+        `field_voxels` and `gathered`.
     """
-    projection = resampler.projection
+    projection, order = resampler.projection, resampler.order
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(
@@ -166,6 +170,9 @@ def field_of(volume: Volume, appearance: Appearance, resampler: Resampler) -> Fi
         )
     if appearance.gradient_opacity is not None:
         transfer = Faded(transfer, appearance.gradient_opacity)
+    if order.summing is Summing.RAYS:
+        sharpness = order.sharpness if isinstance(order, Rays) else 1.0
+        return gathered(volume, transfer, resampler, sharpness, appearance.gradient)
     if projection in MEASURING:
         return field_voxels(volume, transfer, resampler, None)
     gradient = appearance.gradient if transfer.needs_gradient else appearance.needed_gradient
@@ -184,7 +191,7 @@ def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Sampl
 class Subject:
     """A volume that was classified once, to be seen by any camera."""
 
-    voxels: Voxels | FieldVoxels  # around the scene's origin
+    voxels: Voxels | FieldVoxels | Gathered  # around the scene's origin
     appearance: Appearance
     sphere: Sphere  # around all that is seen
     middle: Doubles  # (3,) where the volume's middle was, scene units
@@ -205,14 +212,15 @@ class Subject:
         check_together(resampler, appearance.classification, appearance.extras)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.clip)
-        voxels: Voxels | FieldVoxels
+        voxels: Voxels | FieldVoxels | Gathered
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
             voxels = field_of(scene, appearance, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
-        voxels = faced(keep(voxels, clip, resampler.reconstruction.radius), clip)
+        if not isinstance(voxels, Gathered):
+            voxels = faced(keep(voxels, clip, resampler.reconstruction.radius), clip)
         shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
 
@@ -230,15 +238,17 @@ class Subject:
         """What pictures depend on besides camera and renderer, as JSON holds it."""
         from resample.files.animations import fingerprint
 
-        looks = self.voxels.looks if isinstance(self.voxels, FieldVoxels) else ()
-        parts = [part for part in self.voxels if part is not looks]
+        parts = [*self.voxels, self.clip]
+        while any(isinstance(part, tuple) for part in parts):
+            nested = (part if isinstance(part, tuple) else (part,) for part in parts)
+            parts = list(chain.from_iterable(nested))
         return {
-            "voxels": fingerprint(*map(np.asarray, [*parts, *looks, self.clip])),
+            "voxels": fingerprint(*map(np.asarray, parts)),
             "light": repr(self.appearance.light),
             "depth cue": repr(self.appearance.cue),
         }
 
-    def seen_by(self, camera: AnyCamera) -> Samples | Field:
+    def seen_by(self, camera: AnyCamera) -> Samples | Field | LatticeField:
         """What a renderer takes: samples or a field with the light that a camera sees."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
@@ -247,7 +257,10 @@ class Subject:
             return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
-        return lit_field(self.voxels, light, viewer, (near, far, cue.share if cue else 0.0))
+        dimmed = (near, far, cue.share if cue else 0.0)
+        if isinstance(self.voxels, Gathered):
+            return lit_lattice(self.voxels, light, viewer, dimmed)
+        return lit_field(self.voxels, light, viewer, dimmed)
 
 
 def render(

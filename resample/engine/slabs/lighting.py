@@ -1,10 +1,10 @@
-"""Light on surfaces, after Blinn and Phong."""
+"""What values look like, and light on surfaces, after Blinn and Phong."""
 
 import math
 
 from resample.engine.jit import kernel
 from resample.engine.vectors import Vector, combine, dot, scaled
-from resample.types import Lamp
+from resample.types import Classifier, Floats, Lamp
 
 
 @kernel
@@ -44,4 +44,61 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
         max(own * color[0] + highlight, 0.0),
         max(own * color[1] + highlight, 0.0),
         max(own * color[2] + highlight, 0.0),
+    )
+
+
+@kernel
+def seen_color(color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier) -> Vector:
+    """Light of a surface, dimmed by its depth."""
+    light = lit(color, slope, at, look.lamp)
+    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
+    kept = 1.0 - look.dimmed * far
+    return (kept * light[0], kept * light[1], kept * light[2])
+
+
+@kernel
+def length_of(v: Vector) -> float:
+    """Length of a vector."""
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@kernel
+def _between(
+    table: Floats,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    share: tuple[float, float, float, float],
+    channel: int,
+) -> float:
+    """Mean of four entries of a table: of the first row's two, then of the second's."""
+    return float(
+        share[0] * table[rows[0], columns[0], channel]
+        + share[1] * table[rows[0], columns[1], channel]
+        + share[2] * table[rows[1], columns[0], channel]
+        + share[3] * table[rows[1], columns[1], channel]
+    )
+
+
+@kernel
+def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, float, float, float]:
+    """Color and extinction at a value's position 0..1 between low and high, and a gradient."""
+    table = look.table
+    row = max(0.0, min(1.0, gradient / look.steep)) * (table.shape[0] - 1)
+    column = max(0.0, min(1.0, value)) * (table.shape[1] - 1)
+    r = min(int(row), max(0, table.shape[0] - 2))
+    c = min(int(column), max(0, table.shape[1] - 2))
+    down, right = row - r, column - c
+    rows = (r, min(r + 1, table.shape[0] - 1))
+    columns = (c, min(c + 1, table.shape[1] - 1))
+    share = (
+        (1.0 - down) * (1.0 - right),
+        (1.0 - down) * right,
+        down * (1.0 - right),
+        down * right,
+    )
+    return (
+        _between(table, rows, columns, share, 0),
+        _between(table, rows, columns, share, 1),
+        _between(table, rows, columns, share, 2),
+        _between(table, rows, columns, share, 3),
     )

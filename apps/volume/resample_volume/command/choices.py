@@ -76,7 +76,7 @@ class Look(Choices):
         Literal["pre", "post"],
         Field(
             description="Pre: voxels get colors, which are reconstructed. Post: the values are "
-            "reconstructed and get colors then, which is sharper; takes image-sheets."
+            "reconstructed and get colors then, which is sharper."
         ),
     ] = "pre"
     labels: Annotated[
@@ -178,6 +178,13 @@ class Projecting(Choices):
     def resampling(self) -> Resampling:
         """Renderer's choices, else the default ones."""
         return Resampling(projection=self.projection, iso=self.iso)
+
+    def painting(self, look: Look) -> Resampling:
+        """The same, of what paints samples, also of fields."""
+        is_of_field = look.classify == "post" or self.projection != "composite"
+        thickness = 1 if self.projection == "maximum" else 0.5
+        order = f"image-sheets:thickness={thickness}" if is_of_field else None
+        return self.resampling().model_copy(update={"order": order})
 
 
 def _numbers(name: str, text: str, count: int) -> list[float]:

@@ -123,7 +123,8 @@ def compare(
     footprints
         Separated by commas; of exact, corrected, small-angle, affine, disc. Each method's own.
     orders
-        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5. As in render.
+        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5, rays. As in
+        render, but fields and their projections take image-sheets.
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
     reference
@@ -140,11 +141,11 @@ def compare(
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_volume.command.inputs import opened
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
-    from resample_volume.showing.compare import Contest, check_vtk, thickest, variants
+    from resample_volume.showing.compare import Contest, check_vtk, gathered_for, thickest, variants
     from resample_volume.voxels.framing import centered
 
     pixels = PictureFormat(size=size).height_and_width()
-    first = look.renderer(projection.resampling())
+    first = look.renderer(projection.painting(look))
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
@@ -161,7 +162,8 @@ def compare(
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
     subject = subject_of(Session(), scene, appearance, thickest(choice))
-    contest = Contest(subject, subject.camera(viewpoint, *pixels), pixels)
+    gathered = gathered_for(choice, scene, appearance)
+    contest = Contest(subject, gathered, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
     for name, resampler in choice.items():
         contest.draw(name, resampler)

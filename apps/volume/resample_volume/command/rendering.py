@@ -8,7 +8,7 @@ from resample.command.console import progress_bar, say
 from resample.command.session import Session, announce_compilation
 from resample.profiles.orders import Summing
 from resample.resampler import Primitive, Resampler
-from resample.types import Doubles, Field, Frame, Samples
+from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample_volume.rendering import Appearance, Subject, check_together
 from resample_volume.types import Volume
 
@@ -28,7 +28,7 @@ def subject_of(
     return subject
 
 
-def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field:
+def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
     """What a camera sees of a subject."""
     with session.stage("shade"):
         return subject.seen_by(camera)
@@ -37,7 +37,7 @@ def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Fiel
 def painted(
     session: Session,
     resampler: Resampler,
-    samples: Samples | Field,
+    samples: Samples | Field | LatticeField,
     camera: AnyCamera,
     size: tuple[int, int],
     threads: int | None = None,
@@ -77,8 +77,11 @@ def painter(resampler: Resampler) -> Callable[..., None]:
     """Kernel that takes longest to compile."""
     from resample.engine.ellipsoids.deferred import paint_runs
     from resample.engine.points.runs import paint_point_runs
+    from resample.engine.rays.painting import paint_rays
     from resample.engine.slabs.painting import paint_summed_runs
 
+    if resampler.order.summing is Summing.RAYS:
+        return paint_rays
     if resampler.order.summing is not Summing.POINTS:
         return paint_summed_runs
     return paint_point_runs if resampler.primitive is Primitive.POINTS else paint_runs

@@ -14,13 +14,15 @@ from resample.colors import from_srgb
 from resample.command.session import Session
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
+from resample.profiles.orders import Rays, Summing
 from resample.resampler import Footprint, Primitive, Projection, Resampler
-from resample.types import Floats
+from resample.types import Floats, LatticeField
 from resample_volume.command.rendering import painted
 from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
 
+FINE_STEP = 0.25  # voxels, of a reference that goes along rays
 AMPLIFIED = 4  # times that differences are shown enlarged
 
 Row = dict[str, object]
@@ -43,6 +45,10 @@ def variants(
         raise ValueError(f"give a method to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
     for method, footprint, order in product(methods, footprints or [""], orders or [""]):
+        built = registry.build("orders", order) if order else resampler.order
+        if built.summing is Summing.RAYS:  # which paint no samples by any method
+            choice.setdefault(order or "rays", replace(resampler, order=built))
+            continue
         name = " ".join(filter(None, [method, footprint, order]))
         choice[name] = replace(
             resampler,
@@ -50,14 +56,23 @@ def variants(
             footprint=_member("footprint", Footprint, footprint)
             if footprint
             else resampler.footprint,
-            order=registry.build("orders", order) if order else resampler.order,
+            order=built,
         )
     return choice
 
 
 def thickest(choice: Mapping[str, Resampler]) -> Resampler:
     """Renderer whose slabs need voxels from farthest around what is seen."""
-    return max(choice.values(), key=lambda resampler: resampler.order.thickness)
+    painting = [one for one in choice.values() if one.order.summing is not Summing.RAYS]
+    return max(painting or choice.values(), key=lambda resampler: resampler.order.thickness)
+
+
+def gathered_for(
+    choice: Mapping[str, Resampler], volume: Volume, appearance: Appearance
+) -> Subject | None:
+    """Volume made ready for those renderers that go along rays, if there are any."""
+    rays = [one for one in choice.values() if one.order.summing is Summing.RAYS]
+    return Subject.of(volume, appearance, rays[0]) if rays else None
 
 
 def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
@@ -87,6 +102,7 @@ class Contest:
     """A view that renderers draw, and what they should come to."""
 
     subject: Subject
+    gathered: Subject | None  # for renderers that go along rays, if there are any
     camera: AnyCamera
     size: tuple[int, int]  # height and width, px
     rows: list[Row] = field(default_factory=list)
@@ -98,7 +114,13 @@ class Contest:
         return next(iter(self.pictures.values()))
 
     def splatted(self, resampler: Resampler, rays: int) -> None:
-        """Take exact splats at `rays` × `rays` per pixel for the reference."""
+        """Take exact splats at `rays` × `rays` per pixel, or rays, for the reference."""
+        if resampler.order.summing is Summing.RAYS:
+            order = resampler.order
+            close = replace(order, step=FINE_STEP) if isinstance(order, Rays) else order
+            fine = replace(resampler, order=close, subpixels=rays, pixel_filter=None)
+            self.pictures[f"reference, {rays} x {rays} rays"] = self._painted(fine)[0]
+            return
         fine = replace(
             resampler,
             primitive=Primitive.SPLATS,
@@ -118,6 +140,9 @@ class Contest:
             clip=self.subject.clip,
         )
         seen = self.subject.seen_by(self.camera)
+        if isinstance(seen, LatticeField):
+            self.splatted(resampler, rays)
+            return
         cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
         self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
 
@@ -164,6 +189,9 @@ class Contest:
 
     def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
         """Picture, and the share of splats in it."""
-        seen = self.subject.seen_by(self.camera)
+        subject = self.subject
+        if resampler.order.summing is Summing.RAYS and self.gathered is not None:
+            subject = self.gathered
+        seen = subject.seen_by(self.camera)
         frame = painted(Session(), resampler, seen, self.camera, self.size, clip=self.subject.clip)
         return frame.rgba, frame.statistics.splat_fraction

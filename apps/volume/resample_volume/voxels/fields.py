@@ -67,8 +67,8 @@ def field_voxels(
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
-    _check_iso(resampler.iso, volume, data_range)
-    shape = (64 if transfer.needs_gradient else 1, _columns(volume, data_range))
+    check_iso(resampler.iso, volume, data_range)
+    shape = (64 if transfer.needs_gradient else 1, columns_of(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
     voxel = _needed(volume, looks, resampler)
     require_memory(BYTES_PER_VOXEL * voxel.size, f"{volume.name} with {voxel.size} voxels")
@@ -125,7 +125,8 @@ def lit_field(
     return Field(voxels.position, voxels.value, voxels.gradient, voxels.lattice, classifier)
 
 
-def _check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
+def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
+    """Refuse a surface of a value that the data do not pass."""
     low, high = data_range
     if iso is not None and not low < iso <= high and np.isfinite(volume.values).any():
         raise ValueError(
@@ -133,7 +134,7 @@ def _check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float
         )
 
 
-def _columns(volume: Volume, data_range: tuple[float, float]) -> int:
+def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
     """Columns of a table of looks, so many that integers fall on columns."""
     span = data_range[1] - data_range[0]
     if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:

@@ -1,0 +1,126 @@
+"""Volumes as fields that rays go through."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.painting.splines import bytes_of_spline, spline_of
+from resample.resampler import MEASURING, Projection, Resampler
+from resample.types import Bounds, Classifier, Doubles, Flags, Floats, LatticeField, Spline
+from resample_volume.files.memory import require_memory
+from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
+from resample_volume.types import Volume
+from resample_volume.voxels.fields import UNLIT, check_iso, columns_of
+from resample_volume.voxels.parts import slabs
+from resample_volume.voxels.shading import Light, lamp_of
+from resample_volume.voxels.visible import (
+    finite_range,
+    gradients_at,
+    lattice_of,
+    positions_at,
+    steepness,
+    unit_of,
+)
+
+
+class Gathered(NamedTuple):
+    """A volume as a field on its lattice."""
+
+    spline: Spline
+    bounds: Bounds  # data units
+    known: Flags  # as of `LatticeField`
+    lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
+    origin: Doubles  # (3,) scene position of the first voxel
+    looks: Looks
+    steepest: float  # data units per scene unit, about the greatest gradient
+    position: Floats  # (N, 3) scene positions of voxels that can be seen themselves
+
+
+def gathered(
+    volume: Volume, transfer: Transfer, resampler: Resampler, sharpness: float, gradient: str
+) -> Gathered:
+    """Volume as a field on its lattice.
+
+    Parameters
+    ----------
+    volume
+        Any of its types. Where values are missing or infinite, nothing is seen.
+    transfer
+        Gives colors and opacities.
+    resampler
+        Whose projection is asked for.
+    sharpness
+        As of `resample.painting.splines.spline_of`.
+    gradient
+        One of `resample_volume.voxels.visible.GRADIENTS`, for how steep a full surface is where
+        the transfer function depends on it.
+
+    Raises
+    ------
+    ValueError
+        The iso value is none that the data pass, or the field does not fit in memory.
+    """
+    lattice = lattice_of(volume)
+    data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
+    check_iso(resampler.iso, volume, data_range)
+    require_memory(bytes_of_spline(volume.values), f"{volume.name} as a field")
+    values, known = _without_gaps(volume.values)
+    spline, bounds = spline_of(values, sharpness)
+    seen = _seen(volume, transfer, data_range, resampler)
+    shape, steep = (1, columns_of(volume, data_range)), 1.0
+    if transfer.needs_gradient:
+        shape = (64, shape[1])
+        steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
+    looks = tabulated(transfer, data_range, steep, unit, shape)
+    steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
+    position = positions_at(volume, seen)
+    origin = np.asarray(volume.origin, np.float64)
+    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, position)
+
+
+def lit_lattice(
+    field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
+) -> LatticeField:
+    """Field that is seen by a light; parameters as of `fields.lit_field`."""
+    steepest = np.full((1, 3), field.steepest, np.float32)
+    lamp = lamp_of(light or UNLIT, viewer, steepest)
+    classifier = Classifier(*field.looks, lamp, *cue)
+    return LatticeField(
+        field.spline, field.bounds, field.known, field.lattice, field.origin, classifier
+    )
+
+
+def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
+    """Values with the nearest known one where they are missing; and which are known, if not all."""
+    if values.dtype.kind != "f":
+        return values, np.zeros(0, np.uint8)
+    known = np.isfinite(values)
+    if known.all():
+        return values, np.zeros(0, np.uint8)
+    flags = np.pad(known.astype(np.uint8), 2, mode="edge").reshape(-1)
+    if not known.any():
+        return np.zeros(values.shape, np.float32), flags
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return values[tuple(nearest)], flags
+
+
+def _seen(
+    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
+) -> NDArray[np.int64]:
+    """Flat indices of the voxels that a camera is to look at."""
+    found, start = [], 0
+    is_of_all = resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM
+    for chunk in slabs(volume.values):
+        value = chunk.reshape(-1)
+        if resampler.iso is not None:
+            place = np.flatnonzero(value >= resampler.iso)
+        elif is_of_all:
+            place = np.flatnonzero(np.isfinite(value))
+        else:
+            place = places_seen(transfer, value, data_range)
+        found.append(place + start)
+        start += value.size
+    return np.concatenate(found)

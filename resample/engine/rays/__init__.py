@@ -1,0 +1,1 @@
+"""Fields on a lattice, gathered along rays."""

@@ -1,0 +1,111 @@
+"""What a stretch of a field looks like whose values go evenly from one to another.
+
+The mean of colors and extinctions between two values is a difference of sums up to them (Engel,
+Kraus and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001, without its table of pairs), so
+that nothing that a transfer function shows is stepped over.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import inner_step
+from resample.types import Doubles, Floats, Indices, Lamp
+
+EVEN = 1e-3  # columns; values that are closer have the look of their mean
+
+Light = tuple[float, float, float, float]  # red, green, blue, and extinction
+
+
+class SummedLook(NamedTuple):
+    """A classifier as rays read it; values are counted in columns."""
+
+    column: Doubles  # (K, 12) from a column to the next: sums up to it, what they rise by, and bend
+    seen: Indices  # (K + 1,) how many columns before one can be seen
+    highlight: Doubles  # (N,) over the cosine 0..1 between normal and halfway vector
+    table: Floats  # (G, K, 4) as in `Classifier`, G = 1 where gradients do not matter
+    per_slope: float  # rows per data unit per scene unit
+    lamp: Lamp
+    near: float
+    far: float
+    dimmed: float
+
+
+@inner_step
+def clamped(look: SummedLook, place: float) -> float:
+    """Column of a value, within the table."""
+    return float(min(max(place, 0.0), look.column.shape[0] - 1.0))
+
+
+@inner_step
+def highlight_of(look: SummedLook, cosine: float) -> float:
+    """White highlight, between the nearest two of a table."""
+    place = min(cosine, 1.0) * (look.highlight.size - 1)
+    n = np.uint64(min(int(place), look.highlight.size - 2))
+    below = look.highlight[n]
+    return float(below + (place - n) * (look.highlight[n + np.uint64(1)] - below))
+
+
+@inner_step
+def _sums_at(look: SummedLook, place: float) -> Light:
+    """Integrals from column 0 to a place of color × extinction, and of extinction."""
+    k = np.uint64(min(int(place), look.column.shape[0] - 2))
+    f, c = place - k, look.column
+    return (
+        c[k, 0] + f * (c[k, 4] + f * c[k, 8]),
+        c[k, 1] + f * (c[k, 5] + f * c[k, 9]),
+        c[k, 2] + f * (c[k, 6] + f * c[k, 10]),
+        c[k, 3] + f * (c[k, 7] + f * c[k, 11]),
+    )
+
+
+@inner_step
+def light_between(look: SummedLook, a: float, b: float) -> Light:
+    """Means of color × extinction and of extinction between two values."""
+    if abs(b - a) < EVEN:
+        place = 0.5 * (a + b)
+        k = np.uint64(min(int(place), look.column.shape[0] - 2))
+        f, c = 2.0 * (place - k), look.column
+        return (
+            c[k, 4] + f * c[k, 8],
+            c[k, 5] + f * c[k, 9],
+            c[k, 6] + f * c[k, 10],
+            c[k, 7] + f * c[k, 11],
+        )
+    per, before, behind = 1.0 / (b - a), _sums_at(look, a), _sums_at(look, b)
+    return (
+        per * (behind[0] - before[0]),
+        per * (behind[1] - before[1]),
+        per * (behind[2] - before[2]),
+        per * (behind[3] - before[3]),
+    )
+
+
+@inner_step
+def _between_rows(
+    look: SummedLook, rows: tuple[int, int], down: float, place: float, n: int
+) -> float:
+    k = min(int(place), look.table.shape[1] - 2)
+    right, upper, lower = place - k, rows[0], rows[1]
+    above = look.table[upper, k, n] + right * (
+        look.table[upper, k + 1, n] - look.table[upper, k, n]
+    )
+    below = look.table[lower, k, n] + right * (
+        look.table[lower, k + 1, n] - look.table[lower, k, n]
+    )
+    return float(above + down * (below - above))
+
+
+@inner_step
+def look_of(look: SummedLook, place: float, slope: float) -> Light:
+    """Color and extinction of a value and the length of its gradient."""
+    last = look.table.shape[0] - 1
+    row = min(slope * look.per_slope, float(last))
+    r = min(int(row), max(0, last - 1))
+    rows, down = (r, min(r + 1, last)), row - r
+    return (
+        _between_rows(look, rows, down, place, 0),
+        _between_rows(look, rows, down, place, 1),
+        _between_rows(look, rows, down, place, 2),
+        _between_rows(look, rows, down, place, 3),
+    )

@@ -1,0 +1,145 @@
+"""Rays through a field: cut to what can be seen, in even steps, and led past empty bricks.
+
+Places along a ray are depths. A step's ends are at whole numbers of steps, so that neighbouring
+steps share the value between them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import inner_step
+from resample.engine.rays.coefficients import BRICK
+from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply
+from resample.types import Doubles, Floats, View
+
+SHIFT = int(math.log2(BRICK))
+
+Emptiness = NDArray[np.uint8]
+
+
+class SampleSpace(NamedTuple):
+    """Where a field lies as rays go through it."""
+
+    start: Doubles  # (3,) place of the eye
+    turn: Doubles  # (3, 3) from camera axes to samples
+    cells: Doubles  # (3,) along x, y and z; places go from ½ to that − ½
+    step: float  # samples, longest step of a ray
+    planes: Doubles  # (M, 5) as in `Screen`
+
+
+class Bricks(NamedTuple):
+    """What is known of each brick of a field."""
+
+    empty: Emptiness  # (N,) how many bricks off, at least, the next one is that can be seen
+    least: Floats  # (N,) data units
+    greatest: Floats  # (N,) data units
+    across: int  # bricks along x
+    down: int  # bricks along y
+    deep: int  # bricks along z
+
+
+class Ray(NamedTuple):
+    """Part of a ray that goes through a field; x and y are its pixel's."""
+
+    start: Vector  # place at depth 0
+    way: Vector  # places per depth
+    enter: float  # depth
+    steps: int
+    thickness: float  # depth of a step
+    length: float  # scene units per depth
+
+
+@inner_step
+def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, float]:
+    """Part of a ray on which here + slope × depth is at least 0."""
+    enter, leave = part
+    if slope > 0.0:
+        return max(enter, -here / slope), leave
+    if slope < 0.0:
+        return enter, min(leave, -here / slope)
+    return (enter, leave) if here >= 0.0 else (enter, -math.inf)
+
+
+@inner_step
+def ray_at(x: float, y: float, space: SampleSpace, view: View) -> Ray:
+    """Ray through a point of the screen, px."""
+    across, down = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
+    here, toward = (0.0, 0.0, 0.0), (across, down, 1.0)
+    if not view.perspective:
+        here, toward = (across, down, 0.0), (0.0, 0.0, 1.0)
+    part = (view.near, math.inf)
+    for n in range(len(space.planes)):
+        normal = (space.planes[n, 0], space.planes[n, 1], space.planes[n, 2])
+        part = _cut(part, dot(normal, here) + space.planes[n, 3], dot(normal, toward))
+    turn = matrix_of(space.turn)
+    eye = (space.start[0], space.start[1], space.start[2])
+    start, way = combine(eye, 1.0, multiply(turn, here)), multiply(turn, toward)
+    part = _cut(_cut(part, start[0] - 0.5, way[0]), space.cells[0] - 0.5 - start[0], -way[0])
+    part = _cut(_cut(part, start[1] - 0.5, way[1]), space.cells[1] - 0.5 - start[1], -way[1])
+    part = _cut(_cut(part, start[2] - 0.5, way[2]), space.cells[2] - 0.5 - start[2], -way[2])
+    enter, leave = part
+    if not leave > enter:
+        return Ray(start, way, 0.0, 0, 0.0, 0.0)
+    steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
+    length = math.sqrt(dot(toward, toward))
+    return Ray(start, way, enter, steps, (leave - enter) / steps, length)
+
+
+@inner_step
+def depth_at(ray: Ray, step: float) -> float:
+    """Depth of the end of so many steps."""
+    return ray.enter + step * ray.thickness
+
+
+@inner_step
+def place_at(ray: Ray, step: float) -> Vector:
+    """Place at the end of so many steps."""
+    return combine(ray.start, depth_at(ray, step), ray.way)
+
+
+@inner_step
+def brick_at(bricks: Bricks, place: Vector) -> int:
+    """Number of the brick that a place lies in."""
+    i, j, k = int(place[0]) >> SHIFT, int(place[1]) >> SHIFT, int(place[2]) >> SHIFT
+    return (k * bricks.down + j) * bricks.across + i
+
+
+@inner_step
+def _exit(start: float, way: float, place: float, apart: int) -> float:
+    """Depth at which a ray leaves what is less than `apart` bricks away along one axis."""
+    if way == 0.0:
+        return math.inf
+    brick = int(place) >> SHIFT
+    wall = (brick + apart) << SHIFT if way > 0.0 else (brick - apart + 1) << SHIFT
+    return (wall - start) / way
+
+
+@inner_step
+def steps_out(ray: Ray, place: Vector, apart: int) -> float:
+    """Steps after which a ray leaves all bricks less than `apart` away from a place's."""
+    start, way = ray.start, ray.way
+    leave = min(
+        _exit(start[0], way[0], place[0], apart),
+        _exit(start[1], way[1], place[1], apart),
+        _exit(start[2], way[2], place[2], apart),
+    )
+    return min((leave - ray.enter) / ray.thickness, float(ray.steps))
+
+
+@inner_step
+def next_step(ray: Ray, step: int, bricks: Bricks) -> int:
+    """The first step from this one on that begins or ends in a brick that can be seen."""
+    while step < ray.steps:
+        place = place_at(ray, step)
+        apart = int(bricks.empty[brick_at(bricks, place)])
+        if apart == 0:
+            return step
+        step = max(step, int(steps_out(ray, place, apart)))
+        if step < ray.steps:
+            if bricks.empty[brick_at(bricks, place_at(ray, step + 1))] == 0:
+                return step
+            step += 1
+    return step

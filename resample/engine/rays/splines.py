@@ -1,0 +1,136 @@
+"""A field between samples on a lattice: cubic B-splines, their values and slopes.
+
+A place counts samples along x, y and z; the first sample is at (1, 1, 1), since an array of
+coefficients begins `PAD` samples before it. So the cell of a place, the whole numbers in it, is
+also where the 4 × 4 × 4 coefficients begin that it depends on. Samples stand for cells of a volume:
+this reaches half a sample beyond the outermost ones, where it is mirrored.
+
+The coefficients of one row are four numbers side by side, and all that is done to them is done to
+the four at once.
+"""
+
+import numpy as np
+
+from resample.engine.jit import inner_step
+from resample.engine.vectors import Vector
+from resample.types import Single, Spline
+
+PAD = 2  # samples that an array of coefficients goes on for on each side
+
+Four = tuple[Single, Single, Single, Single]
+
+_SIXTH, _HALF, _TWO_THIRDS = np.float32(1 / 6), np.float32(0.5), np.float32(2 / 3)
+_ONE, _TWO, _THREE, _FOUR = (np.float32(number) for number in (1, 2, 3, 4))
+
+
+@inner_step
+def _weights(f: Single) -> Four:
+    """Weights of four coefficients at a fraction 0..1 of the way from the second to the third."""
+    g = _ONE - f
+    first, last = _SIXTH * g * g * g, _SIXTH * f * f * f
+    second = _TWO_THIRDS - _HALF * f * f * (_TWO - f)
+    return first, second, _ONE - first - second - last, last
+
+
+@inner_step
+def _slopes(f: Single) -> Four:
+    """Derivatives of the weights."""
+    g = _ONE - f
+    first, last = -_HALF * g * g, _HALF * f * f
+    second = _HALF * f * (_THREE * f - _FOUR)
+    return first, second, -first - second - last, last
+
+
+@inner_step
+def _row(flat: Spline, p: np.uint64) -> Four:
+    c = flat.coefficient
+    return (
+        np.float32(c[p]),
+        np.float32(c[p + np.uint64(1)]),
+        np.float32(c[p + np.uint64(2)]),
+        np.float32(c[p + np.uint64(3)]),
+    )
+
+
+@inner_step
+def _mixed(w: Four, r: Four, s: Four, t: Four, u: Four) -> Four:
+    """Weighted sum of four rows."""
+    return (
+        w[0] * r[0] + w[1] * s[0] + w[2] * t[0] + w[3] * u[0],
+        w[0] * r[1] + w[1] * s[1] + w[2] * t[1] + w[3] * u[1],
+        w[0] * r[2] + w[1] * s[2] + w[2] * t[2] + w[3] * u[2],
+        w[0] * r[3] + w[1] * s[3] + w[2] * t[3] + w[3] * u[3],
+    )
+
+
+@inner_step
+def _plane(flat: Spline, p: np.uint64, w: Four) -> Four:
+    """Rows of one plane of coefficients, summed."""
+    step = np.uint64(flat.row)
+    q = p + step
+    r = q + step
+    return _mixed(w, _row(flat, p), _row(flat, q), _row(flat, r), _row(flat, r + step))
+
+
+@inner_step
+def _two_planes(flat: Spline, p: np.uint64, w: Four, d: Four) -> tuple[Four, Four]:
+    """Rows of one plane of coefficients, summed under two sets of weights."""
+    step = np.uint64(flat.row)
+    q = p + step
+    r = q + step
+    one, two, three, four = _row(flat, p), _row(flat, q), _row(flat, r), _row(flat, r + step)
+    return _mixed(w, one, two, three, four), _mixed(d, one, two, three, four)
+
+
+@inner_step
+def _dot(a: Four, b: Four) -> Single:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+
+
+@inner_step
+def value_at(flat: Spline, place: Vector) -> float:
+    """Value of a field at a place within it, data units."""
+    i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
+    x, y, z = (
+        _weights(np.float32(place[0] - i)),
+        _weights(np.float32(place[1] - j)),
+        _weights(np.float32(place[2] - k)),
+    )
+    step = np.uint64(flat.plane)
+    p = k * step + j * np.uint64(flat.row) + i
+    q = p + step
+    r = q + step
+    one, two = _plane(flat, p, y), _plane(flat, q, y)
+    three, four = _plane(flat, r, y), _plane(flat, r + step, y)
+    return flat.zero + flat.scale * float(_dot(x, _mixed(z, one, two, three, four)))
+
+
+@inner_step
+def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
+    """Value of a field at a place within it, and its derivatives along x, y and z per sample."""
+    i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
+    f, g, h = np.float32(place[0] - i), np.float32(place[1] - j), np.float32(place[2] - k)
+    x, y, z = _weights(f), _weights(g), _weights(h)
+    across, down = _slopes(f), _slopes(g)
+    step = np.uint64(flat.plane)
+    p = k * step + j * np.uint64(flat.row) + i
+    q = p + step
+    r = q + step
+    (one, one_down), (two, two_down) = (
+        _two_planes(flat, p, y, down),
+        _two_planes(flat, q, y, down),
+    )
+    (three, three_down), (four, four_down) = (
+        _two_planes(flat, r, y, down),
+        _two_planes(flat, r + step, y, down),
+    )
+    level = _mixed(z, one, two, three, four)
+    along_y = _dot(x, _mixed(z, one_down, two_down, three_down, four_down))
+    along_z = _dot(x, _mixed(_slopes(h), one, two, three, four))
+    scale = flat.scale
+    slope = (
+        scale * float(_dot(across, level)),
+        scale * float(along_y),
+        scale * float(along_z),
+    )
+    return flat.zero + scale * float(_dot(x, level)), slope

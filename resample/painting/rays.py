@@ -1,0 +1,246 @@
+"""Fields on a lattice, gathered along rays; see `resample.engine.rays`."""
+
+import math
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.painting.scene import (
+    Clock,
+    Painted,
+    Progress,
+    ellipsoid_of,
+    nothing_painted,
+    planes_of,
+)
+from resample.types import (
+    ADDITIVE,
+    AVERAGE,
+    COMPOSITE,
+    FIRST_HIT,
+    MAXIMUM,
+    Bounds,
+    Classifier,
+    Doubles,
+    Indices,
+    LatticeField,
+    Statistics,
+    Style,
+    Tables,
+    View,
+)
+
+if TYPE_CHECKING:
+    from resample.engine.rays.looks import SummedLook
+    from resample.engine.rays.marching import Bricks
+    from resample.engine.rays.seeing import Medium, Way
+
+TILE = 16  # px, side of a tile
+OFTEN = 0.1  # seconds between two looks at the progress and at Ctrl-C
+OPAQUE = 1e-3  # transmittance that counts as none
+BENT = 0.06  # of the range of values, that a field may bend by within a step
+MOST_RAYS = 16  # per side of a pixel
+PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
+MOST_APART = 255  # bricks
+HIGHLIGHTS = 2049  # entries of a table of highlights
+MEASURED = (MAXIMUM, AVERAGE, ADDITIVE)
+
+
+class Gathering(NamedTuple):
+    """How a field is gathered."""
+
+    style: Style
+    tables: Tables
+    step: float  # samples, the longest of a ray
+    clip: ArrayLike | None  # as of `Resampler`
+
+
+def paint_field(
+    field: LatticeField,
+    view: View,
+    size: tuple[int, int],
+    how: Gathering,
+    progress: Progress | None,
+) -> tuple[Painted, Statistics]:
+    """Picture (height, width) of a field."""
+    from resample.engine.rays.painting import Output, paint_rays
+
+    clock, style = Clock(), how.style
+    medium, way = _medium(field, view, how), _way(field, style)
+    clock.lap("look")
+    rows, columns = -(-size[0] // TILE), -(-size[1] // TILE)
+    painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
+    is_sum = style.projection == ADDITIVE
+    target = Output(view, how.tables, painted.film, painted.value, is_sum, TILE, columns)
+    fineness = _fineness(field, view, style, (rows, columns))
+    painted.tally[:, 3] = fineness
+    turn, first, count = _turn(fineness), 0, 16
+    while first < turn.size:
+        began = time.perf_counter()
+        paint_rays(turn[first : first + count], fineness, way, medium, target)
+        first += count
+        seconds = max(1e-4, time.perf_counter() - began)
+        count = max(4, min(4 * count, int(count * OFTEN / seconds)))
+        if progress is not None:
+            progress(min(1.0, first / turn.size))
+    clock.lap("paint")
+    return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
+
+
+def _turn(fineness: Indices) -> Indices:
+    """Tiles with the most rays first."""
+    return np.argsort(-fineness, kind="stable")
+
+
+def _fineness(field: LatticeField, view: View, style: Style, tiles: tuple[int, int]) -> Indices:
+    """Rays (T,) per side of a pixel of each tile."""
+    count = tiles[0] * tiles[1]
+    if style.subpixels:
+        return np.full(count, style.subpixels, np.int64)
+    least = float(np.linalg.norm(field.lattice, axis=0).min())
+    depth = _corners(field) @ view.rotation[2] + view.translation[2]
+    far = max(float(depth.max()), view.near) if view.perspective else 1.0
+    spacing = least * float(view.focal.min()) / far
+    n = min(MOST_RAYS, max(1, math.ceil(PER_SAMPLE / spacing)))
+    return np.full(count, n, np.int64)
+
+
+def _corners(field: LatticeField) -> Doubles:
+    """Corners (8, 3) of the field, scene units."""
+    ends = np.array(field.spline.shape[::-1]) - 0.5
+    corner = np.stack(np.meshgrid(*np.stack([np.full(3, -0.5), ends], axis=1)), axis=-1)
+    return np.asarray(field.origin + corner.reshape(-1, 3) @ field.lattice.T)
+
+
+def _way(field: LatticeField, style: Style) -> "Way":
+    from resample.engine.rays.seeing import Composite, Maximum, Mean, Surface
+
+    look = field.classifier
+    voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
+    if style.projection == MAXIMUM:
+        return Maximum(voxel)
+    if style.projection in (AVERAGE, ADDITIVE):
+        return Mean(voxel, style.projection == ADDITIVE)
+    if style.projection == FIRST_HIT:
+        return Surface(style.iso * (look.table.shape[1] - 1))
+    is_lit = bool(look.lamp.diffuse > 0 or look.lamp.specular > 0)
+    has_regions = look.table.shape[0] > 1
+    return Composite(OPAQUE, is_lit, has_regions)
+
+
+def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
+    """Field with its look, in columns of that."""
+    from resample.engine.rays.marching import SampleSpace
+    from resample.engine.rays.seeing import Medium
+    from resample.engine.rays.splines import PAD
+
+    look, spline, lattice = field.classifier, field.spline, field.lattice
+    columns = look.table.shape[1] - 1
+    per_value = columns / (look.high - look.low)
+    to_nodes = np.linalg.inv(lattice)
+    origin = field.origin - lattice @ np.full(3, PAD - 1.0)
+    eye = -view.rotation.T @ view.translation
+    space = SampleSpace(
+        to_nodes @ (eye - origin),
+        np.ascontiguousarray(to_nodes @ view.rotation.T),
+        np.array(spline.shape[::-1], np.float64) + 1.0,
+        how.step,
+        planes_of(how.clip, view, ellipsoid_of(lattice, view, 1.0)),
+    )
+    scaled = spline._replace(
+        scale=spline.scale * per_value, zero=(spline.zero - look.low) * per_value
+    )
+    columnwise = [np.float32(per_value) * (bound - np.float32(look.low)) for bound in field.bounds]
+    return Medium(
+        scaled,
+        _bricks(Bounds(*columnwise), look, how.style),
+        space,
+        _look(look),
+        np.ascontiguousarray(lattice),
+        origin,
+        np.ascontiguousarray(to_nodes.T / per_value),
+        float(1.0 / np.cbrt(abs(np.linalg.det(lattice)))),
+        _cuts(how.clip, lattice),
+        field.known,
+        BENT * columns,
+    )
+
+
+def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
+    """Clipping planes of the scene (M, 4), which `planes_of` has checked, in voxels."""
+    given = np.asarray([] if clip is None else clip, np.float64).reshape(-1, 4)
+    return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
+
+
+def _look(look: Classifier) -> "SummedLook":
+    from resample.engine.rays.looks import SummedLook
+
+    table = np.ascontiguousarray(look.table)
+    most = table[0] if len(table) == 1 else _most(table)
+    product = most.astype(np.float64)
+    product[:, :3] *= product[:, 3:]
+    total, bend = np.zeros((2, *product.shape))
+    np.cumsum(0.5 * (product[1:] + product[:-1]), axis=0, out=total[1:])
+    bend[:-1] = 0.5 * np.diff(product, axis=0)
+    per_slope = (len(table) - 1) / look.steep
+    return SummedLook(
+        np.ascontiguousarray(np.hstack([total, product, bend])),
+        np.concatenate([[0], np.cumsum(most[:, 3] > 0)]),
+        look.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** look.lamp.shininess,
+        table,
+        per_slope,
+        look.lamp,
+        look.near,
+        look.far,
+        look.dimmed,
+    )
+
+
+def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Greatest extinction of each value under any gradient, as a look without a color."""
+    most = np.zeros(table.shape[1:], np.float32)
+    most[:, 3] = table[..., 3].max(axis=0)
+    return most
+
+
+def _bricks(bounds: Bounds, look: Classifier, style: Style) -> "Bricks":
+    """Bricks as rays see them; bounds are in columns."""
+    from scipy.ndimage import distance_transform_cdt
+
+    from resample.engine.rays.marching import Bricks
+
+    columns = look.table.shape[1]
+    if style.projection == COMPOSITE:
+        seen = _visible(bounds, look)
+    elif style.projection == FIRST_HIT:
+        seen = bounds.greatest >= style.iso * (columns - 1)
+    else:
+        seen = np.ones(bounds.least.shape, bool)
+    deep, down, across = seen.shape
+    apart = np.zeros(seen.shape, np.uint8)
+    if not seen.all():
+        away = (
+            distance_transform_cdt(~seen, "chessboard") if seen.any() else np.full(seen.shape, 255)
+        )
+        apart = np.minimum(away, 255).astype(np.uint8)
+    return Bricks(
+        apart.reshape(-1),
+        bounds.least.reshape(-1),
+        bounds.greatest.reshape(-1),
+        across,
+        down,
+        deep,
+    )
+
+
+def _visible(bounds: Bounds, look: Classifier) -> NDArray[np.bool_]:
+    """Bricks that hold a value which can be seen under some gradient."""
+    thick = look.table[..., 3].max(axis=0) > 0
+    # Between two columns of which one can be seen, all can.
+    count = np.concatenate([[0], np.cumsum(thick)])
+    last = thick.size - 1
+    first = np.clip(np.floor(bounds.least), 0, last).astype(np.int64)
+    end = np.clip(np.ceil(bounds.greatest), 0, last).astype(np.int64)
+    return np.asarray(count[end + 1] > count[first])

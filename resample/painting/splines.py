@@ -1,0 +1,88 @@
+"""Samples on a lattice to a field between them, once per volume."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Bounds, Coefficients, Spline
+
+SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types that 16 bits suffice for, see docs
+AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32")))
+# How far coefficients may lie beyond the samples, in spans of these: mostly, and at the very most.
+# Along an axis they are at most three times as large.
+MARGINS = (4.0, 13.5)
+
+
+def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spline, Bounds]:
+    """Field that passes through samples, and its bounds in bricks.
+
+    Parameters
+    ----------
+    values
+        (Z, Y, X) of any real type, all finite.
+    sharpness
+        1 passes through the samples; 0 takes them for coefficients, which smooths; between them
+        is a mixture.
+
+    Returns
+    -------
+    The field, held in 16 bits where samples have 8, else in float32.
+    """
+    from resample.engine.rays.coefficients import BRICK, find_bounds
+    from resample.engine.rays.splines import PAD
+
+    given = _native(values)
+    low, span = _range(given)
+    shape = given.shape
+    depth, height, width = (count + 2 * PAD for count in shape)
+    is_short = given.dtype in SHORT
+    flat = np.empty(depth * height * width, np.uint16 if is_short else np.float32)
+    scale, zero = _filled(given, low, span, sharpness, flat)
+    size = [-(-(count + 1) // BRICK) for count in shape]
+    bounds = Bounds(np.empty(size, np.float32), np.empty(size, np.float32))
+    find_bounds(flat, shape, bounds)
+    bounds = Bounds(*(np.float32(zero) + np.float32(scale) * bound for bound in bounds))
+    return Spline(flat, width, height * width, scale, zero, shape), bounds
+
+
+def bytes_of_spline(values: NDArray[np.generic]) -> int:
+    """Bytes that a field of samples takes, and those that are needed to find it."""
+    held = 2 if values.dtype in SHORT else 4
+    _, height, width = values.shape
+    return int(values.size * held + 100 * height * width * 4)
+
+
+def _native(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Samples as kernels take them: contiguous, of few types, read only."""
+    native = values.dtype.newbyteorder("=")
+    if native not in AS_THEY_ARE:
+        native = np.dtype(np.uint8 if native.kind == "b" else np.float32)
+    given = np.ascontiguousarray(values, native).view()
+    given.setflags(write=False)
+    return given
+
+
+def _range(values: NDArray[np.generic]) -> tuple[float, float]:
+    """Least value, and how far the greatest is above it; 1 where all are alike."""
+    low, high = float(values.min()), float(values.max())
+    return low, high - low if high > low else 1.0
+
+
+def _filled(
+    values: NDArray[np.generic], low: float, span: float, sharpness: float, flat: Coefficients
+) -> tuple[float, float]:
+    """Store coefficients; gives the scale and the zero of what is stored."""
+    from resample.engine.rays.coefficients import MOST, SLAB, Form, find_coefficients
+
+    cut = np.zeros(-(-values.shape[0] // SLAB), np.int64)
+    if flat.dtype == np.float32:
+        form = Form(low, np.float32(0.0), np.float32(1.0), np.float32(sharpness), False)
+        find_coefficients(values, form, flat, cut)
+        return 1.0, low
+    for margin in MARGINS:
+        scale = (1.0 + 2.0 * margin) * span / float(MOST)
+        zero = -margin * span
+        form = Form(low, np.float32(zero), np.float32(1.0 / scale), np.float32(sharpness), True)
+        find_coefficients(values, form, flat, cut)
+        if not cut.any():
+            break
+    return scale, low + zero
