@@ -23,6 +23,7 @@ Links = NDArray[np.uint8]
 
 # Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
+TURNS = 16  # times one of those, in a sheet: beyond that side the surface turns away
 MARGIN = 2  # samples around a sheet that nothing is linked with; colors are interpolated from five
 
 
@@ -59,7 +60,9 @@ class Sheet(NamedTuple):
     place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
     torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
-    links: Links  # (H + 4, W + 4) of the source; MARGIN of nothing around, as around the colors
+    links: Links  # (H + 4, W + 4) of the source, and TURNS; MARGIN of nothing around, as of colors
+    ends: NDArray[np.int32]  # (M, 2) rows of `corner` and its corners where surfaces turn away
+    roundness: Floats  # (M, 2) of them: squared nearness per px, outward, along x and y
 
 
 class Source(NamedTuple):

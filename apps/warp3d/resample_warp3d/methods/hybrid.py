@@ -118,12 +118,14 @@ def whole_frame(
 def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "Screen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
+    from resample_warp3d.sheet.kernels.limbs import project_ends
 
     height, width = sheet.torn.shape
     vertices = np.empty((3, height + 1, width + 1), np.float32)
     screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
     torn = np.empty_like(sheet.corner)
     screen.project_corners(sheet.corner, matrix, epipole, torn)
+    project_ends(sheet.corner, sheet.ends, sheet.roundness, matrix, epipole, torn)
     bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
     screen.bound_segments(vertices, torn, sheet.torn, bounds)
     return screen.Screen(vertices, torn, sheet.torn, bounds)
