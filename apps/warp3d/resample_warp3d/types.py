@@ -25,6 +25,7 @@ Links = NDArray[np.uint8]
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
 TURNS = 16  # times one of those, in a sheet: beyond that side the surface turns away
 MARGIN = 2  # samples around a sheet that nothing is linked with; colors are interpolated from five
+AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust in depth that was not refined
 
 
 class Hole(IntEnum):
@@ -75,6 +76,7 @@ class Source(NamedTuple):
     place: Doubles  # (H, W, 2) as in DepthImage
     noise: float  # standard deviation of the nearness, relative to it
     step: float = 0.0  # smallest difference of nearness that is told apart
+    trust: Floats = AS_GIVEN  # (H, W) 0..1: how sure refined depth is; or (0, 0)
 
 
 class Rendered(NamedTuple):
@@ -99,7 +101,9 @@ class Warped(NamedTuple):
     magnification: (
         Floats  # (H, W) px of the target per px of the source (areas); 0 where nothing is
     )
-    confidence: Floats  # (H, W) 0..1: how far the source's sampling and view support the pixel
+    confidence: (
+        Floats  # (H, W) 0..1: how far the source's sampling, view and depth support the pixel
+    )
 
 
 class Method(Protocol):

@@ -17,7 +17,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill as fill_holes
-from resample_warp3d.sheet.holes import explained
+from resample_warp3d.sheet.holes import explained, trusted
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
 
 Filling = Literal["picture", "layer"]
@@ -240,11 +240,12 @@ def render(
         else:
             rendered = filtered(chosen, pixel, source, equation, shape)
         holes = explained(rendered, source, equation)
+        sure = trusted(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
     return Warped(
         rendered.image, rendered.coverage, depth, holes, rendered.magnification,
-        confidence_of(rendered),
+        confidence_of(rendered) * sure,
     )  # fmt: skip
 
 
@@ -269,7 +270,8 @@ def confidence_of(rendered: Rendered) -> Floats:
     """How far samples support each pixel, 0..1.
 
     Its coverage, divided by the pixels that have to share one sample; half of that where a gap was
-    filled. A surface that the source saw at a grazing angle is magnified, too.
+    filled. A surface that the source saw at a grazing angle is magnified, too. How sure refined
+    depth is, of `holes.trusted`, comes on top.
     """
     shared = np.maximum(rendered.magnification, np.float32(1))
     trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))

@@ -40,7 +40,8 @@ def prepare(
 
     Returns
     -------
-    The source: links between neighbours on one surface, slopes, and smoothed nearness.
+    The source: links between neighbours on one surface, slopes, smoothed nearness, and how sure
+    depth is that was refined.
 
     Raises
     ------
@@ -53,7 +54,8 @@ def prepare(
         if given is not None and not 0.0 <= given < math.inf:
             raise ValueError(f"{name} {given:g}; give a number of 0 or more, or leave it out")
     refined = conditioned(image, refine, noise=noise, step=step)
-    return sourced(refined.image, noise=noise, step=refined.step)
+    source = sourced(refined.image, noise=noise, step=refined.step)
+    return source if refined.chosen == "none" else source._replace(trust=refined.confidence)
 
 
 def sourced(image: DepthImage, *, noise: float | None, step: float | None) -> Source:
