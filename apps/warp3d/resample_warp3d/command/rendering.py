@@ -79,7 +79,7 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
     if choice.refine == "auto" and refined.chosen != "none":
         say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
-    source = sourced(refined.image, noise=choice.noise, step=refined.step)
+    source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)
 
