@@ -52,6 +52,10 @@ class Equation(NamedTuple):
     matrix: Doubles  # (3, 3)
     epipole: Doubles  # (3,)
 
+    def in_frame(self, matrix: Doubles) -> "Equation":
+        """Equation that leads to a frame (3, 3) of the target's."""
+        return Equation(matrix @ self.matrix, matrix @ self.epipole)
+
 
 class Sheet(NamedTuple):
     """A depth image as a sheet of cells, one around each sample, torn where surfaces end."""

@@ -40,7 +40,7 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
     holes = np.empty(rendered.coverage.shape, np.uint8)
     explain_holes(
         rendered.coverage, rendered.nearness, back.matrix, back.epipole, source.place,
-        source.nearness > 0, _farthest(rendered), holes,
+        source.nearness > 0, farthest_of_rows(rendered), holes,
     )  # fmt: skip
     holes[rendered.bridged] = Hole.CRACK
     return holes
@@ -62,7 +62,7 @@ def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
     return found
 
 
-def _farthest(rendered: Rendered) -> Floats:
+def farthest_of_rows(rendered: Rendered) -> Floats:
     """Nearness (H,) of the farthest thing in each row, or in the next row that has any; 0: none."""
     nearness = np.where(rendered.coverage > 0, rendered.nearness, np.inf).min(axis=1)
     full = np.flatnonzero(np.isfinite(nearness))
