@@ -92,7 +92,8 @@ def trusted(rendered: Rendered, source: Source, passage: Passage) -> Floats:
         return sure
     is_seen = np.asarray(rendered.nearness > 0)
     near = rendered.nearness[is_seen].astype(np.float64)
-    place, _ = passage.back(pixel_centers((sure.shape[0], sure.shape[1]))[is_seen], near)
+    rows, columns = rendered.nearness.shape[:2]
+    place, _ = passage.back(pixel_centers((rows, columns))[is_seen], near)
     is_found = np.isfinite(place).all(axis=1)
     if source.place.size:
         place[is_found] = on_lattice(source.place, place[is_found])
