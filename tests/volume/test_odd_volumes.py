@@ -147,6 +147,19 @@ def test_all_modes_do_not_mind_them(name, words):
     assert picture[12:20, 12:20].mean() > 2 * picture[[0, 0, -1, -1], [0, -1, 0, -1]].max()
 
 
+@pytest.mark.parametrize("far", [3e4, 1e6])
+@pytest.mark.parametrize(
+    "words", [["--classify", "post"], ["--projection", "maximum"], ["--projection", "average"]]
+)
+def test_fields_look_as_they_would_without_a_stray(far, words):
+    clean = ball(np.float32)
+    expected = shown(clean, *words)
+    picture = shown(changed(clean.copy(), (38, 1, 38), far), *words)
+    away_from_it = np.s_[10:22, 10:22]
+    off = np.abs(picture - expected)[away_from_it].max()
+    assert off < 0.05 * expected[away_from_it].max()
+
+
 def test_what_is_found_is_said(capsys):
     values = changed(flesh().astype(np.int16), ring(), -2000)
     values[18:22, 18:22, 18:32] = 9000
