@@ -133,8 +133,8 @@ class Resampler:
         A sample is a point when neighbours are at most this many sub-pixels apart on screen;
         None takes the primitive's own.
     subpixels
-        Sub-pixels per side of a pixel; None lets hybrid and points choose per tile, up to 4 for
-        splats and up to 16 for points, and is 1 otherwise.
+        Sub-pixels per side of a pixel; None lets hybrid and points choose per tile, up to 16 for
+        splats and for points, and is 1 otherwise.
     opacity
         Exact, or classic.
     splat_color

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from resample.cameras.calibrations.colmap import read_colmap
 from resample.cameras.calibrations.nerf import read_nerf
+from resample.cameras.calibrations.open3d import is_open3d, read_open3d
 from resample.cameras.models import Camera
 from resample.cameras.tables import read_toml, read_viewpoint
 from resample.cameras.trajectories import (
@@ -32,6 +33,7 @@ KINDS: Mapping[str, Callable[[Path], list[Entry]]] = {
     "icl": read_icl,
     "log": read_log,
     "nerf": read_nerf,
+    "open3d": read_open3d,
     "colmap": read_colmap,
     "toml": read_toml,
 }
@@ -218,6 +220,8 @@ def _recognised(path: Path) -> str:
     if path.is_dir() or path.name.lower() in ("images.txt", "images.bin"):
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
+    if known == "nerf" and is_open3d(path):
+        return "open3d"
     if known is not None:
         return known
     counts = [len(line.words) for line in lines_of(path)]

@@ -107,6 +107,20 @@ def write_colmap(folder, camera="1 OPENCV 64 48 80 81 30 25 -0.1 0.02 0.001 -0.0
     return folder
 
 
+def write_open3d(folder, inner=None):
+    """`PinholeCameraTrajectory`: matrices are lists of their columns."""
+    matrix = [80, 0, 0, 0, 81, 0, 29.5, 24.5, 1]
+    intrinsic = {"width": 64, "height": 48, "intrinsic_matrix": matrix} if inner is None else inner
+    cameras = [
+        {"class_name": "PinholeCameraParameters", "extrinsic": list(pose.T.ravel()),
+         "intrinsic": intrinsic, "version_major": 1}
+        for pose in np.array(WORLD_TO_CAMERA)
+    ]  # fmt: skip
+    path = folder / "trajectory.json"
+    path.write_text(json.dumps({"class_name": "PinholeCameraTrajectory", "parameters": cameras}))
+    return path
+
+
 WRITERS = {
     "matrix": write_matrices,
     "npy": write_npy,
@@ -114,6 +128,7 @@ WRITERS = {
     "icl": write_icl,
     "log": write_log,
     "nerf": write_nerf,
+    "open3d": write_open3d,
     "colmap": write_colmap,
 }
 
@@ -150,7 +165,7 @@ def test_the_kind_can_be_said(tmp_path):
 
 
 def test_an_unknown_kind_names_the_known_ones(tmp_path):
-    with pytest.raises(ValueError, match="known: matrix, tum, icl, log, nerf, colmap"):
+    with pytest.raises(ValueError, match="known: matrix, tum, icl, log, nerf, open3d, colmap"):
         read_poses(write_tum(tmp_path), "kitti")
 
 
@@ -447,3 +462,34 @@ def test_one_table_of_many_that_cannot_be_had_spares_the_others(tmp_path):
     assert len(read_poses(path)) == 1
     with pytest.raises(ValueError, match=r"camera\.1: "):
         read_pose(f"{path}:1")
+
+
+# Open3D.
+
+
+def test_a_trajectory_of_open3d_has_its_intrinsics(tmp_path):
+    shot = read_shot(f"{write_open3d(tmp_path)}:1")
+    expected = [[80, 0, 30], [0, 81, 25], [0, 0, 1]]  # its pixel centers are at + 0
+    np.testing.assert_allclose(shot.camera.matrix, expected, atol=1e-12)
+    np.testing.assert_allclose(shot.camera.world_to_camera, WORLD_TO_CAMERA[1], atol=1e-12)
+    assert shot.shape == (48, 64)
+
+
+def test_one_camera_of_open3d_is_a_file_of_one_pose(tmp_path):
+    facts = json.loads(write_open3d(tmp_path).read_text())["parameters"][2]
+    path = tmp_path / "one.json"
+    path.write_text(json.dumps(facts))
+    np.testing.assert_allclose(read_pose(str(path)), WORLD_TO_CAMERA[2], atol=1e-12)
+
+
+def test_open3d_without_intrinsics_has_poses(tmp_path):
+    shot = read_shot(f"{write_open3d(tmp_path, {})}:1")
+    assert shot.camera is None
+    np.testing.assert_allclose(shot.pose, WORLD_TO_CAMERA[1], atol=1e-12)
+
+
+def test_an_incomplete_camera_of_open3d_is_refused(tmp_path):
+    path = tmp_path / "bad.json"
+    path.write_text('{"parameters": [{"extrinsic": [1, 0, 0]}]}')
+    with pytest.raises(ValueError, match="camera 0: its extrinsic has 3 numbers, not 16"):
+        read_shot(str(path))

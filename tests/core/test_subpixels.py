@@ -14,6 +14,7 @@ from resample.engine.surfaces.resolve import (
 )
 from resample.profiles.filters import Area, Box, Gaussian, Tent
 from resample.profiles.subpixels import Subpixels, subpixels_of
+from resample.resampler import POINT_GRID, SPLAT_GRID, Resampler
 
 EVERY = registry.names("filters")
 
@@ -124,3 +125,9 @@ def test_the_nearest_is_that_of_the_pixel_s_own_square(rng):
     inner = depth[2:-2, 2:-2].reshape(2, 2, 3, 2)
     np.testing.assert_array_equal(nearest, inner.min(axis=(1, 3)))
     assert math.isfinite(nearest.max())
+
+
+def test_the_docstring_tells_the_finest_grids():
+    told = " ".join(str(Resampler.__doc__).split())
+    assert SPLAT_GRID == POINT_GRID
+    assert f"choose per tile, up to {SPLAT_GRID} for splats and for points" in told

@@ -5,13 +5,15 @@ from pydantic import ValidationError
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
 from resample.profiles.orders import ImageSheets
-from resample.resampler import MEASURING, Resampler
+from resample.resampler import MEASURING, Projection, Resampler
 from resample_volume.command.choices import Look, Projecting, Source
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
+from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.labels import Rule
+from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import LEVELS, Appearance
+from resample_volume.rendering import Appearance
 from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)
@@ -44,7 +46,10 @@ def test_every_choice_arrives():
 def test_auto_is_gray_levels_where_values_are_projected():
     for projection in MEASURING:
         resampler = Resampler(order=ImageSheets(), projection=projection)
-        assert Look().appearance(BOX, resampler).transfer == LEVELS
+        transfer = Look().appearance(BOX, resampler).transfer
+        # The means along the box's axes are all the same: they have no range of their own.
+        span = (64.0, 192.0) if projection is Projection.AVERAGE else None
+        assert transfer == (LEVELS if span is None else spread(LEVELS, span))
         named = Look(transfer="bone").appearance(BOX, resampler)
         assert named.transfer == load_transfer("bone")
 
@@ -89,6 +94,36 @@ def test_what_does_not_go_together_is_refused_without_a_volume(look, resampling,
         Look(**look).renderer(Resampling(**resampling))
 
 
+def test_light_is_chosen():
+    look = Look(ambient=0.5, diffuse=0.25, specular=0, shininess=8, light="0/0/1")
+    assert look.appearance(BOX).light == Light((0, 0, 1), 0.5, 0.25, 0.0, 8.0)
+
+
+def test_a_window_spreads_fractions():
+    appearance = Look(transfer="gray", window="40/400").appearance(BOX)
+    assert appearance.transfer == spread(load_transfer("gray"), (-160.0, 240.0))
+    for projection in MEASURING:
+        resampler = Resampler(order=ImageSheets(), projection=projection)
+        transfer = Look(window="40/400").appearance(BOX, resampler).transfer
+        assert transfer == spread(LEVELS, (-160.0, 240.0))
+
+
+@pytest.mark.parametrize(
+    ("window", "transfer", "complaint"),
+    [
+        ("40", "gray", "give 2 numbers as a/b"),
+        ("40/0", "gray", "its width must be above 0, as in 40/400"),
+        ("40/-3", "gray", "its width must be above 0"),
+        ("nan/3", "gray", "its width must be above 0"),
+        ("40/400", "engine", "the window spreads fractions, but engine is in data units"),
+        ("40/400", "skin", "skin is in Hounsfield units, which the window would spread"),
+    ],
+)
+def test_a_window_that_makes_no_sense_is_refused(window, transfer, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Look(window=window, transfer=transfer).appearance(BOX)
+
+
 def test_without_shading_there_is_no_light():
     assert Look(shading=False).appearance(BOX).light is None
     assert Look(shading=False, light="1/0/0").appearance(BOX).light is None
@@ -131,6 +166,25 @@ def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):
     assert volume.spacing.tolist() == [1, 1, 1.5]
 
 
+@pytest.mark.parametrize(
+    ("choice", "dtype"),
+    [
+        ({"dtype": ">i2"}, ">i2"),
+        ({"dtype": "<i2"}, "<i2"),
+        ({"dtype": "int16"}, "<i2"),
+        ({"dtype": "int16", "endian": "big"}, ">i2"),
+        ({"dtype": ">i2", "endian": "big"}, ">i2"),
+        ({"dtype": "int16", "reader": "raw:endian=big"}, ">i2"),
+        ({"reader": "raw:dtype=>i2"}, ">i2"),
+    ],
+)
+def test_the_order_of_bytes_is_told_once(choice, dtype, tmp_path):
+    values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+    (tmp_path / "a.bin").write_bytes(values.astype(dtype).tobytes())
+    volume = opened(Source(shape="4x3x2", **choice), str(tmp_path / "a.bin"))
+    assert np.array_equal(volume.values, values)
+
+
 def test_a_reader_is_chosen_by_name(tmp_path):
     (tmp_path / "a.bin").write_bytes(bytes(8 + 27))
     volume = opened(Source(reader="raw:offset=8,shape=3x3x3,dtype=uint8"), str(tmp_path / "a.bin"))
@@ -152,7 +206,12 @@ def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("choice", "complaint"),
     [
-        ({"shape": "4x4x4", "dtype": "uint8", "reader": "raw"}, "either a reader or shape"),
+        (
+            {"shape": "4x4x4", "dtype": "uint8", "reader": "nrrd"},
+            "shape and dtype are for raw files",
+        ),
+        ({"dtype": "int16", "reader": "raw:dtype=int8"}, "give dtype once, not to the reader"),
+        ({"dtype": ">i2", "endian": "little"}, "'>i2' is big-endian, endian says little"),
         ({"spacing": "0x1x1"}, "three positive numbers"),
         ({"spacing": "nanx1x1"}, "three positive numbers"),
         ({"spacing": "1x1"}, "three positive numbers"),

@@ -1,5 +1,6 @@
 import gzip
 import json
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +10,10 @@ import pytest
 from resample.files.images import read_channels, read_image
 from resample_volume.command import cli
 from resample_volume.files.source import open_volume
+from resample_volume.looks import names
+from resample_volume.looks.names import TISSUES
+from resample_volume.looks.presets import PRESETS
+from resample_volume.looks.tissues import POINTS
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"
@@ -406,7 +411,7 @@ RAW = ["--shape", "4x4x4", "--dtype", "uint8"]
         (64, ["--shape", "4x4x4", "--dtype", "foo"], "not 'foo'"),
         (64, ["--shape", "1x8x8", "--dtype", "uint8"], "single slice"),
         (64, ["--shape", "9999999x9999999x9", "--dtype", "uint8"], "bytes"),
-        (64, [*RAW, "--reader", "raw"], "either a reader or shape and dtype"),
+        (64, [*RAW, "--reader", "nrrd"], "shape and dtype are for raw files"),
     ],
 )
 def test_a_bad_raw_file_is_one_line(size, words, complaint, capsys):
@@ -540,8 +545,51 @@ def test_info_tells_shape_spacing_range_and_histogram(capsys):
     assert facts["shape"] == "(16, 16, 16)"
     assert facts["spacing"] == "[1.0, 1.0, 2.5]"
     assert facts["range"] == "(64, 192)"
-    assert [line.split()[0] for line in lines[9:]] == ["64", "128"]
-    assert sum(int(line.split()[-1]) for line in lines[9:]) == 16**3
+    bars = lines[lines.index("values from   voxels; bars are logarithms") + 1 :]
+    assert [line.split()[0] for line in bars] == ["64", "128"]
+    assert sum(int(line.split()[2]) for line in bars) == 16**3
+
+
+def test_info_shows_structure_and_suggests_thresholds(rng, capsys):
+    values = np.where(rng.random((20, 20, 20)) < 0.01, 900.0, 100.0)
+    values += rng.normal(0, 5, values.shape)
+    values[0] = -32768
+    np.save("a.npy", values.astype(np.int16))
+    assert ended("info", "a.npy") == 0
+    text = capsys.readouterr().out
+    facts = dict(line.split("  ", 1) for line in text.splitlines() if "  " in line)
+    assert facts["padding"].strip() == "[-32768.0]"
+    assert 150 < float(facts["2 classes"]) < 850
+    assert "400 voxels of -32768 are taken for padding and left out" in text
+    bars = [line for line in text.splitlines() if "#" in line]
+    assert max(line.count("#") for line in bars) == 40  # of thousands of voxels
+    assert 15 < bars[-1].count("#") < 40  # of tens, which bars of equal shares would hide
+    assert sum("between 2" in line for line in text.splitlines()) == 1
+
+
+def test_presets_are_named_by_the_help(capsys):
+    assert ended("render", "--help") == 0
+    text = "".join(word for word in capsys.readouterr().out.split() if word != "│")
+    for name in (*PRESETS, *TISSUES):
+        assert name in text
+
+
+def test_names_for_the_help_are_those_that_are_there():
+    assert tuple(PRESETS) == names.PRESETS
+    assert tuple(POINTS) == names.TISSUES
+
+
+def test_classification_shows_that_it_goes_on(monkeypatch):
+    shown = []
+
+    @contextmanager
+    def watched(what):
+        shown.append(what)
+        yield
+
+    monkeypatch.setattr("resample.command.session.progress_bar", watched)
+    assert ended("render", BOX, "-o", "box.png", *SMALL) == 0
+    assert shown == ["classifying", "shading"]
 
 
 def test_info_gives_json(capsys):

@@ -10,9 +10,9 @@ from resample.profiles.orders import ImageSheets
 from resample.resampler import Projection, Resampler
 from resample.types import Field, Frame
 from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.presets import load_transfer
 from resample_volume.looks.transfer import TransferFunction, from_points
-from resample_volume.rendering import LEVELS
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import centered, sphere_around

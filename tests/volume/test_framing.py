@@ -4,8 +4,10 @@ import pytest
 from resample.cameras.files import read_shot, viewpoint
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Sphere, Spot
+from resample.command.settings import Resampling
+from resample_volume.command.choices import Look
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import as_volume
+from resample_volume.rendering import Subject, as_volume
 from resample_volume.voxels.framing import sphere_around
 from resample_volume.voxels.visible import classify
 
@@ -176,3 +178,60 @@ def test_a_calibrated_camera_is_taken_as_it_is(tmp_path):
     for pose in (rows, rows.replace(", [0, 0, 0, 1]", "")):
         camera = written(tmp_path, f"fx = 5\nfy = 6\ncx = 7\ncy = 8\nworld_to_camera = {pose}")
         assert projected(camera, [0, 0, 0]) == pytest.approx([7 + 5 * 2 / 4, 8 + 6 * 3 / 4])
+
+
+def blob(dtype=np.uint8):
+    """A ball of 200 in the middle of (48, 48, 48)."""
+    z, y, x = np.mgrid[:48, :48, :48] - 23.5
+    return np.where(np.sqrt(x**2 + y**2 + z**2) < 14, 200, 0).astype(dtype)
+
+
+@pytest.mark.parametrize(
+    "places", [[(0, 0, 0)], [(47, 0, 47), (0, 47, 47)], [(24, 24, 47)], [(1, 24, 24), (0, 24, 24)]]
+)
+def test_a_few_voxels_far_away_do_not_make_the_others_small(places):
+    values = blob()
+    expected = sphere_around(*voxels_of(values))
+    for place in places:
+        values[place] = 210
+    ball = sphere_around(*voxels_of(values))
+    np.testing.assert_array_equal(ball.center, expected.center)
+    assert ball.radius == expected.radius
+
+
+def test_many_voxels_far_away_do():
+    values = blob()
+    values[:3, :3, :3] = 200
+    assert sphere_around(*voxels_of(values)).radius > 24
+
+
+def test_a_thin_thing_that_is_connected_counts():
+    values = blob()
+    values[24, 24, 38:] = 200
+    expected = sphere_around(*voxels_of(values))
+    assert expected.center[0] == pytest.approx((10 + 47) / 2)
+
+
+@pytest.mark.parametrize("transfer", ["auto", "gray:low=0.5"])
+def test_every_mode_sees_the_same_ball(transfer, rng):
+    values = blob(np.int16) + rng.integers(0, 20, (48, 48, 48)).astype(np.int16)
+    values[2, 3, 4] = 30000
+    first, *others = balls(transfer, values)
+    for ball in others:
+        np.testing.assert_allclose(ball.center, first.center)
+        assert ball.radius == pytest.approx(first.radius)
+    assert first.radius < 17
+
+
+def balls(transfer, values):
+    """What cameras look at in all modes, as the command line chooses it."""
+    volume = as_volume(values)
+    chosen = [Resampling(projection=name) for name in ("composite", "maximum", "average")]
+    chosen += [Resampling(projection="additive"), Resampling(projection="first-hit", iso=150)]
+    found = []
+    for classify_ in ("pre", "post"):
+        for resampling in chosen[: 5 if classify_ == "pre" else 1]:
+            look = Look(transfer=transfer, classify=classify_)
+            resampler = look.renderer(resampling)
+            found.append(Subject.of(volume, look.appearance(volume, resampler), resampler).sphere)
+    return found

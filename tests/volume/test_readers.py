@@ -624,6 +624,7 @@ def test_nrrd_direction_is_checked(first, values, tmp_path):
         ({"spacing": "1x-1x1"}, "spacing is three positive numbers"),
         ({"spacing": "1x1xnan"}, "spacing is three positive numbers"),
         ({"endian": "middle"}, "little or big"),
+        ({"dtype": ">i2", "endian": "little"}, "'>i2' is big-endian, endian says little"),
         ({"offset": -1}, "from 0 on"),
     ],
 )

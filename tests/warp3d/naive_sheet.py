@@ -68,8 +68,8 @@ def ball(center, radius, color):
 
     def hit(eye, direction):
         to_eye = eye - np.array(center, float)
-        a, b = (direction**2).sum(-1), direction @ to_eye
-        inner = b * b - a * (to_eye @ to_eye - radius**2)
+        a, b = (direction**2).sum(-1), (direction * to_eye).sum(-1)
+        inner = b * b - a * ((to_eye**2).sum(-1) - radius**2)
         t = (-b - np.sqrt(np.maximum(inner, 0))) / a
         return np.where((inner > 0) & (t > 0), t, np.inf)
 

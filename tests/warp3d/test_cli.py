@@ -929,7 +929,7 @@ def test_a_lens_of_a_file_bends_as_its_numbers_do(capsys):
         assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))
     capsys.readouterr()  # what was said of these
     line = refused(capsys, *words, *EYE, "--target-intrinsics", "ros.yaml", "-o", "no.png")
-    assert "ros.yaml has a lens, and the new picture is made without" in line
+    assert "ros.yaml has a lens; give it as --target-lens" in line
 
 
 @pytest.mark.parametrize("option", ["--intrinsics", "--lens", "--target-intrinsics"])

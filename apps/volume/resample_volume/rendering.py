@@ -14,25 +14,21 @@ from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples, View
-from resample_volume.looks.presets import transfer_for
+from resample_volume.looks.automatic import levels
+from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.regions import Faded
-from resample_volume.looks.transfer import Transfer, from_points
+from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.looks.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
-from resample_volume.voxels.framing import Shifted, centered, sphere_around
+from resample_volume.voxels.framing import Placed, Shifted, centered, shown_by, sphere_around
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
-
-# Values as gray levels, which is how they are read where they are not classified. Nothing is made
-# of the least value: in a picture on black that is no difference, and most voxels may have it.
-LEVELS = from_points(
-    [(0.0, (0.0,) * 3, 0.0), (0.001, (0.001,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True
-)
 
 
 class Classification(StrEnum):
@@ -55,6 +51,7 @@ class Appearance:
     cue: DepthCue | None = None
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
+    framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
 
     @property
     def extras(self) -> list[str]:
@@ -83,15 +80,23 @@ def transfer_of(
     volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
 ) -> Transfer:
     """Transfer function, also where it was given by name."""
-    given = appearance.transfer
+    return named_or_own(appearance.transfer, volume, projection)
+
+
+def named_or_own(
+    given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
+) -> Transfer:
+    """Transfer function, which may be given by its name."""
     return named_transfer(given, volume, projection) if isinstance(given, str) else given
 
 
-def named_transfer(name: str, volume: Volume, projection: Projection) -> Transfer:
+def named_transfer(
+    name: str, volume: Volume, projection: Projection, window: Window | None = None
+) -> Transfer:
     """Transfer function by name; `auto` shows values as opaque gray, where they are projected."""
     if name == "auto" and projection in MEASURING:
-        return LEVELS
-    return transfer_for(name, volume)
+        return levels(volume, survey(volume), projection, window)
+    return transfer_for(name, volume, window)
 
 
 def check_together(
@@ -219,9 +224,15 @@ class Subject:
             voxels = field_of(scene, appearance, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
+        radius = resampler.reconstruction.radius
         if not isinstance(voxels, Gathered):
-            voxels = faced(keep(voxels, clip, resampler.reconstruction.radius), clip)
-        shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
+            voxels = faced(keep(voxels, clip, radius), clip)
+        shown: Placed
+        if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
+            look = named_or_own(appearance.framing or appearance.transfer, scene)
+            shown = shown_by(scene, look, clip, radius, resampler.iso)
+        else:
+            shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
 
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
@@ -232,7 +243,8 @@ class Subject:
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to see."""
-        return not len(self.voxels.position)
+        voxels = self.voxels
+        return not (voxels.seen if isinstance(voxels, Gathered) else len(voxels.position))
 
     def facts(self) -> dict[str, Any]:
         """What pictures depend on besides camera and renderer, as JSON holds it."""
@@ -300,6 +312,7 @@ def render(
         The array is no volume, or a choice is not allowed.
     """
     scene = volume if isinstance(volume, Volume) else as_volume(volume)
+    scene = without_padding(scene, survey(scene))
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     paint = resampler or Resampler()
     subject = Subject.of(scene, look, paint)

@@ -15,3 +15,4 @@ class Volume(NamedTuple):
     origin: Doubles  # (3,) x, y, z; scene position of values[0, 0, 0]
     direction: Doubles  # (3, 3) columns are the unit steps of x, y, z; may mirror
     name: str  # for titles and messages
+    units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera
+    from resample.cameras.models import Camera, Orthographic
+    from resample.cameras.panoramic import Equirectangular
     from resample_warp3d.clouds.cloud import Cloud
     from resample_warp3d.clouds.files import read_cloud
     from resample_warp3d.clouds.framing import framed
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
+    from resample_warp3d.wide.passages import way_between
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -31,9 +34,12 @@ _HOMES = {
     "CloudStyle": "clouds.rendering",
     "DepthImage": "types",
     "Equation": "types",
+    "Equirectangular": "resample.cameras.panoramic",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
     "Joining": "views.together",
+    "Orthographic": "resample.cameras.models",
+    "SEAMLESS": "views.panoramas",
     "Source": "types",
     "Standing": "views.together",
     "Warped": "types",
@@ -44,6 +50,7 @@ _HOMES = {
     "framed": "clouds.framing",
     "merge": "merging",
     "of_rectified": "depth.equation",
+    "panorama": "views.panoramas",
     "prepare": "depth.preparation",
     "prepare_cloud": "clouds.spacing",
     "read_cloud": "clouds.files",
@@ -53,18 +60,22 @@ _HOMES = {
     "render_cloud": "clouds.rendering",
     "render_together": "views.together",
     "warp": "warping",
+    "way_between": "wide.passages",
     "warp_disparity": "warping",
 }
 
 __all__ = [
+    "SEAMLESS",
     "Camera",
     "Cloud",
     "CloudStyle",
     "DepthImage",
     "Equation",
+    "Equirectangular",
     "Hole",
     "Hybrid",
     "Joining",
+    "Orthographic",
     "Source",
     "Standing",
     "Warped",
@@ -75,6 +86,7 @@ __all__ = [
     "framed",
     "merge",
     "of_rectified",
+    "panorama",
     "prepare",
     "prepare_cloud",
     "read_cloud",
@@ -85,6 +97,7 @@ __all__ = [
     "render_together",
     "warp",
     "warp_disparity",
+    "way_between",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

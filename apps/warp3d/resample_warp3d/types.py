@@ -23,7 +23,9 @@ Links = NDArray[np.uint8]
 
 # Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
+TURNS = 16  # times one of those, in a sheet: beyond that side the surface turns away
 MARGIN = 2  # samples around a sheet that nothing is linked with; colors are interpolated from five
+AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust in depth that was not refined
 
 
 class Hole(IntEnum):
@@ -50,6 +52,10 @@ class Equation(NamedTuple):
     matrix: Doubles  # (3, 3)
     epipole: Doubles  # (3,)
 
+    def in_frame(self, matrix: Doubles) -> "Equation":
+        """Equation that leads to a frame (3, 3) of the target's."""
+        return Equation(matrix @ self.matrix, matrix @ self.epipole)
+
 
 class Sheet(NamedTuple):
     """A depth image as a sheet of cells, one around each sample, torn where surfaces end."""
@@ -59,7 +65,9 @@ class Sheet(NamedTuple):
     place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
     torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
-    links: Links  # (H + 4, W + 4) of the source; MARGIN of nothing around, as around the colors
+    links: Links  # (H + 4, W + 4) of the source, and TURNS; MARGIN of nothing around, as of colors
+    ends: NDArray[np.int32]  # (M, 2) rows of `corner` and its corners where surfaces turn away
+    roundness: Floats  # (M, 2) of them: squared nearness per px, outward, along x and y
 
 
 class Source(NamedTuple):
@@ -72,6 +80,7 @@ class Source(NamedTuple):
     place: Doubles  # (H, W, 2) as in DepthImage
     noise: float  # standard deviation of the nearness, relative to it
     step: float = 0.0  # smallest difference of nearness that is told apart
+    trust: Floats = AS_GIVEN  # (H, W) 0..1: how sure refined depth is; or (0, 0)
 
 
 class Rendered(NamedTuple):
@@ -96,7 +105,9 @@ class Warped(NamedTuple):
     magnification: (
         Floats  # (H, W) px of the target per px of the source (areas); 0 where nothing is
     )
-    confidence: Floats  # (H, W) 0..1: how far the source's sampling and view support the pixel
+    confidence: (
+        Floats  # (H, W) 0..1: how far the source's sampling, view and depth support the pixel
+    )
 
 
 class Method(Protocol):

@@ -9,16 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample_warp3d.depth.equation import between, lens_places, of_rectified
+from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill as fill_holes
-from resample_warp3d.sheet.holes import explained
+from resample_warp3d.sheet.holes import explained, trusted
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
+from resample_warp3d.wide.painting import explained as wide_explained
+from resample_warp3d.wide.painting import painted
+from resample_warp3d.wide.painting import trusted as wide_trusted
+from resample_warp3d.wide.passages import Passage, Way, way_between
+from resample_warp3d.wide.sights import Sight, taken_by
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
@@ -29,8 +34,8 @@ LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
 def warp(  # noqa: PLR0913 - what a user may say about a warp
     color: NDArray[np.number],
     depth: ArrayLike,
-    source: Camera,
-    target: Camera,
+    source: Camera | Orthographic,
+    target: Sight,
     method: str | Method = "hybrid",
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002
@@ -52,7 +57,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
         of another size that shows the same frame is brought to the picture's.
     source, target
-        Cameras; the target's distortion is not applied.
+        Cameras, of which either may be parallel (`resample.cameras.models.Orthographic`); the
+        target's lens is applied, and it may be a panorama's
+        (`resample.cameras.panoramic.Equirectangular`). These take the method hybrid.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object with that role.
     filter
@@ -75,7 +82,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
 
     Returns
     -------
-    Picture (height, width, C), coverage, depth, typed holes, magnification and confidence.
+    Picture (height, width, C), coverage, depth (z; of a panorama the length of the ray), typed
+    holes, magnification and confidence.
 
     Raises
     ------
@@ -86,11 +94,10 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     """
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
-    place = lens_places(source, (height, width))
-    image = DepthImage(light, nearness, place)
+    image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
     prepared = prepare(image, noise=noise, step=step, refine=refine)
     shape = (height, width) if size is None else size
-    equation = between(source, target)
+    equation = way_between(source, target, shape)
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
     return _filled(prepared, partial(seen, filter=filter), fill)
 
@@ -192,7 +199,7 @@ def as_light(color: NDArray[np.number]) -> Floats:
 
 def render(
     source: Source,
-    equation: Equation,
+    equation: Way,
     shape: tuple[int, int],
     method: str | Method,
     threads: int | None = None,
@@ -206,7 +213,8 @@ def render(
     source
         Of `preparation.prepare`; one serves any number of targets.
     equation
-        Of `equation.between` or `equation.of_rectified`.
+        Of `equation.between` or `equation.of_rectified`; of `wide.passages.way_between`, whose
+        targets may have a lens, show all around or be parallel, for the hybrid method.
     shape
         Height and width of the target, px.
     method, threads, filter
@@ -227,7 +235,7 @@ def render(
             f"a target of {width} × {height} px; give 1 px or more each way, together at most "
             f"{LARGEST_PICTURE} px"
         )
-    if not is_usable(equation):
+    if isinstance(equation, Equation) and not is_usable(equation):
         raise ValueError("the warping equation is singular or not finite; check both cameras")
     shape = height, width
     chosen = registry.build("warps", method) if isinstance(method, str) else method
@@ -235,16 +243,20 @@ def render(
         raise ValueError(f"method {method!r}; give a name or an object that warps")
     pixel = registry.build("filters", filter) if isinstance(filter, str) else filter
     with jit.threads(threads):
-        if pixel is None:
-            rendered = chosen(source, equation, shape)
+        if isinstance(equation, Passage):
+            rendered = painted(chosen, pixel, source, equation, shape)
+            holes = wide_explained(rendered, source, equation)
+            sure = wide_trusted(rendered, source, equation)
         else:
-            rendered = filtered(chosen, pixel, source, equation, shape)
-        holes = explained(rendered, source, equation)
+            paint = chosen if pixel is None else partial(filtered, chosen, pixel)
+            rendered = paint(source, equation, shape)
+            holes = explained(rendered, source, equation)
+            sure = trusted(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
     return Warped(
         rendered.image, rendered.coverage, depth, holes, rendered.magnification,
-        confidence_of(rendered),
+        confidence_of(rendered) * sure,
     )  # fmt: skip
 
 
@@ -269,7 +281,8 @@ def confidence_of(rendered: Rendered) -> Floats:
     """How far samples support each pixel, 0..1.
 
     Its coverage, divided by the pixels that have to share one sample; half of that where a gap was
-    filled. A surface that the source saw at a grazing angle is magnified, too.
+    filled. A surface that the source saw at a grazing angle is magnified, too. How sure refined
+    depth is, of `holes.trusted`, comes on top.
     """
     shared = np.maximum(rendered.magnification, np.float32(1))
     trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))

@@ -1,5 +1,6 @@
 """What the command line lets a user choose about a volume and its look; no numerics in here."""
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -8,6 +9,7 @@ from pydantic import Field
 
 from resample.command.flags import FieldOfView, Hyphen, Up, Viewed
 from resample.command.settings import Choices, Iso, Resampling, Shown
+from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
@@ -27,9 +29,22 @@ class Source(Choices):
     shape: Annotated[
         str | None, Field(description="Voxels of a raw file along x, y, z: 256x256x128.")
     ] = None
-    dtype: Annotated[str | None, Field(description="Type of a raw file: uint8, int16...")] = None
+    dtype: Annotated[
+        str | None, Field(description="Type of a raw file: uint8, int16, or >i2 for big-endian...")
+    ] = None
+    endian: Annotated[
+        Literal["little", "big"] | None,
+        Field(description="Order of a raw file's bytes. Little."),
+    ] = None
     spacing: Annotated[
         str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
+    ] = None
+    units: Annotated[
+        Literal["hu", "hu+1024", "none"] | None,
+        Field(
+            description="What values are: Hounsfield units, these as stored with 1024 added, or "
+            "none of them. As the file says, or as the values look."
+        ),
     ] = None
 
 
@@ -38,12 +53,24 @@ class Look(Choices):
 
     transfer: Annotated[
         str,
+        Hyphen,
         Field(
-            description="Transfer function: a preset, a matplotlib colormap, auto, or a .json or "
-            ".toml file of points over values, or of regions over values and gradients. After a "
-            "name :opacity=0.2,low=0.3 thins it."
+            description="Transfer function: auto, which looks at the values; "
+            f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range of "
+            "values such as 300..900; or a .json or .toml file of points over values, or of "
+            "regions over values and gradients. After a name :opacity=0.2,low=0.3 thins it, "
+            "color=tomato colors it, gradient=0.1/0.5 keeps its surfaces. Several materials: "
+            "skin:opacity=0.1+bone."
         ),
     ] = "auto"
+    window: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Center and width of the values that auto, gray, bone, vessels, surfaces "
+            "and colormaps are spread over: 40/400. The range without padding and strays."
+        ),
+    ] = None
     opacity_unit: Annotated[
         float | None,
         Field(
@@ -61,6 +88,18 @@ class Look(Choices):
         Hyphen,
         Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
+    ambient: Annotated[
+        float, Field(ge=0, allow_inf_nan=False, description="Light that is everywhere.")
+    ] = 0.3
+    diffuse: Annotated[
+        float, Field(ge=0, allow_inf_nan=False, description="Light by its angle to surfaces.")
+    ] = 0.7
+    specular: Annotated[
+        float, Field(ge=0, allow_inf_nan=False, description="Strength of the white highlights.")
+    ] = 0.2
+    shininess: Annotated[
+        float, Field(gt=0, allow_inf_nan=False, description="The greater, the smaller highlights.")
+    ] = 32.0
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
     ] = "central"
@@ -133,19 +172,24 @@ class Look(Choices):
         ValueError
             A choice is unknown or not allowed.
         """
-        from resample.resampler import Projection
+        from resample.resampler import MEASURING, Projection
         from resample_volume.looks.labels import read_labels
         from resample_volume.rendering import Appearance, Classification, named_transfer
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
-        transfer = named_transfer(self.transfer, volume, projection)
+        window = self._window()
+        transfer = named_transfer(self.transfer, volume, projection, window)
+        framing = None
+        if self.transfer == "auto" and projection in MEASURING:  # the camera is that of the others
+            framing = named_transfer(self.transfer, volume, Projection.COMPOSITE, window)
         if self.opacity_unit is not None:
             transfer = replace(transfer, opacity_unit=self.opacity_unit)
-        light = Light()
+        toward = None
         if self.light != "eye":
             x, y, z = _numbers("light", self.light, 3)
-            light = Light((x, y, z))
+            toward = (x, y, z)
+        light = Light(toward, self.ambient, self.diffuse, self.specular, self.shininess)
         ramp = None
         if self.gradient_opacity is not None:
             low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
@@ -160,7 +204,18 @@ class Look(Choices):
             cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
             crop=self.crop,
             clip=self.clip,
+            framing=framing,
         )
+
+    def _window(self) -> tuple[float, float] | None:
+        """Least and greatest value of the window."""
+        if self.window is None:
+            return None
+        center, width = _numbers("window", self.window, 2)
+        low, high = center - width / 2, center + width / 2
+        if not -math.inf < low < high < math.inf:
+            raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40/400")
+        return low, high
 
     def viewpoint(self) -> "Viewpoint":
         """Where the volume is seen from, as `resample.cameras.files.viewpoint` reads it."""

@@ -1,6 +1,7 @@
 """The `resample-volume` command."""
 
 import json
+import math
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -26,6 +27,8 @@ LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Sourc
 PROJECTING = Projecting()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
+BAR = 40  # characters of the longest bar
+UNLISTED = ("histogram", "thresholds", "findings")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {  # camera and side of the picture, px
     "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
@@ -62,7 +65,7 @@ def render(
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
     from resample.measuring.color_bars import check_bar
-    from resample_volume.command.inputs import opened
+    from resample_volume.command.inputs import prepared
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
     from resample_volume.files.writing import with_bar
 
@@ -77,7 +80,7 @@ def render(
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
-        scene = opened(source, volume)
+        scene = prepared(source, volume)
     subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
@@ -139,7 +142,7 @@ def compare(
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
-    from resample_volume.command.inputs import opened
+    from resample_volume.command.inputs import prepared
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
     from resample_volume.showing.compare import Contest, check_vtk, gathered_for, thickest, variants
     from resample_volume.voxels.framing import centered
@@ -156,7 +159,7 @@ def compare(
     viewpoint = look.viewpoint()
     check_targets(output)
     require_picture(pixels, BYTES_PER_PIXEL)
-    scene = opened(source, volume)
+    scene = prepared(source, volume)
     appearance = look.appearance(scene, first)
     if peer is not None:
         check_vtk(appearance, first)
@@ -215,7 +218,7 @@ def animate(
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
     from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
-    from resample_volume.command.inputs import opened
+    from resample_volume.command.inputs import prepared
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
 
     check_film(output, fps)
@@ -225,7 +228,7 @@ def animate(
     resampler = look.renderer(resampling)
     paint = Paint(resampler, shape, behind, threads)
     require_picture(shape, BYTES_PER_PIXEL)
-    scene = opened(source, volume)
+    scene = prepared(source, volume)
     subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
@@ -238,11 +241,11 @@ def info(
     volume: str,
     /,
     *,
-    bins: int = 16,
+    bins: int = 32,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
-    """Print a volume's size, spacing, range of values and histogram.
+    """Print a volume's size, spacing, values, histogram and the thresholds that this suggests.
 
     Example: resample-volume info engine.nhdr
 
@@ -378,10 +381,28 @@ def _words(text: str) -> list[str]:
 
 def _listed(facts: dict[str, Any]) -> str:
     """Facts as lines, the histogram as bars."""
-    lines = [f"{key:<10} {value}" for key, value in facts.items() if key != "histogram"]
-    counts = facts["histogram"]
-    low, high = facts["range"] or (0.0, 0.0)
+    shown = {key: value for key, value in facts.items() if key not in UNLISTED}
+    lines = [f"{key.replace('_', ' '):<12} {value}" for key, value in shown.items()]
+    for classes, values in facts["thresholds"].items():
+        lines.append(f"{f'{classes} classes':<12} {', '.join(f'{v:.6g}' for v in values)}")
+    return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"
+
+
+def _bars(facts: dict[str, Any]) -> list[str]:
+    """Histogram as bars whose lengths are logarithms, so that what is rare is seen, too."""
+    counts, (two, three) = facts["histogram"], facts["thresholds"].values()
+    low, high = facts["robust_range"] or (0.0, 0.0)
+    edges = [low + (high - low) * n / len(counts) for n in range(len(counts) + 1)]
+    longest = math.log1p(max(*counts, 1))
+    lines = ["values from   voxels; bars are logarithms"]
     for n, count in enumerate(counts):
-        bar = "#" * round(40 * count / max(*counts, 1))
-        lines.append(f"{low + (high - low) * n / len(counts):>12.6g}  {bar:<40}  {count}")
-    return "\n".join(lines) + "\n"
+        bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
+        marks = [mark for mark, limits in (("2", two), ("3", three)) if _within(limits, edges, n)]
+        note = f"  <- between {' and '.join(marks)} classes" if marks else ""
+        lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
+    return lines
+
+
+def _within(limits: list[float], edges: list[float], n: int) -> bool:
+    """Whether one of some values lies in a bin."""
+    return any(edges[n] < limit <= edges[n + 1] for limit in limits)

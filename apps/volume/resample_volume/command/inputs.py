@@ -1,13 +1,16 @@
 """Volumes as the command line's files and words give them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from resample import registry
+from resample.command.console import say
 from resample_volume.command.choices import Source
-from resample_volume.files.readers import Raw, three_numbers
+from resample_volume.files.readers import Raw, Reader, three_numbers
 from resample_volume.files.source import open_volume
+from resample_volume.looks.surveys import findings, survey, without_padding
 from resample_volume.types import Volume
 
 
@@ -22,11 +25,42 @@ def opened(source: Source, name: str) -> Volume:
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
-    if source.shape is not None or source.dtype is not None:
-        if reader is not None:
-            raise ValueError("give either a reader or shape and dtype, not both")
-        reader = Raw(shape=source.shape or "", dtype=source.dtype or "")
+    of_raw = {
+        "shape": source.shape or "",
+        "dtype": source.dtype or "",
+        "endian": source.endian or "",
+    }
+    told = {name: word for name, word in of_raw.items() if word}
+    if told:
+        reader = _told(Raw() if reader is None else reader, told)
     volume = open_volume(Path(name) if Path(name).exists() else name, reader)
     if source.spacing is not None:
         volume = volume._replace(spacing=np.array(three_numbers("spacing", source.spacing)))
-    return volume
+    return volume if source.units is None else volume._replace(units=source.units)
+
+
+def prepared(source: Source, name: str) -> Volume:
+    """Volume of that name without its padding; what was found in it is said.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        See `opened`.
+    """
+    volume = opened(source, name)
+    known = survey(volume)
+    for line in findings(known):
+        say(line)
+    return without_padding(volume, known)
+
+
+def _told(reader: Reader, told: dict[str, str]) -> Reader:
+    """Reader of raw files that is told what their names do not say."""
+    if not isinstance(reader, Raw):
+        names = " and ".join(told)
+        raise ValueError(f"{names} are for raw files: take the reader raw, or leave them out")
+    twice = [name for name in told if getattr(reader, name)]
+    if twice:
+        raise ValueError(f"give {' and '.join(twice)} once, not to the reader as well")
+    whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
+    return replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])

@@ -21,7 +21,7 @@ def subject_of(
     """Volume made ready for a renderer."""
     check_together(resampler, appearance.classification, appearance.extras)
     announce_compilation(painter(resampler))
-    with session.stage("classify"):
+    with session.stage("classify", bar="classifying"):
         subject = Subject.of(volume, appearance, resampler)
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
@@ -30,7 +30,7 @@ def subject_of(
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
     """What a camera sees of a subject."""
-    with session.stage("shade"):
+    with session.stage("shade", bar="shading"):
         return subject.seen_by(camera)
 
 

@@ -24,6 +24,7 @@ class Header(NamedTuple):
     origin: Doubles  # (3,) position of the first voxel
     direction: Doubles  # (3, 3) columns are the steps of x, y, z
     name: str  # for messages
+    units: str = ""  # of the values, as `Volume` has them
 
     @property
     def size(self) -> int:
@@ -94,7 +95,8 @@ def volume(values: NDArray[Any], known: Header) -> Volume:
     if kept != values.dtype:
         require_memory(values.size * kept.itemsize, known.name)
         values = values.astype(kept)
-    return Volume(values, known.spacing, known.origin, known.direction, known.name)
+    places = (known.spacing, known.origin, known.direction)
+    return Volume(values, *places, known.name, known.units)
 
 
 def existing_file(path: Path) -> Path:

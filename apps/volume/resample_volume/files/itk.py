@@ -22,6 +22,8 @@ PLAIN = (*INTEGERS, "Float32", "Float64")
 # `[nrrd] function:`, `ITK ERROR: Class(0x55d2):` and the like
 ORIGIN = re.compile(r"^(\[\w+\]\s*\w+:|(\w+::)?.*?ERROR:)\s*(\w+\(0x\w+\):)?\s*")
 
+HOUNSFIELD = ("hu", "hounsfield", "hounsfield unit", "hounsfield units")
+
 Result = TypeVar("Result")
 
 
@@ -44,7 +46,29 @@ def read_header(path: Path, image_io: str, name: str) -> tuple[Any, Header]:
         reader.SetFileName(str(path))
         reader.SetImageIO(image_io)
         attempt(name, reader.ReadImageInformation)
-    return reader, described(reader, name)
+    return reader, described(reader, name)._replace(units=units_told(reader))
+
+
+def units_told(reader: Any) -> str:
+    """What a reader's file says that its values are: hu, or nothing that is known.
+
+    Values of a DICOM file of computed tomography are, where it does not say that its rescaling
+    makes anything else of them (US is "unspecified").
+    """
+    if told(reader, "0008|0060") == "CT":
+        return "hu" if told(reader, "0028|1054") in ("", "HU", "US") else ""
+    words = [told(reader, key) for key in ("units", "intent_name")]
+    return "hu" if any(is_hounsfield(word) for word in words) else ""
+
+
+def told(reader: Any, key: str) -> str:
+    """Word of a file's header; nothing where there is none."""
+    return str(reader.GetMetaData(key)).strip() if reader.HasMetaDataKey(key) else ""
+
+
+def is_hounsfield(word: str) -> bool:
+    """Whether a word is a name of Hounsfield units."""
+    return word.strip("\"'= ").lower() in HOUNSFIELD
 
 
 def read_values(reader: Any, known: Header) -> Volume:

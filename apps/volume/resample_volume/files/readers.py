@@ -8,6 +8,7 @@ matrix of the axes is kept as it is, rotated or mirrored; what a format cannot s
 import gzip
 import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,11 +21,12 @@ from numpy.typing import NDArray
 
 from resample_volume.files import integrity, slices
 from resample_volume.files.headers import Header, check_type, existing_file, header, stem, volume
-from resample_volume.files.itk import read_header, read_values
+from resample_volume.files.itk import is_hounsfield, read_header, read_values
 from resample_volume.files.memory import require_memory
 from resample_volume.files.vti import read_vti
 from resample_volume.types import Volume
 
+BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
@@ -52,6 +54,9 @@ class Nrrd:
         reader, known = read_header(path, "NrrdImageIO", stem(path, self.suffixes))
         if detached:
             integrity.check_nrrd_size(detached, known)
+        # ITK passes on keys of the user's own, but no field of the format.
+        if is_hounsfield(integrity.text_fields(path, ":").value.get("sample units", "")):
+            known = known._replace(units="hu")
         return read_values(reader, known)
 
 
@@ -144,9 +149,9 @@ class Raw:
     """
 
     shape: Numbers = ""  # voxels along x, y, z: (256, 256, 128) or "256x256x128"
-    dtype: str = ""  # NumPy's name
+    dtype: str = ""  # NumPy's name; > or < before it, as in >i2, is the order of its bytes
     spacing: Numbers = "1x1x1"
-    endian: str = "little"  # or big
+    endian: str = ""  # little or big; empty: as dtype says, else little
     offset: int = 0  # bytes before the first voxel
 
     suffixes: ClassVar[tuple[str, ...]] = (".raw", ".raw.gz")
@@ -155,10 +160,10 @@ class Raw:
         three_numbers("spacing", self.spacing)
         if self.shape:
             _sizes(self.shape)
+        if self.endian not in ("", *BYTE_ORDERS.values()):
+            raise ValueError(f"endian is little or big, not {self.endian!r}")
         if self.dtype:
             check_type(_type(self.dtype, self.endian), "raw")
-        if self.endian not in ("little", "big"):
-            raise ValueError(f"endian is little or big, not {self.endian!r}")
         if self.offset < 0:
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
@@ -279,7 +284,11 @@ def _sizes(shape: Numbers) -> tuple[int, ...]:
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:
+    own = BYTE_ORDERS.get(name[:1], "")
     try:
-        return np.dtype(name).newbyteorder(">" if endian == "big" else "<")
+        dtype = np.dtype(name)
     except TypeError:
         raise ValueError(f"dtype is a name like uint8, int16 or float32, not {name!r}") from None
+    if own and endian and own != endian:
+        raise ValueError(f"dtype {name!r} is {own}-endian, endian says {endian}; give one of them")
+    return dtype.newbyteorder(">" if "big" in (own, endian) else "<")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample_volume.files.headers import Header
-from resample_volume.files.itk import attempt, described
+from resample_volume.files.itk import attempt, described, units_told
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
 
@@ -127,7 +127,8 @@ def dicom_values(files: list[str], name: str) -> tuple[NDArray[Any], Header]:
         reader.MetaDataDictionaryArrayUpdateOn()
         image = attempt(name, reader.Execute)
     _check_gaps(reader, len(files), name)
-    return SimpleITK.GetArrayFromImage(image), described(image, name)
+    known = described(image, name)._replace(units=units_told(first))
+    return SimpleITK.GetArrayFromImage(image), known
 
 
 def is_dicom(file: Path) -> bool:

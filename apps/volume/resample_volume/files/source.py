@@ -11,6 +11,8 @@ from resample import registry
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader
 from resample_volume.files.slices import is_dicom
+from resample_volume.looks.surveys import findings, survey
+from resample_volume.looks.thresholds import otsu
 from resample_volume.types import Volume
 from resample_volume.voxels.parts import slabs
 
@@ -93,7 +95,7 @@ def generate(spec: str) -> Volume:
     return GENERATED[name](**chosen)
 
 
-def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
+def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Facts about a volume, in plain Python values.
 
     Parameters
@@ -101,22 +103,25 @@ def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
     volume
         May be mapped from a file: it is gone through in slabs.
     bins
-        Of the histogram, of equal width over the range.
+        Of the histogram, of equal width over the robust range.
 
     Returns
     -------
     `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range` (lowest
-    and highest finite value, or None), `nan` and `infinite` (counts), `histogram` (counts).
+    and highest finite value, or None), `nan` and `infinite` (counts), `units` (words),
+    `robust_range` (without padding and strays, or None), `padding` (its values), `padded` and
+    `stray` (counts), `thresholds` (between `2` and between `3` classes), `findings` (lines), and
+    `histogram` (counts over the robust range).
     """
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
-    low, high, nan, infinite = np.inf, -np.inf, 0, 0
-    for slab in slabs(volume.values):
-        finite = slab[np.isfinite(slab)]
-        missing = int(np.isnan(slab).sum())
-        nan, infinite = nan + missing, infinite + slab.size - finite.size - missing
-        if finite.size:
-            low, high = min(low, finite.min().item()), max(high, finite.max().item())
+    known, nan = survey(volume), 0
+    if volume.values.dtype.kind == "f":
+        nan = sum(int(np.isnan(slab).sum()) for slab in slabs(volume.values))
+    any_known = bool(known.levels.value.size)
+    counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
+    is_whole = volume.values.dtype.kind in "iu"
+    ends = [(int(a), int(b)) if is_whole else (a, b) for a, b in (known.whole, known.span)]
     return {
         "name": volume.name,
         "shape": volume.values.shape[::-1],
@@ -124,10 +129,17 @@ def describe(volume: Volume, bins: int = 16) -> dict[str, Any]:
         "spacing": volume.spacing.tolist(),
         "origin": volume.origin.tolist(),
         "direction": volume.direction.tolist(),
-        "range": (low, high) if low <= high else None,
+        "range": ends[0] if any_known else None,
         "nan": nan,
-        "infinite": infinite,
-        "histogram": _histogram(volume.values, bins, (low, high)) if low <= high else [0] * bins,
+        "infinite": known.infinite,
+        "units": known.units.name + (" (assumed)" if known.units.is_assumed else ""),
+        "robust_range": ends[1] if any_known else None,
+        "padding": list(known.padding),
+        "padded": known.padded,
+        "stray": known.stray,
+        "thresholds": {str(n): otsu(known.levels, n) for n in (2, 3)},
+        "findings": findings(known),
+        "histogram": counts,
     }
 
 

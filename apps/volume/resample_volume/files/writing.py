@@ -7,7 +7,7 @@ import numpy as np
 from resample.colors import to_srgb
 from resample.command.settings import Color
 from resample.files.writing import replacing
-from resample.resampler import Projection, Resampler
+from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import Frame
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
 from resample_volume.rendering import Appearance, transfer_of
@@ -58,14 +58,16 @@ def with_bar(
 ) -> Frame:
     """Picture with a bar of colors, opacities and values, or of sums, to its right."""
     from resample.measuring.color_bars import with_color_bar
+    from resample_volume.looks.surveys import survey
     from resample_volume.showing.color_bar import color_bar
-    from resample_volume.voxels.visible import finite_range
 
     if resampler.projection is Projection.ADDITIVE:
         transfer, extent = _sums(frame)
     else:
         transfer = transfer_of(volume, appearance, resampler.projection)
-        extent = finite_range(volume.values)
+        extent = survey(volume).span
+        if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
+            extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
     behind = background or (0.0, 0.0, 0.0)
     bar = color_bar(transfer, extent, len(frame.rgba), title=volume.name, background=behind)
     return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))

@@ -1,19 +1,25 @@
-"""Transfer functions by name: presets, matplotlib's colormaps, and one made from the data."""
+"""Transfer functions by name: presets, tissues, matplotlib's colormaps, files, materials."""
 
+import re
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.looks.automatic import automatic, ramp
+from resample_volume.looks.materials import Materials, spread
+from resample_volume.looks.names import TISSUES
+from resample_volume.looks.regions import Faded, Region, RegionTransfer
+from resample_volume.looks.surveys import Survey, survey
+from resample_volume.looks.tissues import tissue
 from resample_volume.looks.transfer import SUFFIXES, Transfer, TransferFunction, from_points
 from resample_volume.types import Volume
-from resample_volume.voxels.visible import finite_range
 
 BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)
 BLUE, SAND = (0.15, 0.25, 0.55), (0.95, 0.85, 0.6)
-CLAY, GLASS, AMBER = (0.7, 0.5, 0.35), (0.55, 0.65, 0.75), (1.0, 0.6, 0.2)
+GLASS, AMBER = (0.55, 0.65, 0.75), (1.0, 0.6, 0.2)
 
 # What `auto` means for volumes that are made to be looked at in one way.
 GENERATED_VOLUMES = {
@@ -84,34 +90,108 @@ PRESETS: dict[str, Callable[[], Transfer]] = {
 }
 
 
-def automatic(volume: Volume) -> TransferFunction:
-    """Transfer function for data of which nothing is known.
+NUMBER = r"[-+]?[0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?"
+RANGE = re.compile(rf"({NUMBER})?\.\.({NUMBER})?", re.IGNORECASE)  # of values: 300..900, 500..
+JOINT = re.compile(r"(?<![0-9][eE])\+(?!1024\b)")  # between materials, not in 1e+5 or hu+1024
+SOFT = 0.1  # of a range of values, over which its opacity rises and falls
 
-    What is below Otsu's threshold (1979), the value that splits the histogram into the two most
-    even classes, is transparent; from there on opacity rises quickly to a half per voxel.
+Window = tuple[float, float]  # least and greatest value
+
+
+@dataclass(frozen=True)
+class Names:
+    """What names of transfer functions stand for, with a volume or without."""
+
+    volume: Volume | None = None
+    known: Survey | None = None  # of the volume's values
+    window: Window | None = None  # which functions of fractions are spread over
+
+    def transfer(self, name: str) -> Transfer:
+        """Transfer function of one material or of several, joined by +."""
+        words = [name] if is_file(name) else JOINT.split(name)
+        parts = tuple(self._part(word.strip()) for word in words)
+        if len(parts) == 1 and not isinstance(parts[0], Faded):
+            return parts[0]
+        return Materials(parts)
+
+    def _part(self, name: str) -> Transfer:
+        if is_file(name):
+            return self._placed(_read(name), name)
+        base, _, text = name.partition(":")
+        return self._placed(_adjusted(self._base(base), name, text), name)
+
+    def _placed(self, transfer: Transfer, name: str) -> Transfer:
+        """Transfer function whose fractions are of the window, or of the robust range."""
+        if self.window is not None:
+            if not transfer.normalized:
+                raise ValueError(
+                    f"the window spreads fractions, but {name} is in data units already; leave "
+                    "one of them out, or take gray, auto or a colormap"
+                )
+            return spread(transfer, self.window)
+        if self.known is None or self.known.is_plain:
+            return transfer
+        return spread(transfer, self.known.span)
+
+    def _base(self, name: str) -> Transfer:
+        """Transfer function before its parameters."""
+        if name == "auto" and self.volume is not None and self.known is not None:
+            return self._automatic(self.volume, self.known)
+        if ends := RANGE.fullmatch(name):
+            return _of_range(name, *ends.groups())
+        added = None if self.known is None else self.known.units.added
+        if name in TISSUES and self.window is None:
+            if added is not None:
+                return tissue(name, added)
+            if self.known is None and name not in PRESETS:
+                return tissue(name)
+        if name in PRESETS:
+            return PRESETS[name]()
+        if name in TISSUES:
+            raise ValueError(self._why_no_tissue(name))
+        return _colormap(name)
+
+    def _automatic(self, volume: Volume, known: Survey) -> Transfer:
+        if self.window is not None:
+            return ramp()
+        if known.units.added is not None:
+            return tissue("ct", known.units.added)
+        return automatic(volume, known)
+
+    def _why_no_tissue(self, name: str) -> str:
+        if self.window is not None or self.volume is None or self.known is None:
+            return f"{name} is in Hounsfield units, which the window would spread; leave one out"
+        return (
+            f"{name} is a look for Hounsfield units, but {self.volume.name} holds "
+            f"{self.known.low:g} to {self.known.high:g} and does not look it; give its units, hu "
+            "or hu+1024, or take auto or a range of values such as 300..900"
+        )
+
+
+def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Transfer:
+    """Transfer function by name or from a file, or `auto`, which looks at the volume.
+
+    Fractions are of the robust range, without padding and strays. Tissues are shown where values
+    are in Hounsfield units, or look it; there, `auto` is `ct`.
+
+    Parameters
+    ----------
+    name
+        As in `load_transfer`, or `auto`.
+    volume
+        Whose values are shown.
+    window
+        Least and greatest value that functions of fractions are spread over instead.
+
+    Raises
+    ------
+    ValueError, OSError
+        As in `load_transfer`; or a window or a tissue does not go with the data or the function.
     """
-    import cv2
-
-    low, high = finite_range(volume.values)
-    if not low < high:
-        return from_points([(0.0, SAND, 0.5)])
-    step = max(1, int(np.cbrt(volume.values.size / 2e6)))
-    some = np.asarray(volume.values[::step, ::step, ::step], np.float64)
-    code = np.round((some[np.isfinite(some)] - low) * (255 / (high - low))).astype(np.uint8)
-    threshold, _ = cv2.threshold(code, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    start = (threshold + 1) / 256
-    middle = start + 0.2 * (1 - start)
-    return from_points(
-        [(start, CLAY, 0.0), (middle, SAND, 0.5), (1.0, WHITE, 0.8)], normalized=True
-    )
-
-
-def transfer_for(name: str, volume: Volume) -> Transfer:
-    """Transfer function by name or from a file, or `auto`, which looks at the volume."""
-    if name != "auto":
-        return load_transfer(name)
-    own = GENERATED_VOLUMES.get(volume.name)
-    return load_transfer(own) if own else automatic(volume)
+    own = GENERATED_VOLUMES.get(volume.name) if name == "auto" and window is None else None
+    if own is not None:
+        return load_transfer(own)
+    return Names(volume, survey(volume), window).transfer(name)
 
 
 def load_transfer(name: str | Path) -> Transfer:
@@ -120,10 +200,13 @@ def load_transfer(name: str | Path) -> Transfer:
     Parameters
     ----------
     name
-        One of `PRESETS`; else a matplotlib colormap, over the range of the data and with an
-        opacity that rises from 0 to 1; or a file ending in .json or .toml. After a name
-        `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes transparent what is below
-        a value (for colormaps 0..1 of the data's range).
+        One of `PRESETS`; one of `names.TISSUES`, which are in Hounsfield units; a range of data
+        values such as `300..900`, soft at its borders; a matplotlib colormap, over the range of
+        the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.
+        After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
+        transparent what is below a value (for functions of fractions 0..1 of the data's range);
+        `color=tomato` takes one color, and `gradient=0.1/0.5` fades even regions, as in
+        `classify`. Several materials are joined by +: `skin:opacity=0.1+bone`.
 
     Raises
     ------
@@ -132,18 +215,35 @@ def load_transfer(name: str | Path) -> Transfer:
     OSError
         The file cannot be read.
     """
-    if Path(name).suffix.lower() in SUFFIXES:
-        from resample_volume.looks.files import read_transfer
+    return Names().transfer(str(name))
 
-        return read_transfer(Path(name))
-    base, _, text = str(name).partition(":")
-    transfer = PRESETS[base]() if base in PRESETS else _colormap(base)
-    try:
-        for key, number in _parameters(text).items():
-            transfer = ADJUSTMENTS[key](transfer, number)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
-    return transfer
+
+def is_file(name: str) -> bool:
+    """Whether a name is one of a file, which may hold a + itself."""
+    if Path(name).suffix.lower() not in SUFFIXES:
+        return False
+    return "+" not in name or Path(name).exists()
+
+
+def _read(name: str) -> Transfer:
+    from resample_volume.looks.files import read_transfer
+
+    return read_transfer(Path(name))
+
+
+def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFunction:
+    """What shows a range of values alone; soft within it, where it ends."""
+    low = None if least is None else float(least)
+    high = None if greatest is None else float(greatest)
+    if low is None and high is None:
+        raise ValueError(f"{name!r} has no ends; give a range of values such as 300..900 or 300..")
+    if low is not None and high is not None and not low < high:
+        raise ValueError(f"{name} does not ascend; give {greatest}..{least}")
+    width = SOFT * (high - low) if low is not None and high is not None else 0.0
+    points = [] if low is None else [(low, SAND, 0.0), (low + width, SAND, 1.0)]
+    if high is not None:
+        points += [(high - width, SAND, 1.0), (high, SAND, 0.0)]
+    return from_points(points)
 
 
 def _colormap(name: str) -> TransferFunction:
@@ -151,38 +251,76 @@ def _colormap(name: str) -> TransferFunction:
 
     if name not in matplotlib.colormaps:
         raise ValueError(
-            f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; the name of a "
-            "matplotlib colormap or a .json or .toml file will also do"
+            f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield units "
+            f"{', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values such as "
+            "300..900, or a .json or .toml file will also do"
         )
     position = np.linspace(0, 1, 256)
     color = np.asarray(matplotlib.colormaps[name](position))[:, :3]
     return TransferFunction(position, color, position, normalized=True)
 
 
-def _parameters(text: str) -> dict[str, float]:
-    """Numbers of `opacity=0.2,low=0.3`."""
-    number = {}
-    for part in filter(None, text.split(",")):
-        key, _, given = part.partition("=")
-        if key not in ADJUSTMENTS:
-            raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
-        try:
-            number[key] = float(given)
-        except ValueError:
-            raise ValueError(f"{key} must be a number (got {given!r})") from None
-    return number
+def _adjusted(transfer: Transfer, name: str, text: str) -> Transfer:
+    """Transfer function with the changes of `opacity=0.2,low=0.3`."""
+    changes: dict[str, str] = {}
+    try:
+        for part in filter(None, text.split(",")):
+            key, _, given = part.partition("=")
+            if key not in ADJUSTMENTS:
+                raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
+            changes[key] = given
+        for key, change in ADJUSTMENTS.items():
+            if key in changes:
+                transfer = change(transfer, changes[key])
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    return transfer
 
 
-def _thinned(transfer: Transfer, opacity: float) -> Transfer:
+def _number(key: str, given: str) -> float:
+    try:
+        return float(given)
+    except ValueError:
+        raise ValueError(f"{key} must be a number (got {given!r})") from None
+
+
+def _thinned(transfer: Transfer, given: str) -> Transfer:
+    opacity = _number("opacity", given)
     if not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be between 0 and 1 (got {opacity})")
     return transfer.thinned(opacity)
 
 
-def _cut(transfer: Transfer, low: float) -> Transfer:
+def _cut(transfer: Transfer, given: str) -> Transfer:
+    low = _number("low", given)
     if not np.isfinite(low) or (transfer.normalized and not 0 <= low <= 1):
         raise ValueError(f"low must be {'between 0 and 1' if transfer.normalized else 'finite'}")
     return transfer.cut(low)
 
 
-ADJUSTMENTS = {"opacity": _thinned, "low": _cut}
+def _colored(transfer: Transfer, given: str) -> Transfer:
+    from resample_volume.looks.files import displayed_color
+
+    color = displayed_color(given)
+    if isinstance(transfer, RegionTransfer):
+        regions = tuple(replace(region, color=color) for region in transfer.regions)
+        return replace(transfer, regions=regions)
+    if isinstance(transfer, TransferFunction):
+        return replace(transfer, color=np.tile(color, (transfer.value.size, 1)))
+    raise ValueError("color does not go with this one")
+
+
+def _faded(transfer: Transfer, given: str) -> Transfer:
+    ends = [_number("gradient", part) for part in given.split("/")]
+    if len(ends) != 2:
+        raise ValueError(f"gradient must be two fractions such as 0.1/0.5 (got {given!r})")
+    return Faded(transfer, (ends[0], ends[1]))
+
+
+# In the order in which they are applied, whatever the order they are given in.
+ADJUSTMENTS: dict[str, Callable[[Transfer, str], Transfer]] = {
+    "opacity": _thinned,
+    "low": _cut,
+    "color": _colored,
+    "gradient": _faded,
+}

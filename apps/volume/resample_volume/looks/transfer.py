@@ -120,12 +120,16 @@ class TransferFunction:
         place = self._places(data_range)
         given = np.asarray(values)
         channel = [np.interp(given, place, self.color[:, c]) for c in range(3)]
+        if self.value.size == 1:
+            channel = [np.where(np.isnan(given), np.nan, part) for part in channel]
         displayed = np.nan_to_num(np.stack(channel, axis=-1), nan=0.0)
         return np.asarray(from_srgb(displayed), np.float32)
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         """Opacity of data values, (N,)."""
         opacity = np.interp(np.asarray(values), self._places(data_range), self.opacity)
+        if self.value.size == 1:  # NumPy then gives its value to NaN as well
+            opacity = np.where(np.isnan(values), np.nan, opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
 
     @property

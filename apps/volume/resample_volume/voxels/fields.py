@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from resample.resampler import Projection, Resampler
 from resample.types import Classifier, Doubles, Field, Floats
 from resample_volume.files.memory import require_memory
+from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Looks, Transfer, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light, lamp_of
@@ -24,6 +25,7 @@ from resample_volume.voxels.visible import (
 
 COLUMNS = 4096  # of a table of looks; values of integers fall on columns
 MOST_COLUMNS = 1 << 16
+BEYOND = 64  # values on either side of the robust range whose looks are compared with its ends
 
 # Projections under which a ray may end up with what is seen, or without it; others sum all.
 SEEN = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
@@ -68,6 +70,8 @@ def field_voxels(
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
     check_iso(resampler.iso, volume, data_range)
+    if not transfer.normalized and resampler.iso is None:
+        data_range = range_of_looks(volume, transfer, data_range)
     shape = (64 if transfer.needs_gradient else 1, columns_of(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
     voxel = _needed(volume, looks, resampler)
@@ -132,6 +136,21 @@ def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]
         raise ValueError(
             f"there is no surface of the value {iso:g}: {volume.name} holds {low:g} to {high:g}"
         )
+
+
+def range_of_looks(
+    volume: Volume, transfer: Transfer, data_range: tuple[float, float]
+) -> tuple[float, float]:
+    """Range that a table is worth its columns for: without strays, if these look like its ends."""
+    (low, high), (least, greatest) = survey(volume).span, data_range
+    if (low, high) == data_range:
+        return data_range
+    value = np.concatenate([np.linspace(least, low, BEYOND), np.linspace(high, greatest, BEYOND)])
+    flat = np.zeros(value.size, np.float32) if transfer.needs_gradient else None
+    color, opacity = transfer.looks(value, flat, data_range, 1.0)
+    look = np.column_stack([color, opacity]).reshape(2, BEYOND, 4)
+    same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
+    return (low, high) if same else data_range
 
 
 def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:

@@ -1,17 +1,27 @@
 """Volumes around the scene's origin, and the ball around what of them is visible."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
 from resample.types import Doubles, Floats, View
+from resample_volume.looks.surveys import ends
+from resample_volume.looks.transfer import Transfer, places_seen
 from resample_volume.types import Volume
+from resample_volume.voxels.cropping import inside
+from resample_volume.voxels.parts import slabs
+from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
 
 FARTHEST = 1e15  # scene units from the origin; its square, in px, is still a float32
 ROW = 512  # places looked at together
+
+SOME = 64  # one of so many voxels is asked first whether there can be strays
+FEW, STRAY_SHARE = 4, 1e-4  # visible voxels that may be strays at one end of an axis
+STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of the extent, and voxels: so far are they from the others
+BINS = 4096  # along an axis
 
 
 class Placed(Protocol):
@@ -26,8 +36,51 @@ class Placed(Protocol):
         """(3, 3) columns are the steps to the neighbours, scene units."""
 
 
+class Shown(NamedTuple):
+    """Voxels that a camera looks at."""
+
+    position: Floats  # (N, 3) scene units
+    lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
+
+
+def shown_by(
+    volume: Volume, transfer: Transfer, planes: Doubles, radius: float, iso: float | None = None
+) -> Shown:
+    """Voxels that are seen when they are composited, whatever is made of them.
+
+    Parameters
+    ----------
+    volume
+        Whose voxels.
+    transfer
+        Gives them an opacity.
+    planes
+        (M, 4) which cut some of them away, as from `cropping.planes`.
+    radius
+        Of the kernels around voxels, voxels.
+    iso
+        What is at or above this value is seen, too.
+    """
+    data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
+    places, start = [], 0
+    for slab in slabs(volume.values):
+        value = slab.reshape(-1)
+        seen = places_seen(transfer, value, data_range)
+        if iso is not None:
+            seen = np.union1d(seen, np.flatnonzero(value >= iso))
+        places.append(start + seen)
+        start += value.size
+    shown = Shown(positions_at(volume, np.concatenate(places)), lattice_of(volume))
+    if not len(planes):
+        return shown
+    kept = inside(shown.position, shown.lattice, planes, radius)
+    return shown._replace(position=shown.position[kept])
+
+
 def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
     """Ball around all visible voxels, or around the volume where none is visible.
+
+    A few that are far away from all others do not count: they would make these small.
 
     Raises
     ------
@@ -40,6 +93,7 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
         last = np.array(volume.values.shape[::-1]) - 1
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
         position = ends.astype(np.float32)
+    position = _without_strays(position, voxel)
     low, high = _bounds(position)
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
@@ -50,6 +104,35 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
     away = position - center.astype(np.float32)
     farthest = float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
     return Sphere(center, farthest + voxel)
+
+
+def _without_strays(position: Floats, voxel: float) -> Floats:
+    """Places (N, 3) without the few that are far away from all others along an axis."""
+    most = max(min(FEW, len(position) // 500), int(STRAY_SHARE * len(position)))
+    low, high = _bounds(position)
+    extent = high - low
+    if not most or not np.isfinite(extent).all() or _is_filled(position, low, extent, most):
+        return position
+    kept = np.ones(len(position), bool)
+    for axis in np.flatnonzero(extent > 0):
+        size = extent[axis]
+        along = position[:, axis] - np.float32(low[axis])
+        code = np.minimum((along * np.float32(BINS / size)).astype(np.int64), BINS - 1)
+        count = np.bincount(code, minlength=BINS)
+        full = np.flatnonzero(count)
+        gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
+        first, last = ends((full + 0.5) * (size / BINS), count[full], most, gap)
+        kept &= (code >= full[first]) & (code <= full[last])
+    return position if kept.all() else position[kept]
+
+
+def _is_filled(position: Floats, low: Doubles, extent: Doubles, most: int) -> bool:
+    """Whether more voxels than strays can be are near all six sides of their box, as some show."""
+    some = position[SOME // 2 :: SOME]
+    least = 2 + 2 * most // SOME
+    near_low = (some <= low + STRAY_GAP * extent).sum(axis=0)
+    near_high = (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
+    return bool(min(near_low.min(), near_high.min()) > least)
 
 
 def _bounds(position: Floats) -> tuple[Doubles, Doubles]:

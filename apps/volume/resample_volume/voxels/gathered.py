@@ -7,18 +7,17 @@ from numpy.typing import NDArray
 
 from resample.painting.splines import bytes_of_spline, spline_of
 from resample.resampler import MEASURING, Projection, Resampler
-from resample.types import Bounds, Classifier, Doubles, Flags, Floats, LatticeField, Spline
+from resample.types import Bounds, Classifier, Doubles, Flags, LatticeField, Spline
 from resample_volume.files.memory import require_memory
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import UNLIT, check_iso, columns_of
+from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
-    positions_at,
     steepness,
     unit_of,
 )
@@ -34,7 +33,7 @@ class Gathered(NamedTuple):
     origin: Doubles  # (3,) scene position of the first voxel
     looks: Looks
     steepest: float  # data units per scene unit, about the greatest gradient
-    position: Floats  # (N, 3) scene positions of voxels that can be seen themselves
+    seen: int  # voxels that can be seen themselves
 
 
 def gathered(
@@ -64,6 +63,8 @@ def gathered(
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
     check_iso(resampler.iso, volume, data_range)
+    if not transfer.normalized and resampler.iso is None:
+        data_range = range_of_looks(volume, transfer, data_range)
     require_memory(bytes_of_spline(volume.values), f"{volume.name} as a field")
     values, known = _without_gaps(volume.values)
     spline, bounds = spline_of(values, sharpness)
@@ -74,9 +75,8 @@ def gathered(
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     looks = tabulated(transfer, data_range, steep, unit, shape)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    position = positions_at(volume, seen)
     origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, position)
+    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, seen.size)
 
 
 def lit_lattice(
@@ -110,7 +110,7 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
 def _seen(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> NDArray[np.int64]:
-    """Flat indices of the voxels that a camera is to look at."""
+    """Flat indices of the voxels that can be seen themselves, not just around them."""
     found, start = [], 0
     is_of_all = resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM
     for chunk in slabs(volume.values):

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from resample.cameras.files import left_out, read_poses
-from resample.cameras.models import Camera
 from resample.colors import Background
 from resample.command.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Warped
+from resample_warp3d.wide.sights import Sight
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}
 NEAR = 0.9  # quantile of the nearness that stands for what is near
 FRAMES = 48
+OWN = ("matrix", "distortion", "model", "sx", "sy", "cx", "cy")  # of cameras, but for their poses
 
 Poses = Callable[[int], Doubles]
 
@@ -166,8 +167,8 @@ def poses_of(
 
 def shots(
     poses: Sequence[Doubles],
-    camera: Camera,
-    render: Callable[[Camera], Floats],
+    camera: Sight,
+    render: Callable[[Sight], Floats],
     job: Mapping[str, object],
 ) -> Shots:
     """Frames of a path.
@@ -189,7 +190,9 @@ def shots(
         levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
         return levels
 
-    whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": camera.matrix.tolist()}
+    seen = sorted(f"{name} {value}" for name, value in vars(camera).items() if name in OWN)
+    kind = [type(camera).__name__, *seen]
+    whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": kind}
     return Shots(len(poses), frame, whole)
 
 

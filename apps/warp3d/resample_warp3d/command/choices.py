@@ -8,29 +8,19 @@ from pydantic import Field
 
 from resample.command.flags import Hyphen, Stats, Switch
 from resample.command.settings import (
-    CALIBRATED,
-    COUNTED,
-    SIZE,
     Choices,
-    Convention,
     MethodsFilter,
     Threads,
-    height_and_width,
 )
-from resample.words import numbers_in
+from resample_warp3d.command.cameras.intrinsics import Shape, check_intrinsics, with_intrinsics
+from resample_warp3d.command.cameras.source import SourceCamera
 
 if TYPE_CHECKING:
-    from resample.cameras.lens_files import Calibration
     from resample.cameras.models import Camera
-    from resample.cameras.trajectories import Shot
-    from resample.types import Doubles
     from resample_warp3d.depth.encodings import Encoding
     from resample_warp3d.types import Method
     from resample_warp3d.views.together import Joining
 
-Shape = tuple[int, int]  # height and width, px
-FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
-FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
 RELATIVE = ("relative", "relative-z")
 Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
@@ -196,210 +186,21 @@ class Parallax(Choices):
         ),
     ] = "one"
 
-    def check(self, meaning: PairDepth) -> None:
-        """Refuse what says nothing about a rectified pair.
+    def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
+        """Refuse what says nothing about a rectified pair, and pictures that have none.
 
         Raises
         ------
         ValueError
             There is such a choice.
         """
+        eye.check_pinhole("stereo")
         if meaning.depth_kind != "pair":
             return
         for name in ("eyes", "zero_plane"):
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
                 raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
-
-
-class SourceCamera(Choices):
-    """The camera that took the picture."""
-
-    intrinsics: Annotated[
-        str | None,
-        Hyphen,
-        Field(description=f"fx,fy,cx,cy[,skew] in px; fy may be negative; or {FILES}."),
-    ] = None
-    fov: Annotated[
-        float | None,
-        Field(description="Degrees along the shorter side; in place of intrinsics."),
-    ] = None
-    lens: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description=f"{CALIBRATED}, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside them."
-        ),
-    ] = None
-    convention: Annotated[Convention, Field(description=f"{COUNTED} cx and cy.")] = "corner"
-    source_pose: Annotated[
-        str | None,
-        Field(
-            description="Pose of the picture's camera: file or file:frame, as of --pose; may "
-            "bring the intrinsics. The identity."
-        ),
-    ] = None
-
-    def check(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
-        from resample.cameras.lens_files import read_lens
-        from resample.cameras.models import Camera
-
-        whole_lens = None if self._coefficients else self.lens
-        ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}
-        given = [name for name, way in ways.items() if way is not None]
-        if len(given) > 1:
-            raise ValueError(f"give one of {' and '.join(given)}, not both")
-        if self.intrinsics is not None:
-            check_intrinsics("intrinsics", self.intrinsics)
-        elif not given and self.source_pose is None:
-            raise ValueError(
-                "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
-            )
-        if whole_lens is not None:
-            read_lens(whole_lens)
-        elif self._coefficients:
-            Camera.from_fov(60.0, 1, 1).with_lens(self._coefficients)
-
-    @property
-    def _coefficients(self) -> list[float]:
-        """Those of a lens without its intrinsics; none of other lenses."""
-        name, _, numbers = (self.lens or "").partition("=")
-        return numbers_in("lens", numbers) if name == "k" else []
-
-    def guessed(self) -> "SourceCamera":
-        """Camera that is somehow, if nothing is known about it."""
-        ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
-        return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
-
-    def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
-        """Camera of a picture (height, width).
-
-        Parameters
-        ----------
-        shape
-            Of the picture, px.
-        pose
-            In place of `source_pose`, for a further view.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The numbers are no camera's, or a file cannot be read.
-        """
-        from resample.cameras.files import read_pose, read_shot
-        from resample.cameras.lens_files import read_calibration
-        from resample.cameras.trajectories import Shot
-
-        name = self.source_pose if pose is None else pose
-        whole_lens = None if self._coefficients else self.lens
-        is_known = any(way is not None for way in (self.intrinsics, self.fov, whole_lens))
-        shot = None
-        if name is not None:  # of a camera that is said here, the file's may be of any kind
-            shot = Shot("", read_pose(name)) if is_known else read_shot(name)
-        if self._coefficients:
-            return self._without_lens(shape, name, shot).with_lens(self._coefficients)
-        if self.lens is not None:
-            camera = read_calibration(self.lens).sized(*shape)
-            return camera if shot is None else camera.moved(shot.pose)
-        return self._without_lens(shape, name, shot)
-
-    def _without_lens(self, shape: Shape, name: str | None, shot: "Shot | None") -> "Camera":
-        """Camera of intrinsics, a field of view or what a file has of it."""
-        from resample.cameras.models import Camera
-
-        place = None if shot is None else shot.pose
-        if self.fov is not None:
-            return Camera.from_fov(self.fov, *shape, place)
-        if self.intrinsics is not None:
-            camera = with_intrinsics("intrinsics", self.intrinsics, self.convention).sized(*shape)
-            return camera if place is None else camera.moved(place)
-        if shot is None or shot.camera is None or shot.shape is None:
-            raise ValueError(f"{name} has no intrinsics; give --intrinsics fx,fy,cx,cy or --fov 60")
-        return shot.camera.resized(shot.shape, shape)
-
-
-class Aim(Choices):
-    """From where and how the new picture is seen."""
-
-    pose: Annotated[
-        str | None,
-        Field(
-            description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
-            "poses of TUM, Open3D (.log), NeRF (.json), COLMAP (images.txt, images.bin) or .toml."
-        ),
-    ] = None
-    move: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Without a pose file: x,y,z to go right, down and ahead, scene units."),
-    ] = None
-    turn: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="And yaw,pitch,roll to turn right, up and clockwise, degrees."),
-    ] = None
-    target_intrinsics: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
-            "source's, fitted to size."
-        ),
-    ] = None
-    size: Annotated[
-        str | None,
-        Field(description=f"{SIZE} The source's."),
-    ] = None
-
-    def check(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
-        given = (self.pose, self.move, self.turn, self.target_intrinsics, self.size)
-        if all(choice is None for choice in given):
-            raise ValueError(
-                "say from where to look: --pose FILE, or --move x,y,z and --turn y,p,r"
-            )
-        self.step()
-        self.shape((1, 1))
-        if self.target_intrinsics is not None:
-            check_intrinsics("target-intrinsics", self.target_intrinsics)
-
-    def shape(self, source: Shape) -> Shape:
-        """Height and width of the new picture."""
-        return source if self.size is None else height_and_width(self.size)
-
-    def step(self) -> "Doubles":
-        """Pose of the moved and turned camera in the axes of the one that it starts from."""
-        from resample_warp3d.command.animation import stepped
-
-        move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
-        turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)
-        return stepped(move, turn)
-
-    def camera(self, source: "Camera", source_shape: Shape, convention: str) -> "Camera":
-        """Camera of the new picture.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The numbers are no camera's, or a file cannot be read.
-        """
-        from resample.cameras.files import read_pose
-        from resample.cameras.models import Camera
-
-        pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
-        if self.target_intrinsics is None:
-            matrix = source.resized(source_shape, self.shape(source_shape)).matrix
-        else:
-            given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
-            aimed = given.sized(*self.shape(source_shape))
-            if aimed.distortion is not None:
-                raise ValueError(
-                    f"{self.target_intrinsics} has a lens, and the new picture is made without;"
-                    " give its --target-intrinsics as fx,fy,cx,cy"
-                )
-            matrix = aimed.matrix
-        return Camera(matrix, self.step() @ pose)
 
 
 class Warping(Choices):
@@ -571,41 +372,3 @@ class Travel(Choices):
     frames: Annotated[
         int | None, Field(description="How many. 48; of a file as many as it has poses.")
     ] = None
-
-
-def intrinsic_numbers(name: str, text: str) -> list[float]:
-    """The numbers fx, fy, cx, cy and skew of a text.
-
-    Raises
-    ------
-    ValueError
-        There are others than four or five.
-    """
-    numbers = numbers_in(name, text)
-    if len(numbers) not in (4, 5):
-        raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
-    return [*numbers, 0.0][:5]
-
-
-def check_intrinsics(name: str, text: str) -> None:
-    """Refuse what is neither numbers as `intrinsic_numbers` takes them nor a file of a camera."""
-    with_intrinsics(name, text, "corner")
-
-
-def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
-    """Camera of intrinsics, of numbers or of a file, which counts as its program does.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is neither, or the file cannot be read.
-    """
-    from resample.cameras.lens_files import Calibration, is_file, read_intrinsics
-    from resample.cameras.models import Camera
-
-    if is_file(text):
-        return read_intrinsics(text)
-    fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
-    return Calibration(
-        Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention),
-    )

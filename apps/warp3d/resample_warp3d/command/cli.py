@@ -10,15 +10,15 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
-    Aim,
     Depth,
     Extras,
     Joint,
     PairDepth,
     Parallax,
     Refine,
-    SourceCamera,
     Travel,
     Warping,
 )
@@ -34,6 +34,7 @@ app = App(
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
+TARGET = TargetCamera()
 JOINT = Joint()
 PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
@@ -85,6 +86,7 @@ def render(
     from resample_warp3d.command.rendering import (
         check_memory,
         joined,
+        joining_of,
         mention_holes,
         prepared,
         report,
@@ -93,7 +95,7 @@ def render(
 
     aim.check()
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
-    check_extras(extras)
+    check_extras(extras, eye)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     further = [view_names(text) for text in view or []]
@@ -105,23 +107,23 @@ def render(
     check_output(output, look, transparent=not warping.fill)
     session = Session()
     with session.stage("read"):
-        views = read_views(reader, color, depth, further)
-    picture, camera = views[0].picture, views[0].camera
-    shape = aim.shape(views[0].shape)
-    check_memory(shape, picture.data.shape[2])
-    target = aim.camera(camera, views[0].shape, eye.convention)
-    sources = prepared(session, views, warping)
-    together = joined(
-        session, sources, target, shape, warping, joint.joining(unmixed=warping.unmixed)
-    )
+        taken = read_views(reader, color, depth, further)
+    kind, shape = taken.picture.kind, aim.shape(taken.shape)
+    check_memory(shape, len(kind.channels))
+    target = aim.sight(taken.camera, taken.shape, eye.convention)
+    sources = prepared(session, taken.views, warping)
+    joining = joining_of(taken, joint.joining(unmixed=warping.unmixed))
+    together = joined(session, sources, target, shape, warping, joining)
     seen = together.warped
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
-        write_picture(output, made_of(seen, picture.kind, warping), look)
+        write_picture(output, made_of(seen, kind, warping), look)
         write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
         if extras.export is not None:
-            write_geometry(extras.export, sources[0].source, camera, extras.export_as)
+            write_geometry(
+                extras.export, sources[0].source, taken.views[0].pinhole, extras.export_as
+            )
     if extras.stats is not None:
         write_json(extras.stats, report(session, sources, together, warping))
 
@@ -180,7 +182,7 @@ def stereo(
 
     extras = Extras(holes=holes, coverage=coverage)
     check_extras(extras)
-    parallax.check(meaning)
+    parallax.check(meaning, eye)
     is_pair = meaning.depth_kind == "pair"
     reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
     warping.built()
@@ -222,7 +224,7 @@ def animate(
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     travel: Annotated[Travel, flags.Flat] = TRAVEL,
     fps: flags.FramesPerSecond = 24.0,
-    size: str | None = None,
+    target: Annotated[TargetCamera, flags.Flat] = TARGET,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
@@ -237,30 +239,31 @@ def animate(
         As of render.
     depth
         As of render.
-    size
-        In px: 400 for a square, 640x480 for width and height. The picture's.
     """
+    import numpy as np
+
     from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample_warp3d.command.animation import Range, check_path, poses_of, shots
-    from resample_warp3d.command.inputs import Reader, read_view
+    from resample_warp3d.command.inputs import Reader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
     reader = Reader.checked(eye, meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    asked = None if size is None else height_and_width(size)
+    target.check_target()
+    target.shape((1, 2))
     check_film(output, fps)
     session = Session()
-    seen = read_view(reader, color, depth)
-    full = seen.picture.data.shape[0], seen.picture.data.shape[1]
-    shape = full if asked is None else asked
-    check_memory(shape, seen.picture.data.shape[2])
-    camera, distance = seen.camera.resized(full, shape), Range.of(seen.image.nearness)
+    taken = read_views(reader, color, depth)
+    shape = target.shape(taken.shape)
+    check_memory(shape, len(taken.picture.kind.channels))
+    camera = target.sight(taken.camera, taken.shape, eye.convention)
+    distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
-    film = film_of(session, seen, shape, warping, behind)
+    film = film_of(session, taken, shape, warping, behind)
     made = shots(poses, camera, film.frame, film.job)
     with session.stage("film", bar="moving") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)

@@ -206,7 +206,7 @@ def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | No
         Only one is, the numbers are no camera's, or a file cannot be read.
     """
     from resample.cameras.files import read_pose
-    from resample_warp3d.command.choices import with_intrinsics
+    from resample_warp3d.command.cameras.intrinsics import with_intrinsics
 
     if pose is None and intrinsics is None:
         return None

@@ -8,8 +8,17 @@ from resample.command.session import Session
 from resample.files.animations import write_film
 from resample.files.pictures import Kind, Picture
 from resample_warp3d.command.animation import Range, poses_of, shots
-from resample_warp3d.command.choices import Aim, Shape, Warping
-from resample_warp3d.command.inputs import DepthView, Reader, TrueView, read_truth, read_view
+from resample_warp3d.command.cameras.intrinsics import Shape
+from resample_warp3d.command.cameras.target import Aim
+from resample_warp3d.command.choices import Warping
+from resample_warp3d.command.inputs import (
+    DepthView,
+    Reader,
+    Taken,
+    TrueView,
+    read_truth,
+    read_view,
+)
 from resample_warp3d.command.rendering import announce, film_of
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
@@ -69,10 +78,10 @@ def _placed(
 ) -> tuple[Source, Equation, Shape]:
     """Prepared source, equation that leads to its new view, and the frame of that."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
-    target = aim.camera(seen.camera, full, reader.eye.convention)
+    target = aim.camera(seen.pinhole, full, reader.eye.convention)
     announce()
     source = prepare(seen.image, step=seen.step, refine=seen.refine(refine))
-    return source, between(seen.camera, target), aim.shape(full)
+    return source, between(seen.pinhole, target), aim.shape(full)
 
 
 def write_demo(folder: Path) -> None:
@@ -86,7 +95,8 @@ def write_demo(folder: Path) -> None:
     image = scene.depth_image()
     kind = Kind(("R", "G", "B"), 8, is_encoded=True)
     view = DepthView(Picture(image.color, kind), image, scene.source, None)
-    film = film_of(session, view, scene.shape, choice, (0.0, 0.0, 0.0))
+    taken = Taken([view], view.picture, scene.source, scene.shape)
+    film = film_of(session, taken, scene.shape, choice, (0.0, 0.0, 0.0))
     distance = Range.of(image.nearness)
     poses = poses_of("sway", DEMO_FRAMES, None, scene.source.world_to_camera, distance)
     with session.stage("film", bar="moving") as progress:

@@ -12,7 +12,8 @@ from resample.colors import to_srgb
 from resample.command.session import Session
 from resample.files.pictures import Look, Picture
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
-from resample_warp3d.command.choices import Aim, Extras, Warping
+from resample_warp3d.command.cameras.target import Aim
+from resample_warp3d.command.choices import Extras, Warping
 from resample_warp3d.command.inputs import Reader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
 from resample_warp3d.command.writing import warped_picture
@@ -143,7 +144,7 @@ def _pictures(
         check_memory(shape, picture.data.shape[2])
         sources = prepared(session, [view], warping)
         warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
-        target = aim.camera(view.camera, view.shape, reader.eye.convention)
+        target = aim.sight(reader.eye.sight(view.shape), view.shape, reader.eye.convention)
         seen = warped(session, sources[0], target, shape, warping)
         yield warped_picture(seen, picture.kind, filled=warping.fill)
 

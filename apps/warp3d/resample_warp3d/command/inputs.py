@@ -8,20 +8,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.console import say
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, flattened, read_picture
 from resample.memory import require_memory
 from resample.types import Floats
-from resample_warp3d.command.choices import Depth, SourceCamera
+from resample_warp3d.command.cameras.intrinsics import Shape
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.choices import Depth
 from resample_warp3d.depth.agreement import looks_inverted
-from resample_warp3d.depth.encodings import BareDisparity, Raw, RelativeDepth, check_scale
+from resample_warp3d.depth.encodings import BareDisparity, Encoding, Raw, RelativeDepth, check_scale
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
 from resample_warp3d.depth.refining.registering import registered
 from resample_warp3d.types import DepthImage
+from resample_warp3d.wide.sights import Sight, taken_by
 
 BYTES_PER_PIXEL = 144  # of what refining and preparing a source takes beside its colors
 
@@ -31,7 +35,7 @@ class DepthView(NamedTuple):
 
     picture: Picture
     image: DepthImage
-    camera: Camera
+    camera: Camera | Orthographic
     step: float | None  # smallest difference of nearness that the file tells apart, if known
     is_fitted: bool = False  # the file's depth had another size
 
@@ -40,9 +44,36 @@ class DepthView(NamedTuple):
         """Height and width, px."""
         return self.picture.data.shape[0], self.picture.data.shape[1]
 
+    @property
+    def pinhole(self) -> Camera:
+        """Its camera, of a pinhole or lens.
+
+        Raises
+        ------
+        ValueError
+            It is another.
+        """
+        if not isinstance(self.camera, Camera):
+            raise ValueError("this takes pictures of a pinhole or lens")
+        return self.camera
+
     def refine(self, name: str) -> str:
         """How its depth is to be refined where a user chose `name`: what was enlarged, always."""
         return "snap" if name == "auto" and self.is_fitted else name
+
+
+class Taken(NamedTuple):
+    """All inputs, of one picture or several."""
+
+    views: list[DepthView]  # a panorama's are its faces
+    picture: Picture  # the first one, whole
+    camera: Sight  # that took it
+    shape: Shape  # its height and width, px
+
+    @property
+    def is_panorama(self) -> bool:
+        """Whether all views are of one picture."""
+        return isinstance(self.camera, Equirectangular)
 
 
 class ViewNames(NamedTuple):
@@ -185,8 +216,12 @@ def view_of(
         As of `read_view`.
     """
     shape = picture.data.shape[0], picture.data.shape[1]
-    camera = reader.eye.camera(shape, pose)
-    meaning, depth = reader.meaning, names[1]
+    sight = reader.eye.sight(shape, pose)
+    if isinstance(sight, Orthographic):
+        return _parallel_view(reader, picture, raw, names, sight)
+    if isinstance(sight, Equirectangular):
+        raise ValueError("a panorama is seen by render and animate, as one picture")
+    camera, meaning, depth = sight, reader.meaning, names[1]
     depth_camera = meaning.camera(camera, shape, (raw.shape[0], raw.shape[1]))
     encoding = meaning.encoding(depth_camera)
     if isinstance(encoding, RelativeDepth):
@@ -201,6 +236,56 @@ def view_of(
     return DepthView(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
 
 
+def _parallel_view(
+    reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], camera: Orthographic
+) -> DepthView:
+    """Depth image of a parallel camera."""
+    encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
+    image, moved = taken_by(camera, _depth_image(picture, names, encoding.nearness(raw)))
+    if not isinstance(moved, Orthographic):
+        raise TypeError("a parallel camera stays one")
+    is_fitted = raw.shape[:2] != picture.data.shape[:2]
+    return DepthView(picture, image, moved, None, is_fitted=is_fitted)
+
+
+def _plain_encoding(reader: Reader, kinds: tuple[str, ...]) -> Encoding:
+    """Meaning of depth whose camera is no pinhole."""
+    meaning = reader.meaning
+    if meaning.depth_kind not in kinds or meaning.depth_intrinsics is not None:
+        own = " of a camera of its own" if meaning.depth_intrinsics is not None else ""
+        raise ValueError(
+            f"depth of the kind {meaning.depth_kind}{own} does not belong to --source-projection"
+            f" {reader.eye.source_projection}; known: {', '.join(kinds)}"
+        )
+    if meaning.depth_kind == "ray":  # is all that there is
+        meaning = meaning.model_copy(update={"depth_kind": "z"})
+    encoding = meaning.encoding(Camera.from_fov(60.0, 1, 1))
+    return replace(encoding, ends=reader.ends) if isinstance(encoding, RelativeDepth) else encoding
+
+
+def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
+    """Faces of a panorama."""
+    from resample_warp3d.views.panoramas import faces
+
+    picture = read_names(color) if reader.labels else read_picture(color)
+    shape = picture.data.shape[0], picture.data.shape[1]
+    check_panorama(shape)
+    encoding = _plain_encoding(reader, ("z", "ray", "inverse", "relative", "relative-z"))
+    raw = read_depth(depth)
+    image = _depth_image(picture, (color, depth), encoding.nearness(raw))
+    near = image.nearness
+    length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
+    camera, is_fitted = reader.eye.sight(shape), raw.shape[:2] != shape
+    views = [
+        DepthView(
+            Picture(each.image.color, picture.kind), each.image, each.camera, None,
+            is_fitted=is_fitted,
+        )
+        for each in faces(image.color, length, camera.world_to_camera)
+    ]  # fmt: skip
+    return Taken(views, picture, camera, shape)
+
+
 def mention_doubt(reader: Reader, view: DepthView, depth: str) -> None:
     """Say so if the scale of a depth, of that name, is doubtful."""
     doubt = check_scale(view.image.nearness)
@@ -208,13 +293,22 @@ def mention_doubt(reader: Reader, view: DepthView, depth: str) -> None:
         say(f"{depth}: {doubt}")
 
 
-def read_views(
-    reader: Reader, color: str, depth: str, further: Sequence[ViewNames]
-) -> list[DepthView]:
-    """Depth image and further ones of the same scene; doubtful poses are said."""
+def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNames] = ()) -> Taken:
+    """Depth image and further ones of the same scene; doubtful poses are said.
+
+    Raises
+    ------
+    OSError, ValueError, LookupError
+        As of `read_view`; or there are further views of what is seen alone.
+    """
+    if further:
+        reader.eye.check_pinhole("--view")
+    if reader.eye.source_projection == "equirectangular":
+        return _taken_around(reader, color, depth)
     views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
     check_poses(views)
-    return views
+    camera = reader.eye.sight(views[0].shape)
+    return Taken(views, views[0].picture, camera, views[0].shape)
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:
@@ -249,6 +343,8 @@ def check_poses(views: Sequence[DepthView]) -> None:
     """Say so if poses look inverted: depths of two views would agree better the other way round."""
     first, *others = views
     for other in others:
+        if isinstance(first.camera, Orthographic) or isinstance(other.camera, Orthographic):
+            return
         doubt = looks_inverted(first.image, other.image, first.camera, other.camera)
         if doubt is not None:
             say(doubt)

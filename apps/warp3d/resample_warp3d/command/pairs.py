@@ -26,7 +26,7 @@ class Eyes(NamedTuple):
         nearness, width = view.image.nearness, view.image.nearness.shape[1]
         known = nearness[nearness > 0].astype(np.float64)
         far, middle, near = np.quantile(known, [STRAY, 0.5, 1.0 - STRAY])
-        focal = abs(float(view.camera.matrix[0, 0]))
+        focal = abs(float(view.pinhole.matrix[0, 0]))
         zero = float(middle) if choice.zero_plane is None else 1.0 / choice.zero_plane
         if choice.eyes is None:
             gain = COMFORT * width / max(near - zero, zero - far, 1e-12)

@@ -1,28 +1,30 @@
 """Depth images warped for the command line."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.console import say
 from resample.command.session import Session, announce_compilation, require_picture
 from resample.files.animations import fingerprint
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
-from resample_warp3d.command.choices import Shape, Warping
-from resample_warp3d.command.inputs import DepthView
-from resample_warp3d.depth.equation import between
+from resample_warp3d.command.cameras.intrinsics import Shape
+from resample_warp3d.command.choices import Warping
+from resample_warp3d.command.inputs import DepthView, Taken
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
 from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
+from resample_warp3d.wide.passages import Way, way_between
+from resample_warp3d.wide.sights import Sight
 
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
@@ -45,7 +47,7 @@ class Prepared(NamedTuple):
     """A source and the camera that took it."""
 
     source: Source
-    camera: Camera
+    camera: Camera | Orthographic
     refined: Refined  # how its depth was conditioned
     layer: Source | None  # behind its silhouettes, if that is asked for and there is any
 
@@ -60,7 +62,7 @@ class Together(NamedTuple):
 class Film(NamedTuple):
     """Frames of a camera that moves."""
 
-    frame: Callable[[Camera], Floats]
+    frame: Callable[[Sight], Floats]
     job: Mapping[str, object]
 
 
@@ -79,22 +81,22 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
     if choice.refine == "auto" and refined.chosen != "none":
         say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
-    source = sourced(refined.image, noise=choice.noise, step=refined.step)
+    source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)
 
 
 def warped(
-    session: Session, source: Prepared, target: Camera, shape: Shape, choice: Warping
+    session: Session, source: Prepared, target: Sight, shape: Shape, choice: Warping
 ) -> Warped:
     """A source as a camera sees it in a frame (height, width)."""
-    return _rendered(session, source, between(source.camera, target), shape, choice)
+    return _rendered(session, source, way_between(source.camera, target, shape), shape, choice)
 
 
 def joined(
     session: Session,
     sources: Sequence[Prepared],
-    target: Camera,
+    target: Sight,
     shape: Shape,
     choice: Warping,
     joining: "Joining",
@@ -109,7 +111,12 @@ def joined(
         filter=choice.filter, threads=choice.threads,
     )  # fmt: skip
     with session.stage("match"):
-        ready = agreed([Standing(each.source, each.camera) for each in sources], joining)
+        standing = [
+            Standing(each.source, each.camera)
+            for each in sources
+            if isinstance(each.camera, Camera)
+        ]
+        ready = agreed(standing, joining)
     with session.stage("warp"):
         seen = look(ready)
         layers = layers_of(ready, [each.layer for each in sources])
@@ -134,7 +141,7 @@ def shifted(
 
 
 def _rendered(
-    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
+    session: Session, source: Prepared, equation: Way, shape: Shape, choice: Warping
 ) -> Warped:
     from resample_warp3d.warping import render
 
@@ -196,24 +203,45 @@ def _findings(refined: Refined) -> dict[str, Any]:
 
 
 def film_of(
-    session: Session, view: DepthView, shape: Shape, choice: Warping, background: Background
+    session: Session, taken: Taken, shape: Shape, choice: Warping, background: Background
 ) -> Film:
-    """Film of a view: what its frames (H, W, 3) look like, and what they depend on."""
-    (source,) = prepared(session, [view], choice)
+    """Film of a picture: what its frames (H, W, 3) look like, and what they depend on."""
+    sources = prepared(session, taken.views, choice)
+    joining = joining_of(taken, None)
 
-    def frame(camera: Camera) -> Floats:
-        seen = warped(session, source, camera, shape, choice)
-        return on_screen(seen, has_alpha=view.picture.kind.has_alpha, background=background)
+    def frame(camera: Sight) -> Floats:
+        seen = joined(session, sources, camera, shape, choice, joining).warped
+        return on_screen(seen, has_alpha=taken.picture.kind.has_alpha, background=background)
 
+    images = [view.image for view in taken.views]
     job = {
-        "source": fingerprint(view.image.color, view.image.nearness, view.image.place),
-        "camera": [view.camera.matrix.tolist(), view.camera.world_to_camera.tolist()],
+        "source": fingerprint(
+            *(part for each in images for part in (each.color, each.nearness, each.place))
+        ),
+        "camera": [words_of(view.camera) for view in taken.views],
         "size": list(shape),
         "choices": choice.model_dump(exclude={"threads"}),
         "background": list(background),
         "version": version("hybrid-resample"),
     }
     return Film(frame, job)
+
+
+def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":
+    """How views become one picture: a panorama's faces fade into each other."""
+    from resample_warp3d.views.panoramas import SEAMLESS
+    from resample_warp3d.views.together import Joining
+
+    if not taken.is_panorama:
+        return Joining() if chosen is None else chosen
+    is_named = chosen is not None and chosen.blend == "best"
+    return replace(SEAMLESS, blend="best") if is_named else SEAMLESS
+
+
+def words_of(camera: Sight) -> list[object]:
+    """What tells cameras apart, as JSON has it."""
+    parts = (getattr(camera, each.name) for each in fields(camera))
+    return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
 
 
 def check_memory(shape: Shape, channels: int) -> None:

@@ -16,6 +16,7 @@ from resample.files.pictures import (
 )
 from resample.files.writing import replacing
 from resample.types import Floats
+from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Extras, Warping
 from resample_warp3d.command.export import check_export
 from resample_warp3d.types import Hole, Warped
@@ -58,8 +59,8 @@ def names_picture(warped: Warped, kind: Kind) -> Picture:
     return Picture(data, kind)
 
 
-def check_extras(extras: Extras) -> None:
-    """Refuse suffixes that nothing is written as.
+def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
+    """Refuse suffixes that nothing is written as, and what a source is not exported as.
 
     Raises
     ------
@@ -74,6 +75,8 @@ def check_extras(extras: Extras) -> None:
         check_depth(extras.depth_output)
     if extras.export is not None:
         check_export(extras.export)
+        if eye is not None:
+            eye.check_pinhole("--export")
 
 
 def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:

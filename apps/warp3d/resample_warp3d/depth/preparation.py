@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from resample.types import Floats
-from resample_warp3d.depth.measuring import known, linked, noise_of, quantum_of
+from resample_warp3d.depth.measuring import known, linked, noise_of
+from resample_warp3d.depth.refining.conditioning import Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
-from resample_warp3d.types import DepthImage, Links, Source
+from resample_warp3d.types import AS_GIVEN, DepthImage, Links, Source
 
 CLEAN = 1e-4  # of the nearness: noise below this is none
 SMOOTH = 1e-3  # of the nearness: noise above this is smoothed
@@ -40,7 +41,8 @@ def prepare(
 
     Returns
     -------
-    The source: links between neighbours on one surface, slopes, and smoothed nearness.
+    The source: links between neighbours on one surface, slopes, smoothed nearness, and how sure
+    depth is that was refined.
 
     Raises
     ------
@@ -53,13 +55,13 @@ def prepare(
         if given is not None and not 0.0 <= given < math.inf:
             raise ValueError(f"{name} {given:g}; give a number of 0 or more, or leave it out")
     refined = conditioned(image, refine, noise=noise, step=step)
-    return sourced(refined.image, noise=noise, step=refined.step)
+    return sourced(refined, noise=noise)
 
 
-def sourced(image: DepthImage, *, noise: float | None, step: float | None) -> Source:
+def sourced(refined: Refined, *, noise: float | None) -> Source:
     """Prepare a depth image that was conditioned; otherwise as `prepare`."""
+    image, quantum = refined.image, refined.step
     nearness = known(image)
-    quantum = quantum_of(nearness) if step is None else step
     links = linked(nearness, quantum, 0.0 if noise is None else noise)
     if noise is None:
         noise = noise_of(nearness, links)
@@ -69,7 +71,8 @@ def sourced(image: DepthImage, *, noise: float | None, step: float | None) -> So
     reach = reach_for(noise)
     fitted, slope = fit(nearness, links, reach)
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
-    return Source(color, fitted, slope, links, image.place, noise, quantum)
+    trust = AS_GIVEN if refined.chosen == "none" else refined.confidence
+    return Source(color, fitted, slope, links, image.place, noise, quantum, trust)
 
 
 def reach_for(noise: float) -> int:

@@ -4,7 +4,8 @@ What a pixel shows and how much of it is covered are filtered alike. How far it 
 it is magnified are those of its own square, under any filter: the middle by nearness of its parts.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,13 @@ from resample.profiles.subpixels import Strip, Subpixels, subpixels_of
 from resample.types import Floats
 from resample_warp3d.methods.hybrid import Hybrid, empty
 from resample_warp3d.sheet.holes import bridged
-from resample_warp3d.types import Equation, Method, Rendered, Source
+from resample_warp3d.types import Method, Rendered, Source
+from resample_warp3d.wide.passages import Way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+Look = Callable[[Source, Any, tuple[int, int]], Rendered]  # along a way that the method knows
 
 TRACE = 1e-4  # coverage below which a pixel is empty
 
@@ -33,7 +37,7 @@ def filtered(
     method: Method,
     pixel_filter: PixelFilter,
     source: Source,
-    equation: Equation,
+    equation: Way,
     shape: tuple[int, int],
 ) -> Rendered:
     """Warp a prepared source into a frame of (height, width) px under a pixel filter.
@@ -45,7 +49,8 @@ def filtered(
     """
     parts = subpixels_of(pixel_filter)
     if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
-        return method(source, equation, shape)
+        look: Look = method
+        return look(source, equation, shape)
     check_method(method)
     shown = _painted(method, parts, source, equation, shape)
     if isinstance(method, Hybrid):
@@ -69,19 +74,18 @@ def check_method(method: Method) -> None:
 
 
 def _painted(
-    method: Method, parts: Subpixels, source: Source, equation: Equation, shape: tuple[int, int]
+    method: Method, parts: Subpixels, source: Source, equation: Way, shape: tuple[int, int]
 ) -> Shown:
     """What a method paints on sub-pixels, filtered, strip by strip."""
     from resample.engine.surfaces.resolve import resolve_rows
 
-    paint = method.layers if isinstance(method, Hybrid) else method
+    paint: Look = method.layers if isinstance(method, Hybrid) else method
     around = shape[0] + 2 * parts.margin, shape[1] + 2 * parts.margin
     channels = source.color.shape[2]
     image, coverage = (np.empty((*shape, count), np.float32) for count in (channels, 1))
     squares = empty(around, channels)
     for strip in parts.strips(shape):
-        moved = Equation(strip.matrix @ equation.matrix, strip.matrix @ equation.epipole)
-        fine = paint(source, moved, strip.shape)
+        fine = paint(source, equation.in_frame(strip.matrix), strip.shape)
         rows = slice(strip.first, strip.last)
         resolve_rows(_flat(fine.image), parts.weight, parts.count, image[rows])
         resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])

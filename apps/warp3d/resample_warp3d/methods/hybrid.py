@@ -15,6 +15,7 @@ from resample_warp3d.depth.identity import is_identity, unmoved
 from resample_warp3d.sheet.holes import bridged
 from resample_warp3d.sheet.sheets import Sheets
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
+from resample_warp3d.wide.passages import Passage, Way
 
 if TYPE_CHECKING:
     from resample_warp3d.sheet.kernels.screen import Screen
@@ -49,23 +50,26 @@ class Hybrid:
         if not 0.25 <= self.quality <= 8.0:
             raise ValueError(f"quality {self.quality:g}; 0.25 to 8 parts per px are allowed")
 
-    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+    def __call__(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        if is_identity(source, equation, shape):
+        if isinstance(equation, Equation) and is_identity(source, equation, shape):
             return unmoved(source)
         layers = self.layers(source, equation, shape)
         return layers if self.labels else bridged(layers)
 
-    def layers(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
+    def sheet(self, source: Source) -> Sheet:
+        """Sheet of a source, made when it is first asked for."""
+        return self._sheets(source, is_label=self.labels)
+
+    def layers(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:
         """Warp and leave narrow gaps open, for pixels that are parts of others."""
         from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture, paint_layers
 
-        sheet = self._sheets(source, is_label=self.labels)
-        matrix, epipole, scale = normalised(equation)
-        screen = project(sheet, matrix, epipole)
+        sheet = self.sheet(source)
+        screen, orientation, scale = laid(sheet, equation)
         blank = empty(shape, source.color.shape[2])
         colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
-        frame = whole_frame(matrix, shape, self.quality, is_label=self.labels)
+        frame = whole_frame(orientation, shape, self.quality, is_label=self.labels)
         paint_layers(screen, colors, band_of(shape), frame, picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
@@ -85,11 +89,10 @@ class Preview:
         if is_identity(source, equation, shape):
             return unmoved(source)
         sheet = self._sheets(source)
-        matrix, epipole, scale = normalised(equation)
-        screen = project(sheet, matrix, epipole)
+        screen, volume, scale = laid(sheet, equation)
         blank = empty(shape, source.color.shape[2])
         colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
-        look(screen, colors, band_of(shape), whole_frame(matrix, shape), picture)
+        look(screen, colors, band_of(shape), whole_frame(volume, shape), picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
 
@@ -105,25 +108,35 @@ def band_of(shape: tuple[int, int]) -> int:
     return max(1, min(BAND, LARGEST_BAND // shape[1]))
 
 
+def laid(sheet: Sheet, way: Way) -> tuple["Screen", float, float]:
+    """Sheet on a target's screen, orientation of that, and what its nearness is divided by."""
+    if isinstance(way, Passage):
+        return way.laid(sheet), way.orientation, 1.0
+    matrix, epipole, scale = normalised(way)
+    return project(sheet, matrix, epipole), float(np.linalg.det(matrix)), scale
+
+
 def whole_frame(
-    matrix: Doubles, shape: tuple[int, int], quality: float = 1.0, *, is_label: bool = False
+    volume: float, shape: tuple[int, int], quality: float = 1.0, *, is_label: bool = False
 ) -> "Frame":
-    """All rows of a target's frame."""
+    """All rows of a target's frame; the volume is below 0 where it is a mirror image."""
     from resample_warp3d.sheet.kernels.segments import Frame
 
-    orientation = np.float32(np.sign(np.linalg.det(matrix)))
+    orientation = np.float32(np.sign(volume))
     return Frame(0, *shape, orientation, np.float32(quality), is_label)
 
 
 def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "Screen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
+    from resample_warp3d.sheet.kernels.limbs import project_ends
 
     height, width = sheet.torn.shape
     vertices = np.empty((3, height + 1, width + 1), np.float32)
     screen.project_vertices(sheet.vertex, sheet.place, matrix, epipole, vertices)
     torn = np.empty_like(sheet.corner)
     screen.project_corners(sheet.corner, matrix, epipole, torn)
+    project_ends(sheet.corner, sheet.ends, sheet.roundness, matrix, epipole, torn)
     bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
     screen.bound_segments(vertices, torn, sheet.torn, bounds)
     return screen.Screen(vertices, torn, sheet.torn, bounds)

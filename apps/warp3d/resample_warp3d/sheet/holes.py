@@ -40,13 +40,29 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
     holes = np.empty(rendered.coverage.shape, np.uint8)
     explain_holes(
         rendered.coverage, rendered.nearness, back.matrix, back.epipole, source.place,
-        source.nearness > 0, _farthest(rendered), holes,
+        source.nearness > 0, farthest_of_rows(rendered), holes,
     )  # fmt: skip
     holes[rendered.bridged] = Hole.CRACK
     return holes
 
 
-def _farthest(rendered: Rendered) -> Floats:
+def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
+    """How sure the depth is that pixels (H, W) are made of: 1 where it is as it was given.
+
+    Depth that was refined is as sure as the share of votes for it; half as sure, made up.
+    """
+    from resample_warp3d.sheet.kernels.trusting import look_up
+
+    found = np.ones(rendered.nearness.shape, np.float32)
+    if source.trust.size:
+        back = inverse(equation)
+        look_up(
+            rendered.nearness, back.matrix, back.epipole, source.place, source.trust, found
+        )  # fmt: skip
+    return found
+
+
+def farthest_of_rows(rendered: Rendered) -> Floats:
     """Nearness (H,) of the farthest thing in each row, or in the next row that has any; 0: none."""
     nearness = np.where(rendered.coverage > 0, rendered.nearness, np.inf).min(axis=1)
     full = np.flatnonzero(np.isfinite(nearness))

@@ -36,6 +36,7 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
         Colors are names: only the depth tells where silhouettes run, and nothing is unmixed.
     """
     from resample_warp3d.sheet.kernels import corners
+    from resample_warp3d.sheet.kernels.limbs import Silhouettes, mark_ends
 
     nearness, links = source.nearness, source.links
     height, width = nearness.shape
@@ -44,11 +45,19 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     corners.fill_vertices(nearness, links, vertex)
     index = np.empty((height, width), np.int32)
     corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
-    corners.fill_torn(nearness, links, edge, index, corner)
+    roundness = np.empty((len(corner), 4, 2), np.float32)
+    silhouettes = Silhouettes(edge, error_of(source))
+    corners.fill_torn(nearness, links, silhouettes, index, corner, roundness)
+    ends = np.argwhere(roundness.any(axis=2)).astype(np.int32)
+    marked = np.empty_like(links)
+    mark_ends(nearness, links, silhouettes.error, marked)
     place = corner_places(source.place)
     if place.size:
         bend(corner, place)
-    return Sheet(grouped(color), vertex, place, index, corner, np.pad(links, MARGIN))
+    return Sheet(
+        grouped(color), vertex, place, index, corner, np.pad(marked, MARGIN), ends,
+        roundness[ends[:, 0], ends[:, 1]],
+    )  # fmt: skip
 
 
 def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
@@ -60,7 +69,7 @@ def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
 
     nearness, links = source.nearness, source.links
     edge = np.empty((*nearness.shape, 2), np.float32)
-    error = np.array([max(source.noise, PRECISION), 0.3 * source.step])
+    error = error_of(source)
     if is_label:
         outlines.find_silhouettes(np.zeros_like(source.color), nearness, links, error, edge)
         return source.color, edge
@@ -68,6 +77,11 @@ def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
     color = np.empty_like(source.color)
     outlines.unmix(source.color, nearness, links, edge, color)
     return color, edge
+
+
+def error_of(source: Source) -> Doubles:
+    """Error (2,) of a source's nearness: relative, and absolute."""
+    return np.array([max(source.noise, PRECISION), 0.3 * source.step])
 
 
 def grouped(color: Floats) -> Floats:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
 from resample.cameras.pixels import pixel_centers
 from resample.types import Floats
 from resample_warp3d.types import Warped
+from resample_warp3d.wide.sights import Sight, looked
 
 BLENDS = ("feathered", "confident", "best")
 SHARP = 2.0  # power of the confidence that views are weighed with
@@ -17,6 +18,7 @@ LEAST = 1e-12  # weight of a view that has no confidence
 WHOLE = 0.95  # coverage from which a pixel is no border
 FEATHER = 2.0  # px from a view's border to where it counts in full
 AT_BORDER = 1e-3  # what a view counts beside its border
+AHEAD = np.array([0.0, 0.0, 1.0])
 OBLIQUE = math.radians(4.0)  # angle at which a view counts half
 
 Mask = NDArray[np.bool_]
@@ -72,18 +74,19 @@ def feather(shown: Mask) -> Floats:
     return np.asarray(np.maximum(smooth, np.float32(AT_BORDER)), np.float32)
 
 
-def angle_share(view: Warped, source: Camera, target: Camera) -> Floats:
+def angle_share(view: Warped, source: Camera, target: Sight) -> Floats:
     """What a view counts by the angle between its ray and the target's at each surface, 0..1.
 
     An error of a source's depth moves its colors in proportion to that angle.
     """
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     eye = relative[:3, 3]
-    height, width = view.coverage.shape
-    turned = np.asarray(np.linalg.inv(target.matrix), np.float64)
-    ray = pixel_centers((height, width)) @ turned[:, :2].T + turned[:, 2]
-    point = ray * np.where(np.isfinite(view.depth), view.depth, 1.0)[..., None]
+    shape = view.coverage.shape[0], view.coverage.shape[1]
+    depth = np.where(np.isfinite(view.depth), view.depth, 1.0)
+    ray, _ = looked(target, shape, pixel_centers(shape), 1.0 / depth)
+    point = np.nan_to_num(ray * depth[..., None])
     back = point - eye
-    aside = np.linalg.norm(np.cross(point, back), axis=2)
-    angle = np.arctan2(aside, np.einsum("hwk,hwk->hw", point, back))
+    along = np.broadcast_to(AHEAD, ray.shape) if isinstance(target, Orthographic) else point
+    aside = np.linalg.norm(np.cross(along, back), axis=2)
+    angle = np.arctan2(aside, np.einsum("hwk,hwk->hw", along, back))
     return np.asarray(1.0 / (1.0 + np.square(angle / OBLIQUE)), np.float32)

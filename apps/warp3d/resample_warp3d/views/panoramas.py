@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
+from resample.cameras.panoramic import rays_at, turn
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
@@ -96,10 +97,10 @@ def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = 
     known = np.where(np.isfinite(far) & (far > 0), far, np.inf)
     pose = np.eye(4) if world_to_camera is None else np.asarray(world_to_camera, np.float64)
     made = []
-    for rows, columns, turn in _blocks(height, width):
-        ray = _rays(rows, columns, height) @ turn[:3, :3].T
+    for rows, columns, turned in _blocks(height, width):
+        ray = rays_at(_centers(rows, columns), (height, width)) @ turned[:3, :3].T
         focal = width / (2.0 * math.pi)  # as many px per radian as the panorama has
-        camera = Camera.from_intrinsics(focal, focal, 0.0, 0.0, turn @ pose)
+        camera = Camera.from_intrinsics(focal, focal, 0.0, 0.0, turned @ pose)
         block = np.ix_(rows, columns % width)
         nearness = (1.0 / (known[block] * ray[..., 2])).astype(np.float32)
         place = focal * ray[..., :2] / ray[..., 2:]
@@ -114,28 +115,13 @@ def _blocks(height: int, width: int) -> Iterator[tuple[Indices, Indices, Doubles
     for side in range(SIDES):
         first, last = (width // 2 + round((side + end) * width / SIDES) for end in (-0.5, 0.5))
         columns = np.arange(first - SHARED, last + SHARED)
-        yield around, columns, _turn(2.0 * math.pi * side / SIDES, 0.0)
+        yield around, columns, turn(2.0 * math.pi * side / SIDES, 0.0)
     whole = np.arange(-1, width + 1)  # its ends meet
     pole = np.arange(quarter + SHARED)
-    yield pole, whole, _turn(0.0, 0.5 * math.pi)
-    yield height - 1 - pole[::-1], whole, _turn(0.0, -0.5 * math.pi)
+    yield pole, whole, turn(0.0, 0.5 * math.pi)
+    yield height - 1 - pole[::-1], whole, turn(0.0, -0.5 * math.pi)
 
 
-def _rays(rows: Indices, columns: Indices, height: int) -> Doubles:
-    """Unit directions of pixels, (rows, columns, 3), x right, y down, z ahead."""
-    longitude = math.pi * ((columns + 0.5) / height - 1.0)
-    latitude = math.pi * (0.5 - (rows[:, None] + 0.5) / height)
-    flat = np.cos(latitude)
-    parts = flat * np.sin(longitude), -np.sin(latitude), flat * np.cos(longitude)
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
-
-
-def _turn(yaw: float, pitch: float) -> Doubles:
-    """Pose (4, 4) of a camera turned to the right or upwards, rad."""
-    pose = np.eye(4)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    pose[:3, :3] = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
-    if pitch:
-        cos, sin = math.cos(pitch), math.sin(pitch)
-        pose[:3, :3] = [[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]]
-    return pose
+def _centers(rows: Indices, columns: Indices) -> Doubles:
+    """Centers of pixels, (rows, columns, 2) px."""
+    return np.stack(np.broadcast_arrays(columns + 0.5, rows[:, None] + 0.5), axis=2)

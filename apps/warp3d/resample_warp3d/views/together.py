@@ -17,6 +17,8 @@ from resample_warp3d.views.aligning import check_depths, match_depths, scaled
 from resample_warp3d.views.blending import angle_share, check_blend
 from resample_warp3d.views.matching import Match, balanced, check_colors, match_colors
 from resample_warp3d.views.voting import check_votes, outvoted
+from resample_warp3d.wide.passages import way_between
+from resample_warp3d.wide.sights import Sight
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
 
 def render_together(  # noqa: PLR0913 - what a user may say about a warp
     sources: Agreed,
-    target: Camera,
+    target: Sight,
     shape: tuple[int, int],
     method: str | Method = "hybrid",
     joining: Joining | None = None,
@@ -122,7 +124,7 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     sources
         Of `agreed`.
     target, shape
-        Camera, and height and width in px.
+        Camera of any kind, as of `resample_warp3d.warp`, and height and width in px.
     method, filter, threads
         As of `resample_warp3d.warp`.
     joining
@@ -137,7 +139,7 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     from resample_warp3d.warping import render
 
     chosen = Joining() if joining is None else joining
-    equations = [between(each.camera, target) for each in sources.standing]
+    equations = [way_between(each.camera, target, shape) for each in sources.standing]
     views = [
         render(each.source, equation, shape, method, threads, filter=filter)
         for each, equation in zip(sources.standing, equations, strict=True)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from resample.cameras.pixels import pixel_centers
 from resample.types import Doubles
 from resample_warp3d.depth.equation import inverse, warp_places
-from resample_warp3d.types import Equation, Source, Warped
+from resample_warp3d.types import Source, Warped
+from resample_warp3d.wide.passages import Passage, Way
 
 VOTES = ("majority", "none")
 SAME = 0.02  # of the nearness: what differs by less is one surface
@@ -22,7 +23,7 @@ def check_votes(votes: str) -> None:
 
 
 def outvoted(
-    views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Equation]
+    views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Way]
 ) -> list[Warped]:
     """Views without what as many sources look through as see.
 
@@ -44,12 +45,18 @@ def outvoted(
         for m, source in enumerate(sources):
             if m == n or source.place.size:
                 continue
-            back = warp_places(inverse(equations[m]), point, nearness.flat[asked])
-            balance += vote(source, *back)
+            balance += vote(source, *led_back(equations[m], point, nearness.flat[asked]))
         out = np.zeros(view.coverage.shape, np.bool_)
         out.flat[asked[balance <= 0]] = True
         kept.append(_without(view, out) if out.any() else view)
     return kept
+
+
+def led_back(way: Way, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
+    """Where a target's places (N, 2) px are in the source, and their nearness there."""
+    if isinstance(way, Passage):
+        return way.back(place, nearness)
+    return warp_places(inverse(way), place, nearness)
 
 
 def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]:

@@ -183,7 +183,7 @@ def bridge_rows(
 
 
 @kernel
-def _on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
+def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
     """Place on a bent source's lattice of what a camera without distortion sees at x, y."""
     height, width = place.shape[0], place.shape[1]
     u, v = x, y
@@ -198,7 +198,7 @@ def _on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def _looked_back(
+def looked_back(
     back: Doubles, origin: Doubles, x: float, y: float, near: float
 ) -> tuple[float, float]:
     """Place in the source of what the target sees at x, y; not a number behind the source's eye."""
@@ -225,13 +225,13 @@ def _explain_hole(
     """Type the pixels of a row's hole, which is taken to be as near as `near`."""
     if place.size == 0:
         for column in range(begin, end):
-            u, v = _looked_back(back, origin, column + 0.5, row + 0.5, near)
+            u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
             holes[row, column] = _reason(known, u, v)
         return
     for column in range(begin, end):
-        u, v = _looked_back(back, origin, column + 0.5, row + 0.5, near)
+        u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
         if abs(u) < 1e6 and abs(v) < 1e6:
-            u, v = _on_lattice(place, u, v)
+            u, v = on_lattice(place, u, v)
         holes[row, column] = _reason(known, u, v)
 
 

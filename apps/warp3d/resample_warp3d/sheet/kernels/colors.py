@@ -12,18 +12,20 @@ from resample_warp3d.sheet.kernels.segments import (
     HIGH,
     LOW,
     MEAN,
+    ONE,
     QUARTER,
     SLOPE_U,
     SLOPE_V,
     TWIST,
     ZERO,
 )
-from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, TURNS, UP, Links
 
 Five = tuple[Single, Single, Single, Single, Single]
 Four = tuple[bool, bool, bool, bool]
 
 MEAN_SQUARE: Single = np.float32(1 / 12)  # of what lies evenly in −1/2..1/2
+SIXTH: Single = np.float32(1 / 6)
 STEP: Single = np.float32(2 / 3)  # share of the inner two of five samples in a slope
 FAR_STEP: Single = np.float32(1 / 12)
 BEND: Single = np.float32(1.5)  # the same in a bend
@@ -50,6 +52,20 @@ def _bent(values: Five, is_linked: Four) -> tuple[Single, Single]:
 
 
 @inner_kernel
+def _turned(
+    mean: Single, slope: Single, bend: Single, is_ahead: bool, is_back: bool
+) -> tuple[Single, Single, Single]:
+    """Mean, slope and bend of a cell beyond which the surface turns away, on one side or none.
+
+    The cell's outer half shows the last quarter of the sample: what lies at u in −1/2..1/2 of the
+    cell is at u + 1/4 − u² of the sample, if it turns away ahead. One step tells the whole slope.
+    """
+    side = (ONE if is_ahead else ZERO) - (ONE if is_back else ZERO)
+    steeper = slope + slope * abs(side)
+    return mean + SIXTH * side * steeper, steeper, bend - side * steeper
+
+
+@inner_kernel
 def write_colors(
     color: Floats, links: Links, group: int, row: int, start: int, begin: int, end: int,
     numbers: Floats,
@@ -70,13 +86,16 @@ def write_colors(
             here = color[g, k, r, x]
             left, right = color[g, k, r, x - one], color[g, k, r, x + one]
             above, below = color[g, k, r - one, x], color[g, k, r + one, x]
-            numbers[MEAN + m] = here
             numbers[SLOPE_U + m], numbers[BEND_U + m] = _bent(
                 (color[g, k, r, x - two], left, here, right, color[g, k, r, x + two]),
                 (
                     bits & LEFT != 0, bits & RIGHT != 0,
                     links[r, x - one] & LEFT != 0, links[r, x + one] & RIGHT != 0,
                 ),
+            )  # fmt: skip
+            numbers[MEAN + m], numbers[SLOPE_U + m], numbers[BEND_U + m] = _turned(
+                here, numbers[SLOPE_U + m], numbers[BEND_U + m],
+                bits & (TURNS * RIGHT) != 0, bits & (TURNS * LEFT) != 0,
             )  # fmt: skip
             a = right if bits & RIGHT != 0 else here
             b = left if bits & LEFT != 0 else here
@@ -92,6 +111,10 @@ def write_colors(
                     color[g, k, r + one, x], color[g, k, r + two, x],
                 ),
                 (bits & UP != 0, bits & DOWN != 0, bits_above & UP != 0, bits_below & DOWN != 0),
+            )  # fmt: skip
+            numbers[MEAN + m], numbers[SLOPE_V + m], numbers[BEND_V + m] = _turned(
+                numbers[MEAN + m], numbers[SLOPE_V + m], numbers[BEND_V + m],
+                bits & (TURNS * DOWN) != 0, bits & (TURNS * UP) != 0,
             )  # fmt: skip
             before = color[g, k, r - one, x + one] - color[g, k, r - one, x - one]
             after = color[g, k, r + one, x + one] - color[g, k, r + one, x - one]

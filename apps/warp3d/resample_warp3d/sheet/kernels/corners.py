@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.depth.kernels.outlines import limb
+from resample_warp3d.sheet.kernels.limbs import Ends, Silhouettes, ends_around
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
 Indices = NDArray[np.int32]
+Four = tuple[bool, bool, bool, bool]
 
 OVERHANG = 0.5  # px that the outermost samples reach beyond the frame
 BENT = 0.65  # share of the last step of nearness by which the step after it may differ
@@ -206,10 +208,10 @@ def _linked(links: Links, row: int, column: int, member: int) -> tuple[bool, boo
 
 @kernel
 def _torn_corner(
-    nearness: Floats, links: Links, row: int, column: int, member: int, x: float, y: float
+    nearness: Floats, links: Links, row: int, column: int, is_member: Four, x: float, y: float
 ) -> float:
-    """Nearness at a shifted corner of the lattice on the surface of one of its members."""
-    a, b, c, d = _linked(links, row, column, member)
+    """Nearness at a shifted corner of the lattice on the surface of some of its members."""
+    a, b, c, d = is_member
     total, count = 0.0, 0
     if a:
         total += _extended(nearness, links, row - 1, column - 1, 0.5 + x, 0.5 + y)
@@ -227,37 +229,78 @@ def _torn_corner(
 
 
 @kernel
+def _end_of_surface(is_member: Four, ends: Ends) -> float:
+    """Mean nearness where a surface turns away; 0: it does not."""
+    total, count = 0.0, 0
+    for k in range(4):
+        if is_member[k] and ends.nearness[k] > 0.0:
+            total += ends.nearness[k]
+            count += 1
+    return total / max(count, 1)
+
+
+@kernel
+def _is_one(links: Links, row: int, column: int, members: int) -> bool:
+    """Whether samples around a corner, given as bits, are of one surface."""
+    for member in range(4):
+        if members >> member & 1:
+            a, b, c, d = _linked(links, row, column, member)
+            return members & ~(int(a) | int(b) << 1 | int(c) << 2 | int(d) << 3) == 0
+    return True
+
+
+@kernel
+def _fill_corner(
+    nearness: Floats, links: Links, silhouettes: Silhouettes, row: int, column: int, member: int,
+    corner: Floats, roundness: Floats,
+) -> None:  # fmt: skip
+    """Write a shifted corner of the lattice as one of its members has it."""
+    x = _shift(nearness, silhouettes.edge, row, column, False)
+    y = _shift(nearness, silhouettes.edge, row, column, True)
+    is_member, near = _linked(links, row, column, member), 0.0
+    roundness[0], roundness[1] = 0, 0
+    if 0 < row < nearness.shape[0] and 0 < column < nearness.shape[1]:
+        ends = ends_around(nearness, links, silhouettes, row, column)
+        near = _end_of_surface(is_member, ends)
+        if ends.turns and _is_one(links, row, column, ends.members):
+            x, y = ends.x, ends.y
+        if near > 0.0:
+            roundness[0], roundness[1] = np.float32(ends.round_x), np.float32(ends.round_y)
+    if not near > 0.0:
+        near = _torn_corner(nearness, links, row, column, is_member, x, y)
+    corner[0], corner[1], corner[2] = np.float32(column + x), np.float32(row + y), np.float32(near)
+
+
+@kernel
 def _fill_torn(
-    nearness: Floats, links: Links, edge: Floats, index: Indices, row: int, corner: Floats
-) -> None:
+    nearness: Floats, links: Links, silhouettes: Silhouettes, index: Indices, row: int,
+    corner: Floats, roundness: Floats,
+) -> None:  # fmt: skip
     for column in range(nearness.shape[1]):
         n = index[row, column]
         if n < 0:
             continue
         for k in range(4):
             r, c = row + k // 2, column + k % 2
-            x = _shift(nearness, edge, r, c, False)
-            y = _shift(nearness, edge, r, c, True)
-            corner[n, k, 0] = np.float32(c + x)
-            corner[n, k, 1] = np.float32(r + y)
-            corner[n, k, 2] = np.float32(_torn_corner(nearness, links, r, c, 3 - k, x, y))
+            _fill_corner(nearness, links, silhouettes, r, c, 3 - k, corner[n, k], roundness[n, k])
 
 
 @parallel_kernel
 def fill_torn(
-    counter: Counter, nearness: Floats, links: Links, edge: Floats, index: Indices, corner: Floats
-) -> None:
+    counter: Counter, nearness: Floats, links: Links, silhouettes: Silhouettes, index: Indices,
+    corner: Floats, roundness: Floats,
+) -> None:  # fmt: skip
     """Write the corners of the cells that have their own.
 
     Parameters
     ----------
-    edge
-        (H, W, 2) silhouettes of `outlines.find_silhouettes`.
     index
         (H, W) as `number_torn` writes it.
     corner
         (N, 4, 3) filled: x and y in px of the source and the nearness there; top left, top right,
         bottom left, bottom right.
+    roundness
+        (N, 4, 2) filled: squared nearness per px, outward, where a surface turns away; else 0.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _fill_torn(nearness, links, edge, index, row, corner)
+        _fill_torn(nearness, links, silhouettes, index, row, corner, roundness)

@@ -29,7 +29,7 @@ class Screen(NamedTuple):
 
 
 @kernel
-def _seen(
+def seen_at(
     matrix: Doubles, epipole: Doubles, x: float, y: float, nearness: float
 ) -> tuple[Single, Single, Single]:
     """Place on the screen and nearness there; a negative nearness is nowhere.
@@ -62,7 +62,7 @@ def _project_row(
         x, y = float(column), float(row)
         if is_bent:
             x, y = place[row, column, 0], place[row, column, 1]
-        screen[0, row, column], screen[1, row, column], screen[2, row, column] = _seen(
+        screen[0, row, column], screen[1, row, column], screen[2, row, column] = seen_at(
             matrix, epipole, x, y, float(vertex[row, column])
         )
 
@@ -101,7 +101,7 @@ def _project_corners(
     for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
         for k in range(4):
             x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
-            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = _seen(matrix, epipole, x, y, near)
+            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = seen_at(matrix, epipole, x, y, near)
 
 
 @parallel_kernel

@@ -1,0 +1,253 @@
+"""What a volume's values are, found by looking at all of them: range, padding, strays, units."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
+from resample_volume.looks.thresholds import Counts, Levels
+from resample_volume.looks.tissues import METAL
+from resample_volume.types import Volume
+from resample_volume.voxels.parts import slabs
+
+SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
+STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays
+STRAY_GAP = 0.5  # of the range of the others, by which strays are away from it
+PADDING_GAP = 1.0  # of the range of the others, by which padding is away from it
+CT_PADDING_GAP = 0.2  # the same where the others look like computed tomography
+FEW = 16  # values: among fewer, none is padding but all are labels
+PADDINGS = 4  # different values of padding that are looked for
+
+
+class Survey(NamedTuple):
+    """What is known of a volume's values."""
+
+    least: float  # finite, padding and strays included
+    greatest: float
+    low: float  # finite, without padding and strays: the robust range
+    high: float
+    padding: tuple[float, ...]  # values that stand for no value
+    padded: int  # voxels of these
+    stray: int  # voxels outside of the robust range that are no padding
+    infinite: int  # voxels
+    units: Units
+    levels: Levels  # of the robust range
+
+    @property
+    def whole(self) -> tuple[float, float]:
+        """Range of all finite values."""
+        return self.least, self.greatest
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Robust range."""
+        return self.low, self.high
+
+    @property
+    def metal(self) -> int:
+        """Voxels that are too dense for any tissue, as far as that is known."""
+        if self.units.added is None:
+            return 0
+        inside = self.levels.value > METAL + self.units.added
+        return int(self.levels.number[inside].sum())
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the robust range is that of all finite values."""
+        return self.span == self.whole
+
+
+def survey(volume: Volume) -> Survey:
+    """Look at all values of a volume.
+
+    Padding is a value that lies far beyond all others and that many voxels have: scanners and
+    programs write it where nothing was measured. It is below 0 or on the volume's rim: 0 below all
+    others is the surroundings of what was cut out, and what is far above within may be metal.
+    Bytes have none. Strays are a few voxels far beyond all others. Without any finite value, the
+    range is 0 to 1.
+    """
+    levels, infinite = _levels(volume.values)
+    if not levels.value.size:
+        nothing = Levels(np.zeros(0), np.zeros(0, np.int64))
+        return Survey(0.0, 1.0, 0.0, 1.0, (), 0, 0, infinite, units_of(volume, nothing), nothing)
+    total, most = int(levels.number.sum()), _most_strays(volume.values.size)
+    is_byte = volume.values.dtype.itemsize == 1
+    rest, padding = _without_padding(levels, rim(volume.values), most, 0 if is_byte else PADDINGS)
+    first, last = ends(rest.value, rest.number, most, STRAY_GAP)
+    bulk = rest.between(first, last)
+    kept = int(rest.number.sum())
+    return Survey(
+        float(levels.value[0]),
+        float(levels.value[-1]),
+        float(bulk.value[0]),
+        float(bulk.value[-1]),
+        padding,
+        total - kept,
+        kept - int(bulk.number.sum()),
+        infinite,
+        units_of(volume, bulk),
+        bulk,
+    )
+
+
+def findings(known: Survey) -> list[str]:
+    """What a user should know of a volume's values before it is shown, a line for each."""
+    lines = []
+    if known.padding:
+        values = " and ".join(f"{value:g}" for value in known.padding)
+        lines.append(f"{known.padded} voxels of {values} are taken for padding and left out")
+    if known.stray:
+        lines.append(
+            f"{known.stray} {'voxels are' if known.stray > 1 else 'voxel is'} far beyond "
+            f"{known.low:g} to {known.high:g}, which looks are spread over"
+        )
+    if known.units.is_assumed:
+        lines.append(
+            f"values look like {known.units.name} and are taken for them (--units none: they "
+            "are not)"
+        )
+    if metal := known.metal:
+        lines.append(f"{metal} voxels above {METAL:g} HU are metal")
+    return lines
+
+
+def without_padding(volume: Volume, known: Survey) -> Volume:
+    """Volume in which padding is no value, and neither is what is infinite.
+
+    Integers have no sign for that: padding becomes the least of the other values.
+    """
+    if not known.padding and not known.infinite:
+        return volume
+    values = np.array(volume.values)
+    is_whole = values.dtype.kind in "iu"
+    for slab in slabs(values):
+        slab[np.isin(slab, known.padding)] = known.low if is_whole else np.nan
+        if not is_whole:
+            slab[np.isinf(slab)] = np.nan
+    return volume._replace(values=values)
+
+
+def rim(values: NDArray[Any]) -> NDArray[Any]:
+    """All values on the six sides of a volume (Z, Y, X)."""
+    sides = [values.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
+    return np.concatenate(sides)
+
+
+def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
+    """First and last place that is no stray.
+
+    Parameters
+    ----------
+    value
+        (K,) places, ascending.
+    count
+        (K,) how many lie at each.
+    most
+        Strays at either end.
+    gap
+        Share of the range of all others, by which strays are away from it.
+
+    Returns
+    -------
+    Indices; of all places where the others lie at one.
+    """
+    total = np.cumsum(count)
+    middle = value[np.searchsorted(total, total[-1] / 2)]
+    last = _last(value, total[-1] - total, most, gap, middle)
+    backward = total[-1] - total + count  # how many lie at a place and beyond
+    first = _last(-value[::-1], (total[-1] - backward)[::-1], most, gap, -middle)
+    return value.size - 1 - first, last
+
+
+def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -> int:
+    """Last place that is no stray, where `above` (K,) says how many lie above each."""
+    start = int(np.searchsorted(-above, -most))
+    place = np.arange(start, value.size - 1)
+    # From the first percent on, which no stray at the other end moves.
+    few = above[0] * 0.99
+    foot = min(value[int(np.searchsorted(-above, -few))], middle)
+    reach = value[place] - foot
+    far = (np.diff(value)[start:] > gap * reach) & (reach > 0)
+    return int(place[far][0]) if far.any() else value.size - 1
+
+
+def _most_strays(size: int) -> int:
+    """How many voxels may be strays, of all."""
+    return max(min(8, size // 500), int(STRAY_SHARE * size))
+
+
+def _without_padding(
+    levels: Levels, rim: NDArray[Any], most: int, paddings: int
+) -> tuple[Levels, tuple[float, ...]]:
+    """Values without those that stand for none, and these; see `survey`."""
+    padding: list[float] = []
+    for _ in range(paddings):
+        ends_ = []
+        if levels.value[0] < 0:
+            ends_.append(0)
+        if (rim == levels.value[-1]).any():
+            ends_.append(-1)
+        found = [end for end in ends_ if _is_padding(levels, end, most)]
+        if not found:
+            break
+        padding.append(float(levels.value[found[0]]))
+        levels = _without(levels, found[0])
+    return levels, tuple(padding)
+
+
+def _without(levels: Levels, end: int) -> Levels:
+    """Values but the first or the last."""
+    return levels.between(1, -1) if end == 0 else levels.between(0, -2)
+
+
+def _is_padding(levels: Levels, end: int, most: int) -> bool:
+    """Whether the first or last value is far away from the others, and frequent."""
+    if levels.value.size <= FEW + 1 or levels.number[end] <= most:
+        return False
+    rest = levels.between(1, -2)  # there may be padding at the other end, too
+    bulk = rest.between(*ends(rest.value, rest.number, most, STRAY_GAP))
+    if bulk.value.size < FEW:
+        return False
+    low, high = bulk.value[0], bulk.value[-1]
+    gap = low - levels.value[0] if end == 0 else levels.value[-1] - high
+    least = CT_PADDING_GAP if looks_like_ct(bulk, 0.0) else PADDING_GAP
+    return bool(gap > least * (high - low))
+
+
+def _levels(values: NDArray[Any]) -> tuple[Levels, int]:
+    """Distribution of finite values, exact at its ends, and how many are infinite."""
+    if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
+        return _counted(values), 0
+    step = max(1, int(np.cbrt(values.size / SAMPLED)))
+    some = np.asarray(values[::step, ::step, ::step], np.float64)
+    some = some[np.isfinite(some)]
+    low, high = (some.min(), some.max()) if some.size else (np.inf, -np.inf)
+    value, count = np.unique(some, return_counts=True)
+    beyond, infinite = [], 0
+    for slab in slabs(values):
+        outside = slab[(slab < low) | (slab > high)]
+        finite = outside[np.isfinite(outside)]
+        infinite += outside.size - finite.size
+        beyond.append(np.asarray(finite, np.float64))
+    more, often = np.unique(np.concatenate(beyond), return_counts=True)
+    order = np.argsort(np.concatenate([value, more]), kind="stable")
+    counts = np.concatenate([count * step**3, often])
+    return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
+
+
+def _counted(values: NDArray[Any]) -> Levels:
+    """How often each of few possible values occurs."""
+    import cv2
+
+    bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
+    total = np.zeros(size, np.int64)
+    for slab in slabs(values):
+        code = np.ascontiguousarray(slab).view(f"u{values.dtype.itemsize}").reshape(1, -1)
+        total += cv2.calcHist([code], [0], None, [size], [0, size]).ravel().astype(np.int64)
+    if values.dtype.kind == "i":
+        total = np.roll(total, size // 2)
+    present = np.flatnonzero(total)
+    least = -(1 << (bits - 1)) if values.dtype.kind == "i" else 0
+    return Levels(present.astype(np.float64) + least, total[present])

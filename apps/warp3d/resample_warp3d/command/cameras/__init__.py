@@ -1,0 +1,1 @@
+"""Cameras of sources and targets as the command line names them."""

@@ -1,0 +1,198 @@
+"""The camera of a new picture: from where and with what it is seen."""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from resample.command.flags import Hyphen
+from resample.command.settings import SIZE, Choices, height_and_width
+from resample.words import numbers_in
+from resample_warp3d.command.cameras.intrinsics import Shape, check_intrinsics, with_intrinsics
+
+if TYPE_CHECKING:
+    from resample.cameras.models import Camera
+    from resample.types import Doubles
+    from resample_warp3d.wide.sights import Sight
+
+
+class TargetCamera(Choices):
+    """With what the new picture is seen."""
+
+    target_intrinsics: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
+            "source's, fitted to size."
+        ),
+    ] = None
+    target_fov: Annotated[
+        float | None,
+        Field(description="Degrees along the new picture's shorter side; in place of intrinsics."),
+    ] = None
+    target_lens: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Of the new picture, in place of intrinsics, as of --lens. None."),
+    ] = None
+    target_projection: Annotated[
+        Literal["pinhole", "equirectangular", "orthographic"] | None,
+        Field(
+            description="What the new picture shows, as of --source-projection. The source's, or a "
+            "pinhole's view where intrinsics are said."
+        ),
+    ] = None
+    target_pixel_size: Annotated[
+        float | None,
+        Field(gt=0, description="Of parallel rays: how far apart they are, scene units."),
+    ] = None
+    size: Annotated[
+        str | None,
+        Field(description=f"{SIZE} The source's."),
+    ] = None
+
+    def check_target(self) -> None:
+        """Refuse what can be seen to be wrong without the files."""
+        pinhole = {
+            "target-intrinsics": self.target_intrinsics,
+            "target-fov": self.target_fov,
+            "target-lens": self.target_lens,
+        }
+        given = [name for name, way in pinhole.items() if way is not None]
+        if len(given) > 1:
+            raise ValueError(f"give one of --{' and --'.join(given)}, not both")
+        if given and self.target_projection not in (None, "pinhole"):
+            raise ValueError(
+                f"--{given[0]} belongs to a pinhole; leave it out of --target-projection"
+                f" {self.target_projection}"
+            )
+        if (self.target_projection == "orthographic") != (self.target_pixel_size is not None):
+            raise ValueError(
+                "--target-pixel-size and --target-projection orthographic belong together; give"
+                " both"
+            )
+        if self.target_intrinsics is not None:
+            check_intrinsics("target-intrinsics", self.target_intrinsics)
+        if self.target_lens is not None:
+            from resample.cameras.lens_files import read_lens
+
+            read_lens(self.target_lens)
+
+    def shape(self, source: Shape) -> Shape:
+        """Height and width of the new picture."""
+        return source if self.size is None else height_and_width(self.size)
+
+    def sight(self, source: "Sight", source_shape: Shape, convention: str) -> "Sight":
+        """Camera of the new picture, where the source's is.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            The numbers are no camera's, or a file cannot be read.
+        """
+        from resample.cameras.models import Camera, Orthographic
+        from resample.cameras.panoramic import Equirectangular, check_panorama
+
+        shape, pose = self.shape(source_shape), source.world_to_camera
+        own = self._pinhole(shape, convention)
+        if own is not None:
+            return own.moved(pose)
+        if self.target_pixel_size is not None:
+            scale = 1.0 / self.target_pixel_size
+            return Orthographic(scale, scale, shape[1] / 2, shape[0] / 2, pose)
+        wanted = self.target_projection
+        is_around = isinstance(source, Equirectangular)
+        if wanted == "equirectangular" or (wanted is None and is_around):
+            check_panorama(shape)
+            return Equirectangular(pose)
+        if isinstance(source, Camera):
+            return Camera(source.resized(source_shape, shape).matrix, pose)
+        if wanted == "pinhole" or isinstance(source, Equirectangular):
+            raise ValueError("a pinhole's view needs --target-fov or --target-intrinsics")
+        right, down = shape[1] / source_shape[1], shape[0] / source_shape[0]
+        return Orthographic(
+            source.sx * right, source.sy * down, source.cx * right, source.cy * down, pose
+        )
+
+    def _pinhole(self, shape: Shape, convention: str) -> "Camera | None":
+        """Pinhole or lens that is said."""
+        from resample.cameras.lens_files import read_calibration
+        from resample.cameras.models import Camera
+
+        if self.target_fov is not None:
+            return Camera.from_fov(self.target_fov, *shape)
+        if self.target_lens is not None:
+            return read_calibration(self.target_lens).sized(*shape)
+        if self.target_intrinsics is None:
+            return None
+        given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
+        aimed = given.sized(*shape)
+        if aimed.distortion is not None:
+            raise ValueError(
+                f"{self.target_intrinsics} has a lens; give it as --target-lens, or its"
+                " --target-intrinsics as fx,fy,cx,cy"
+            )
+        return aimed
+
+
+class Aim(TargetCamera):
+    """From where and how the new picture is seen."""
+
+    pose: Annotated[
+        str | None,
+        Field(
+            description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
+            "poses of TUM, Open3D (.log, .json), NeRF (.json), COLMAP (images.txt, images.bin) or "
+            ".toml."
+        ),
+    ] = None
+    move: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Without a pose file: x,y,z to go right, down and ahead, scene units."),
+    ] = None
+    turn: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="And yaw,pitch,roll to turn right, up and clockwise, degrees."),
+    ] = None
+
+    def check(self) -> None:
+        """Refuse what can be seen to be wrong without the files."""
+        if not self.model_fields_set:
+            raise ValueError(
+                "say from where to look: --pose FILE, or --move x,y,z and --turn y,p,r"
+            )
+        self.step()
+        self.shape((1, 2))
+        self.check_target()
+
+    def step(self) -> "Doubles":
+        """Pose of the moved and turned camera in the axes of the one that it starts from."""
+        from resample_warp3d.command.animation import stepped
+
+        move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
+        turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)
+        return stepped(move, turn)
+
+    def sight(self, source: "Sight", source_shape: Shape, convention: str) -> "Sight":
+        from resample.cameras.files import read_pose
+
+        seen = super().sight(source, source_shape, convention)
+        pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
+        return seen.moved(self.step() @ pose)
+
+    def camera(self, source: "Camera", source_shape: Shape, convention: str) -> "Camera":
+        """Pinhole of the new picture, where nothing else is drawn.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            As of `sight`; or the new picture shows something else.
+        """
+        from resample.cameras.models import Camera
+
+        seen = self.sight(source, source_shape, convention)
+        if not isinstance(seen, Camera) or seen.distortion is not None:
+            raise ValueError("methods are compared in a pinhole's view; give --target-intrinsics")
+        return seen

@@ -1,0 +1,211 @@
+"""Ways from sources to targets of any kind, in place of the warping equation."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular
+from resample.types import Doubles, Floats
+from resample_warp3d.depth.equation import between
+from resample_warp3d.types import Equation, Sheet
+from resample_warp3d.wide.sights import Shape, Sight, is_bent, looked, seen, without_lens
+
+if TYPE_CHECKING:
+    from resample_warp3d.sheet.kernels.screen import Screen
+
+ROWS = 64  # of a sheet's corners that are projected at a time
+FARTHEST = 1e6  # px: what is farther out than this is not on any screen
+NO_CELL = -2  # in a sheet's index
+
+Mask = NDArray[np.bool_]
+
+
+def _whole() -> Doubles:
+    return np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """Way from a source's samples to a target's pixels, and back.
+
+    Parameters
+    ----------
+    source
+        Camera whose lens has been undone by the samples' places, or a parallel one.
+    target
+        Any camera; its lens is applied.
+    shape
+        Height and width of the target's whole picture, px.
+    frame
+        (3, 3) scales and shifts that lead from px of that picture to those of the frame that is
+        painted.
+
+    Raises
+    ------
+    ValueError
+        The source is no camera of depth images.
+    """
+
+    source: Camera | Orthographic
+    target: Sight
+    shape: Shape
+    frame: Doubles = field(default_factory=_whole)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.source, Camera | Orthographic):
+            raise ValueError(
+                "depth images are taken by a Camera or an Orthographic one, not by"
+                f" {type(self.source).__name__}; a panorama is cut into faces"
+            )
+        if not isinstance(self.target, Camera | Orthographic | Equirectangular):
+            raise ValueError(f"depth images are not seen by {type(self.target).__name__}")
+
+    def in_frame(self, matrix: Doubles) -> "Passage":
+        """Way into a frame (3, 3) of this one's frame."""
+        return replace(self, frame=matrix @ self.frame)
+
+    def ahead(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
+        """Where samples go, px of the frame (..., 2), and their nearness; not a number: nowhere."""
+        source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
+        point, weight = looked(source, self.shape, place, nearness)
+        there, near = seen(self.target, self.shape, *_moved(self._step(), point, weight))
+        return there * np.diag(self.frame)[:2] + self.frame[:2, 2], near
+
+    def back(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
+        """Where places of the frame are in the source without its lens, and their nearness."""
+        source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
+        whole = (place - self.frame[:2, 2]) / np.diag(self.frame)[:2]
+        point, weight = looked(self.target, self.shape, whole, nearness)
+        step = np.asarray(np.linalg.inv(self._step()), np.float64)
+        return seen(source, self.shape, *_moved(step, point, weight))
+
+    def laid(self, sheet: Sheet) -> "Screen":
+        """Sheet on the target's screen, without cells that a panorama's edge or pole cuts."""
+        from resample_warp3d.sheet.kernels import screen
+
+        height, width = sheet.torn.shape
+        vertices = np.empty((3, height + 1, width + 1), np.float32)
+        for n in range(0, height + 1, ROWS):
+            rows = slice(n, min(n + ROWS, height + 1))
+            vertices[:, rows] = self._corners(*_lattice(sheet, rows))
+        torn = self._corners(sheet.corner[..., :2], sheet.corner[..., 2])
+        torn = np.ascontiguousarray(np.moveaxis(torn, 0, -1))
+        own = sheet.torn
+        if isinstance(self.target, Equirectangular):
+            most = 0.5 * self.shape[1] * self.frame[0, 0]
+            own = np.where(_wide(_around(vertices[0]), most) & (own < 0), np.int32(NO_CELL), own)
+            torn[_wide(list(np.moveaxis(torn[..., 0], 1, 0)), most), :, 2] = -1.0
+        bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
+        screen.bound_segments(vertices, torn, own, bounds)
+        return screen.Screen(vertices, torn, own, bounds)
+
+    @property
+    def orientation(self) -> float:
+        """Volume that has the sign of what the way does to the order of corners."""
+        volume = float(np.linalg.det(self.frame))
+        for camera in (self.source, self.target):
+            if isinstance(camera, Camera):
+                volume *= float(np.sign(camera.fx * camera.fy))
+        return volume
+
+    def _step(self) -> Doubles:
+        """Pose (4, 4) of the target in the source's axes."""
+        back = np.linalg.inv(self.source.world_to_camera)
+        return np.asarray(self.target.world_to_camera @ back, np.float64)
+
+    def _corners(self, place: Doubles | Floats, nearness: Floats) -> Floats:
+        """Corners on the screen, (3, ...): x, y and nearness, which is −1 where there is none."""
+        known = nearness > 0
+        there, near = self.ahead(np.asarray(place, np.float64), np.asarray(nearness, np.float64))
+        is_seen = known & (near > 0) & (np.abs(there) < FARTHEST).all(axis=-1)
+        parts = there[..., 0], there[..., 1]
+        flat = [np.where(is_seen, part, 0.0) for part in parts]
+        return np.asarray([*flat, np.where(is_seen, near, -1.0)], np.float32)
+
+
+Way = Equation | Passage
+
+
+def way_between(source: Sight, target: Sight, shape: Shape) -> Way:
+    """Way from a source to a target of (height, width) px: an equation where one says it.
+
+    Raises
+    ------
+    ValueError
+        The source is no camera of depth images.
+    """
+    if isinstance(source, Camera) and isinstance(target, Camera) and not is_bent(target):
+        return between(source, target)
+    return Passage(source, target, shape)  # type: ignore[arg-type]  # it refuses others
+
+
+def poles_rows(passage: Passage, sheet: Sheet) -> tuple[int, int]:
+    """How many px the cells over a panorama's upper and lower pole reach away from it, at most."""
+    found = [0.0, 0.0]
+    screen = passage.laid(sheet)
+    half = passage.shape[0] / 2.0
+
+    def note(x: Floats, y: Floats) -> None:
+        steps = np.diff(np.concatenate([x, x[:, :1]], axis=1), axis=1)
+        wound = np.round(steps / passage.shape[1]).sum(axis=1) != 0
+        for n, from_pole in enumerate((y, passage.shape[0] - y)):
+            reach = from_pole[wound].max(axis=1, initial=0.0)
+            found[n] = max(found[n], float(reach[reach < half].max(initial=0.0)))
+
+    at = np.nonzero((screen.own == NO_CELL) & (sheet.torn != NO_CELL))
+    ring = (0, 0), (0, 1), (1, 1), (1, 0)
+    x, y, near = (
+        np.stack([part[at[0] + down, at[1] + right] for down, right in ring], axis=1)
+        for part in screen.vertex
+    )
+    is_seen = (near > 0).all(axis=1)
+    note(x[is_seen], y[is_seen])
+    cut = np.moveaxis(screen.torn[(screen.torn[..., 2] < 0).all(axis=1)], 2, 0)[:, :, (0, 1, 3, 2)]
+    note(cut[0], cut[1])
+    return math.ceil(found[0]), math.ceil(found[1])
+
+
+def on_lattice(place: Doubles, at: Doubles) -> Doubles:
+    """Places of a bent source's lattice (N, 2) of what a camera without lens sees at `at` (N, 2).
+
+    As kernels that explain holes find them, in as many steps.
+    """
+    height, width = place.shape[:2]
+    found = np.clip(at, -1e6, 1e6)
+    for _ in range(4):
+        column = np.clip(np.floor(found[:, 0]), 0, width - 1).astype(np.int64)
+        row = np.clip(np.floor(found[:, 1]), 0, height - 1).astype(np.int64)
+        there = place[row, column]
+        centers = np.stack([column, row], axis=1) + 0.5
+        moved = np.clip(centers + at - there, -1e6, 1e6)
+        found = np.where(np.isfinite(there), moved, found)
+    return found
+
+
+def _moved(step: Doubles, point: Doubles, weight: Doubles) -> tuple[Doubles, Doubles]:
+    """Homogeneous points in another camera's axes."""
+    return point @ step[:3, :3].T + weight[..., None] * step[:3, 3], weight
+
+
+def _lattice(sheet: Sheet, rows: slice) -> tuple[Doubles, Floats]:
+    """Places and nearness of some rows of a sheet's corners."""
+    nearness = sheet.vertex[rows]
+    if sheet.place.size:
+        return sheet.place[rows], nearness
+    row, column = np.indices(nearness.shape, np.float64)
+    return np.stack([column, row + rows.start], axis=-1), nearness
+
+
+def _around(vertex: Floats) -> list[Floats]:
+    """Numbers of the four corners of all cells."""
+    return [vertex[:-1, :-1], vertex[:-1, 1:], vertex[1:, :-1], vertex[1:, 1:]]
+
+
+def _wide(corner: list[Floats], most: float) -> Mask:
+    """Cells whose corners are farther apart than that."""
+    low, high = np.minimum.reduce(corner), np.maximum.reduce(corner)
+    return np.asarray(high - low > most)

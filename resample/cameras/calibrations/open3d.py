@@ -1,0 +1,61 @@
+"""Cameras of Open3D's trajectories; their pixel centers are at + 0."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.cameras.poses import rigid
+from resample.cameras.trajectories import Entry, Shot, entry_of
+from resample.words import naming, text_of
+
+Facts = Mapping[str, Any]
+
+
+def is_open3d(path: Path) -> bool:
+    """Whether a JSON file is a trajectory of Open3D's, or one camera of it."""
+    facts = _facts(path)
+    return isinstance(facts, dict) and ("parameters" in facts or "extrinsic" in facts)
+
+
+def read_open3d(path: Path) -> list[Entry]:
+    """World-to-camera poses and intrinsics (`PinholeCameraTrajectory`, `PinholeCameraParameters`).
+
+    Matrices are lists of their columns.
+    """
+    facts = _facts(path)
+    if not isinstance(facts, dict) or not {"parameters", "extrinsic"} & set(facts):
+        raise ValueError(f"{path} has neither parameters nor an extrinsic as Open3D's files have")
+    given = facts.get("parameters", [facts])
+    if not isinstance(given, list):
+        raise ValueError(f"{path} has no list of parameters as Open3D's trajectories have")
+    return [entry_of(f"{path}: camera {n}", "", _shot, each) for n, each in enumerate(given)]
+
+
+def _facts(path: Path) -> Any:
+    """Content of a JSON file."""
+    text = text_of(path)
+    with naming(str(path)):
+        return json.loads(text)
+
+
+def _shot(facts: Facts) -> Shot:
+    """One camera."""
+    pose = rigid(_columns(facts, "extrinsic", 4))
+    inner = facts.get("intrinsic")
+    if not inner:
+        return Shot("", pose)
+    camera = Camera.from_opencv(_columns(inner, "intrinsic_matrix", 3)).moved(pose)
+    height, width = int(inner.get("height", 0)), int(inner.get("width", 0))
+    return Shot("", pose, camera, (height, width) if min(height, width) > 0 else None)
+
+
+def _columns(facts: Facts, name: str, side: int) -> Any:
+    """Matrix of a list of its columns, or of its rows if they are lists."""
+    given = np.asarray(facts[name], np.float64)
+    if given.shape not in ((side * side,), (side, side)):
+        raise ValueError(f"its {name} has {given.size} numbers, not {side * side}")
+    return given.reshape(side, side).T if given.ndim == 1 else given

@@ -1,0 +1,86 @@
+"""Cameras that see all around: a picture of all longitudes and latitudes."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resample.cameras.poses import rigid
+from resample.types import Doubles
+
+
+def _identity() -> Doubles:
+    return np.eye(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Equirectangular:
+    """Camera whose picture, twice as wide as high, shows longitudes across and latitudes along.
+
+    The middle of the picture is ahead (+z), its left and right edges meet behind, and its top row
+    is above (−y). How far something is, is the length of its ray.
+
+    Parameters
+    ----------
+    world_to_camera
+        (4, 4) or (3, 4) rigid pose.
+
+    Raises
+    ------
+    ValueError
+        The pose is not rigid.
+    """
+
+    world_to_camera: Doubles = field(default_factory=_identity)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
+
+    def moved(self, world_to_camera: ArrayLike) -> "Equirectangular":
+        """Camera with another pose."""
+        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
+
+    def turned(self, yaw: float, pitch: float = 0.0) -> "Equirectangular":
+        """Camera turned to the right, or else upwards, rad."""
+        return self.moved(turn(yaw, pitch) @ self.world_to_camera)
+
+
+def check_panorama(shape: tuple[int, int]) -> None:
+    """Refuse frames (height, width) that are not twice as wide as high."""
+    height, width = shape
+    if width != 2 * height:
+        raise ValueError(
+            f"a panorama is twice as wide as high, not {width} x {height} px; give its size, such"
+            f" as {2 * height}x{height}"
+        )
+
+
+def turn(yaw: float, pitch: float) -> Doubles:
+    """Pose (4, 4) of a camera turned to the right or, if it is not 0, upwards, rad."""
+    pose = np.eye(4)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    pose[:3, :3] = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
+    if pitch:
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        pose[:3, :3] = [[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]]
+    return pose
+
+
+def rays_at(place: Doubles, shape: tuple[int, int]) -> Doubles:
+    """Unit directions (..., 3) of places (..., 2) px, x right, y down, z ahead."""
+    height, width = shape
+    longitude = 2.0 * math.pi * (place[..., 0] / width - 0.5)
+    latitude = math.pi * (0.5 - place[..., 1] / height)
+    flat = np.cos(latitude)
+    parts = flat * np.sin(longitude), -np.sin(latitude), flat * np.cos(longitude)
+    return np.stack(parts, axis=-1)
+
+
+def places_of(ray: Doubles, shape: tuple[int, int]) -> Doubles:
+    """Places (..., 2) px where directions (..., 3) of any length are seen."""
+    height, width = shape
+    x, y, z = np.moveaxis(ray, -1, 0)
+    longitude, latitude = np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))
+    column = (longitude / (2.0 * math.pi) + 0.5) * width
+    return np.stack([column, (0.5 - latitude / math.pi) * height], axis=-1)

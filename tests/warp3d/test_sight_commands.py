@@ -1,0 +1,136 @@
+"""Panoramas, lenses and parallel rays on the command line."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from resample.cameras.panoramic import Equirectangular
+from resample.files.images import read_channels, read_image
+from resample.files.pictures import Kind, Look, Picture, write_picture
+from resample.measuring.quality import psnr
+from resample_warp3d.command import cli
+from tests import commands
+from tests.warp3d.naive_sights import traced
+from tests.warp3d.test_sights import EYE, SHAPE, SOURCES, TARGETS, THINGS, pose
+
+AROUND = "--source-projection", "equirectangular"
+PARALLEL = "--source-projection", "orthographic", "--pixel-size", 1 / 60
+HEIGHT = 64
+PANORAMA = Equirectangular(pose(EYE))
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
+
+
+def store(name, camera, shape):
+    """Write a picture and depth; returns them."""
+    color, depth = traced(THINGS, camera, shape)
+    write_picture(name, Picture(color, Kind(("R", "G", "B"), 32, is_encoded=False)), Look())
+    np.save(name.with_suffix(".npy"), depth)
+    np.savetxt(name.with_suffix(".txt"), camera.world_to_camera)
+    return color, depth
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
+    store(tmp_path / "around.exr", PANORAMA, (HEIGHT, 2 * HEIGHT))
+    store(tmp_path / "parallel.exr", SOURCES["orthographic"], SHAPE)
+    store(tmp_path / "flat.exr", SOURCES["pinhole"], SHAPE)
+    np.savetxt("target.txt", TARGETS["pinhole"].world_to_camera)
+    return tmp_path
+
+
+def made(name, *words):
+    files = f"{name}.exr", f"{name}.npy"
+    rest = "--source-pose", f"{name}.txt", "--refine", "none", "-o", "out.exr"
+    assert ended("render", *files, *words, *rest) == 0
+    return read_image("out.exr")
+
+
+def near(picture, camera, shape, least=40.0):
+    whole = picture[..., 3] > 0.97
+    assert whole.sum() > 400
+    assert psnr(picture[..., :3], traced(THINGS, camera, shape)[0], mask=whole) > least
+
+
+def test_a_panorama_is_seen_by_a_pinhole():
+    words = *AROUND, "--pose", "target.txt", "--target-fov", 60, "--size", "128x96"
+    near(made("around", *words), TARGETS["pinhole"], SHAPE, 33.0)  # rims, grown fivefold
+
+
+def test_a_panorama_is_seen_as_one_by_default():
+    near(made("around", *AROUND, "--pose", "target.txt"), TARGETS["equirectangular"], (64, 128))
+
+
+@pytest.mark.parametrize("kind", ["z", "ray"])
+def test_depth_of_a_panorama_is_along_its_rays(kind):
+    written = made("around", *AROUND, "--depth-kind", kind, "--move", "0,0,0")
+    near(written, PANORAMA, (HEIGHT, 2 * HEIGHT), 50.0)
+
+
+def test_parallel_rays_are_seen_by_a_pinhole_and_as_such():
+    words = *PARALLEL, "--pose", "target.txt", "--target-fov", 60
+    near(made("parallel", *words), TARGETS["pinhole"], SHAPE)
+    near(made("parallel", *PARALLEL, "--move", "0,0,0"), SOURCES["orthographic"], SHAPE, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("lens", ["--target-lens", "90,90,63.5,47.5,-0.2,0.03,0.001,-0.002"]),
+        ("orthographic", ["--target-projection", "orthographic", "--target-pixel-size", 0.02]),
+        ("fisheye", ["--target-lens", "fisheye.json"]),
+        ("equirectangular", ["--target-projection", "equirectangular", "--size", "192x96"]),
+    ],
+)
+def test_a_picture_is_seen_by_other_cameras(target, words):
+    matrix = [[60, 0, 63.5], [0, 60, 47.5], [0, 0, 1]]
+    facts = {"K": matrix, "D": [0.02, -0.01, 0.003, 0], "lens_model": "fisheye"}
+    with open("fisheye.json", "w") as file:
+        json.dump(facts, file)
+    shape = (96, 192) if target == "equirectangular" else SHAPE
+    picture = made("flat", "--fov", 70, "--pose", "target.txt", *words)
+    near(picture, TARGETS[target], shape)
+
+
+def test_panoramas_have_stats_holes_and_depth():
+    extra = "--stats", "s.json", "--holes", "h.png", "--depth-output", "d.npy"
+    made("around", *AROUND, "--move", "0.1,0,0", *extra)
+    assert len(json.loads(Path("s.json").read_text())["sources"]) == 6
+    assert np.load("d.npy").shape == (HEIGHT, 2 * HEIGHT)
+    assert read_channels("h.png")
+
+
+def test_a_film_of_a_panorama_has_frames():
+    words = *AROUND, "--target-fov", 60, "--size", "40x30", "--frames", 2, "-o", "film.gif"
+    assert ended("animate", "around.exr", "around.npy", *words) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([*AROUND, "--fov", "60"], "--fov belongs to a pinhole"),
+        ([*AROUND, "--pixel-size", "1"], "belong together"),
+        (["--source-projection", "orthographic"], "belong together"),
+        (["--fov", "60", "--pixel-size", "1"], "--pixel-size belongs to"),
+        ([*AROUND, "--depth-kind", "disparity", "--baseline", "1"], "known: z, ray, inverse"),
+        ([*AROUND, "--target-projection", "pinhole"], "needs --target-fov"),
+        ([*AROUND, "--view", "a,b,c"], "--view takes pictures of a pinhole"),
+        ([*AROUND, "--export", "a.ply"], "--export takes pictures of a pinhole"),
+        ([*AROUND, "--target-fov", "60", "--target-lens", "1,1,1,1,1,0,0,0"], "not both"),
+        (["--fov", "60", "--target-projection", "equirectangular"], "twice as wide as high"),
+        (["--fov", "60", "--target-projection", "orthographic"], "belong together"),
+        (
+            ["--fov", "60", "--target-lens", "1,1,1,1,1,0,0,0", "--method", "mesh"],
+            "take the method hybrid",
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_said_in_a_line(words, complaint, capsys):
+    name = "around" if AROUND[0] in words and "equirectangular" in words[:2] else "flat"
+    files = f"{name}.exr", f"{name}.npy"
+    said = refused(capsys, "render", *files, "--move", "0,0,0", *words, "-o", "o.png")
+    assert complaint in said
