@@ -19,6 +19,7 @@ from resample_texture.methods.forward import Hybrid
 from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Appearance, Subject, as_volume
 from resample_volume.types import Volume
+from resample_volume.voxels.visible import Voxels
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid as HybridWarp
@@ -77,6 +78,8 @@ def in_child(side: int, rounds: int) -> dict[str, float]:
     Subject.of(gyroid(16), look)  # so that kernels are loaded
     start = time.perf_counter()
     subject = Subject.of(volume, look)
+    visible = subject.voxels
+    assert isinstance(visible, Voxels)
     classified = time.perf_counter() - start
     camera = subject.camera(Orbit(), PICTURE, PICTURE)
     paint = _painter()
@@ -88,7 +91,7 @@ def in_child(side: int, rounds: int) -> dict[str, float]:
     times = take_turns(run, rounds)
     return {
         "voxels": float(volume.values.size),
-        "samples": float(len(subject.voxels.position)),
+        "samples": float(len(visible.position)),
         "volume MiB": before,
         "classify": classified,
         **{name: Spread.of(each).median for name, each in times.items()},

@@ -110,6 +110,7 @@ class Projection(StrEnum):
     AVERAGE = "average"  # the mean value
     ADDITIVE = "additive"  # the sum of values times length, an X-ray
     FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
+    MINIMUM = "minimum"  # the least value; along rays alone
 
 
 @dataclass(frozen=True)
@@ -407,7 +408,7 @@ class Resampler:
 
 
 OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
-MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE)
+MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE, Projection.MINIMUM)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,
     Primitive.INFLATE: Footprint.AFFINE,
@@ -428,6 +429,8 @@ def _check_together(choice: Resampler) -> None:
             f"the projection {choice.projection} needs the order rays or image-sheets, not "
             f"{choice.order}"
         )
+    if choice.projection is Projection.MINIMUM and choice.order.summing is not Summing.RAYS:
+        raise ValueError(f"the projection minimum needs the order rays, not {choice.order}")
     if choice.order.summing is Summing.RAYS:
         _check_rays(choice)
     if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):

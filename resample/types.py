@@ -38,7 +38,7 @@ MOST_COLUMNS = 200
 LAST_SHEET = 2e9  # sheets are numbered by 32 bits
 
 # What sheets are projected to; see `resample.engine.slabs.fields`.
-COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT = range(5)
+COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM = range(6)
 
 
 class Samples(NamedTuple):
@@ -333,7 +333,7 @@ class Style(NamedTuple):
     inflated: float  # px; samples that lie closer get kernels as if they lay that far apart
     blurred: float  # px², added to the squared half extents of a splat's ellipse
     faintest: float  # samples of this extinction or less are left out
-    projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE or FIRST_HIT
+    projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT or MINIMUM
     iso: float  # position of the first hit's value between the classifier's low and high, 0..1
     linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
     layer: float  # scene units, thickness of the layer that a sheet of points stands for

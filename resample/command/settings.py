@@ -33,10 +33,10 @@ MethodsFilter = Annotated[
     str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
 ]
 Shown = Annotated[
-    Literal["composite", "maximum", "average", "additive", "first-hit"],
+    Literal["composite", "maximum", "minimum", "average", "additive", "first-hit"],
     Field(
-        description="What a pixel shows: light through what lies in front, the largest, mean "
-        "or sum of the values, or the surface of the iso value."
+        description="What a pixel shows: light through what lies in front, the largest, least, "
+        "mean or sum of the values, or the surface of the iso value."
     ),
 ]
 Iso = Annotated[

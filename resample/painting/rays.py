@@ -21,6 +21,7 @@ from resample.types import (
     COMPOSITE,
     FIRST_HIT,
     MAXIMUM,
+    MINIMUM,
     Bounds,
     Classifier,
     Doubles,
@@ -45,7 +46,7 @@ MOST_RAYS = 16  # per side of a pixel
 PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
 MOST_APART = 255  # bricks
 HIGHLIGHTS = 2049  # entries of a table of highlights
-MEASURED = (MAXIMUM, AVERAGE, ADDITIVE)
+MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
 
 
 class Gathering(NamedTuple):
@@ -115,12 +116,12 @@ def _corners(field: LatticeField) -> Doubles:
 
 
 def _way(field: LatticeField, style: Style) -> "Way":
-    from resample.engine.rays.seeing import Composite, Maximum, Mean, Surface
+    from resample.engine.rays.seeing import Composite, Extreme, Mean, Surface
 
     look = field.classifier
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
-    if style.projection == MAXIMUM:
-        return Maximum(voxel)
+    if style.projection in (MAXIMUM, MINIMUM):
+        return Extreme(voxel, style.projection == MINIMUM)
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:

@@ -17,6 +17,8 @@ from resample.types import Doubles, Floats, View
 
 SHIFT = int(math.log2(BRICK))
 
+LEAST = 1e-30  # places per depth, of a ray that leaves no brick along an axis
+
 Emptiness = NDArray[np.uint8]
 
 
@@ -46,6 +48,8 @@ class Ray(NamedTuple):
 
     start: Vector  # place at depth 0
     way: Vector  # places per depth
+    per_way: Vector  # depth per place
+    per_thickness: float  # steps per depth
     enter: float  # depth
     steps: int
     thickness: float  # depth of a step
@@ -61,6 +65,12 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
     if slope < 0.0:
         return enter, min(leave, -here / slope)
     return (enter, leave) if here >= 0.0 else (enter, -math.inf)
+
+
+@inner_step
+def _inverse(way: float) -> float:
+    """Depth per place; very much where the ray goes along a wall."""
+    return 1.0 / way if abs(way) > LEAST else 1.0 / LEAST
 
 
 @inner_step
@@ -82,10 +92,12 @@ def ray_at(x: float, y: float, space: SampleSpace, view: View) -> Ray:
     part = _cut(_cut(part, start[2] - 0.5, way[2]), space.cells[2] - 0.5 - start[2], -way[2])
     enter, leave = part
     if not leave > enter:
-        return Ray(start, way, 0.0, 0, 0.0, 0.0)
+        return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0)
     steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
     length = math.sqrt(dot(toward, toward))
-    return Ray(start, way, enter, steps, (leave - enter) / steps, length)
+    thickness = (leave - enter) / steps
+    per_way = (_inverse(way[0]), _inverse(way[1]), _inverse(way[2]))
+    return Ray(start, way, per_way, 1.0 / thickness, enter, steps, thickness, length)
 
 
 @inner_step
@@ -108,38 +120,39 @@ def brick_at(bricks: Bricks, place: Vector) -> int:
 
 
 @inner_step
-def _exit(start: float, way: float, place: float, apart: int) -> float:
+def _exit(start: float, per_way: float, place: float, apart: int) -> float:
     """Depth at which a ray leaves what is less than `apart` bricks away along one axis."""
-    if way == 0.0:
-        return math.inf
     brick = int(place) >> SHIFT
-    wall = (brick + apart) << SHIFT if way > 0.0 else (brick - apart + 1) << SHIFT
-    return (wall - start) / way
+    wall = (brick + apart) << SHIFT if per_way > 0.0 else (brick - apart + 1) << SHIFT
+    return (wall - start) * per_way
 
 
 @inner_step
 def steps_out(ray: Ray, place: Vector, apart: int) -> float:
     """Steps after which a ray leaves all bricks less than `apart` away from a place's."""
-    start, way = ray.start, ray.way
+    start, per_way = ray.start, ray.per_way
     leave = min(
-        _exit(start[0], way[0], place[0], apart),
-        _exit(start[1], way[1], place[1], apart),
-        _exit(start[2], way[2], place[2], apart),
+        _exit(start[0], per_way[0], place[0], apart),
+        _exit(start[1], per_way[1], place[1], apart),
+        _exit(start[2], per_way[2], place[2], apart),
     )
-    return min((leave - ray.enter) / ray.thickness, float(ray.steps))
+    return min((leave - ray.enter) * ray.per_thickness, float(ray.steps))
 
 
 @inner_step
 def next_step(ray: Ray, step: int, bricks: Bricks) -> int:
     """The first step from this one on that begins or ends in a brick that can be seen."""
-    while step < ray.steps:
-        place = place_at(ray, step)
-        apart = int(bricks.empty[brick_at(bricks, place)])
-        if apart == 0:
-            return step
+    if step >= ray.steps:
+        return step
+    place = place_at(ray, step)
+    apart = int(bricks.empty[brick_at(bricks, place)])
+    while apart > 0:
         step = max(step, int(steps_out(ray, place, apart)))
-        if step < ray.steps:
-            if bricks.empty[brick_at(bricks, place_at(ray, step + 1))] == 0:
-                return step
-            step += 1
+        if step >= ray.steps:
+            return step
+        place = place_at(ray, step + 1)
+        apart = int(bricks.empty[brick_at(bricks, place)])
+        step += int(apart > 0)
+        if step >= ray.steps:
+            return step
     return step

@@ -37,7 +37,7 @@ from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
 from resample.types import Doubles, Flags, Spline
 
-THICK = 0.25  # optical depth of a part
+THICK = 0.5  # optical depth of a part
 MOST_PARTS = 8  # of half a step
 CLOSER = 24  # of the search for a surface
 NEAR = 1e-4  # of a column, which a surface is found to
@@ -75,10 +75,11 @@ class Composite(NamedTuple):
     has_regions: bool  # looks depend on gradients
 
 
-class Maximum(NamedTuple):
-    """The largest value."""
+class Extreme(NamedTuple):
+    """The largest or the least value."""
 
     voxel: float  # scene units
+    is_least: bool
 
 
 class Mean(NamedTuple):
@@ -128,7 +129,7 @@ class Shine(NamedTuple):
     highlight: float
 
 
-Way = Composite | Maximum | Mean | Surface
+Way = Composite | Extreme | Mean | Surface
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
 
@@ -372,31 +373,44 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
     )
 
 
-@plays(seen, of=Maximum)
-def _(way: Maximum, ray: Ray, medium: Medium) -> Result:
-    spline, bricks = medium.spline, medium.bricks
+@inner_step
+def _most_of(way: Extreme, bricks: Bricks, place: Vector) -> float:
+    """Largest value of a brick, or its least one negated."""
+    brick = brick_at(bricks, place)
+    return -bricks.least[brick] if way.is_least else float(bricks.greatest[brick])
+
+
+@inner_step
+def _signed(way: Extreme, medium: Medium, place: Vector) -> float:
+    value = value_at(medium.spline, place)
+    return -value if way.is_least else value
+
+
+@plays(seen, of=Extreme)
+def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     best, at, step = -math.inf, 0, 0
     while step <= ray.steps:
         place = place_at(ray, step)
-        if bricks.greatest[brick_at(bricks, place)] <= best:
+        if _most_of(way, medium.bricks, place) <= best:
             step = max(step + 1, math.ceil(steps_out(ray, place, 1)))
-            if step == ray.steps:
-                break
             continue
-        value = value_at(spline, place)
+        value = _signed(way, medium, place)
         if value > best and is_known(medium, place):
             best, at = value, step
         step += 1
     if best == -math.inf:
         return NOTHING
+    # A parabola through the best step and half a step before and after it.
     before, after = max(0.0, at - 0.5), min(float(ray.steps), at + 0.5)
-    one, two = value_at(spline, place_at(ray, before)), value_at(spline, place_at(ray, after))
+    one = _signed(way, medium, place_at(ray, before))
+    two = _signed(way, medium, place_at(ray, after))
     bend = one - 2.0 * best + two
     if bend < 0.0 and after - before == 1.0:
         away = max(-1.0, min(1.0, 0.5 * (one - two) / bend))
-        best = max(best, value_at(spline, place_at(ray, at + 0.5 * away)))
+        best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away)))
     best = max(best, one, two)
-    return _measured(ray, medium, best, depth_at(ray, at), way.voxel)
+    value = -best if way.is_least else best
+    return _measured(ray, medium, value, depth_at(ray, at), way.voxel)
 
 
 @plays(seen, of=Mean)
