@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 TILE = 16  # px, side of a tile
 OFTEN = 0.1  # seconds between two looks at the progress and at Ctrl-C
+ALIKE = 0.002  # of the range of values, by which these may differ that are taken for alike
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
 MOST_RAYS = 16  # per side of a pixel
@@ -74,13 +75,23 @@ def paint_field(
     rows, columns = -(-size[0] // TILE), -(-size[1] // TILE)
     painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
     is_sum = style.projection == ADDITIVE
-    target = Output(view, how.tables, painted.film, painted.value, is_sum, TILE, columns)
+    output = Output(
+        view,
+        how.tables,
+        painted.film,
+        painted.value,
+        is_sum,
+        ALIKE * field.classifier.table.shape[1],
+        style.subpixels == 0,
+        TILE,
+        columns,
+    )
     fineness = _fineness(field, view, style, (rows, columns))
     painted.tally[:, 3] = fineness
     turn, first, count = _turn(fineness), 0, 16
     while first < turn.size:
         began = time.perf_counter()
-        paint_rays(turn[first : first + count], fineness, way, medium, target)
+        paint_rays(turn[first : first + count], fineness, way, medium, output)
         first += count
         seconds = max(1e-4, time.perf_counter() - began)
         count = max(4, min(4 * count, int(count * OFTEN / seconds)))

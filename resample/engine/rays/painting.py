@@ -12,6 +12,10 @@ from resample.types import Film, Floats, Indices, Tables, View
 
 ALPHA, DEEP, FIRST, COVER, VALUE, PRESENCE = range(3, 9)
 NUMBERS = 9  # of a sub-pixel
+ALIKE, ALIKE_OF = 0.002, 0.03  # by how much colors may differ that are taken for alike
+ORDER = (0, 2, 1)  # how many of a sub-pixel's row and column are odd, turn by turn
+
+Around = tuple[int, int, int, int, int, int, int, int]  # rows and columns of four sub-pixels
 
 
 class Output(NamedTuple):
@@ -22,32 +26,88 @@ class Output(NamedTuple):
     film: Film
     value: Floats  # (H, W) what projections measure; or (0, 0)
     is_sum: bool  # of values, which no presence weighs
+    coarse: float  # columns by which values may differ that are taken for alike
+    is_sparing: bool  # sub-pixels between ones that are alike are not looked at
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
 
 
 @inner_kernel
-def _cast(way: Way, medium: Medium, target: Output, home: Home, n: int, fine: Floats) -> None:
-    """Let the sub-pixels (R, C, NUMBERS) of a tile see the field."""
-    margin = target.tables.pixel_margin
-    for row in range(fine.shape[0]):
-        y = home.top - margin + (row + 0.5) / n
-        for column in range(fine.shape[1]):
-            x = home.left - margin + (column + 0.5) / n
-            ray = ray_at(x, y, medium.space, target.camera)
-            result = NOTHING
-            if ray.steps > 0:
-                result = seen(way, ray, medium)
-            here = fine[row, column]
-            here[0], here[1], here[2] = result[0], result[1], result[2]
-            here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
-            here[COVER], here[VALUE], here[PRESENCE] = result[6], result[7], result[8]
+def _cast(
+    way: Way, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
+    here: Floats,
+) -> None:  # fmt: skip
+    """Let a sub-pixel see the field."""
+    margin = output.tables.pixel_margin
+    x, y = home.left - margin + (column + 0.5) / n, home.top - margin + (row + 0.5) / n
+    ray = ray_at(x, y, medium.space, output.camera)
+    result = NOTHING
+    if ray.steps > 0:
+        result = seen(way, ray, medium)
+    here[0], here[1], here[2] = result[0], result[1], result[2]
+    here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
+    here[COVER], here[VALUE], here[PRESENCE] = result[6], result[7], result[8]
+
+
+@inner_kernel
+def _are_alike(fine: Floats, around: Around, coarse: float) -> bool:
+    """Whether four sub-pixels see nearly the same."""
+    one, two = fine[around[0], around[1]], fine[around[2], around[3]]
+    three, four = fine[around[4], around[5]], fine[around[6], around[7]]
+    for number in (0, 1, 2, ALPHA, VALUE, PRESENCE):
+        a, b, c, d = one[number], two[number], three[number], four[number]
+        most, least = max(a, b, c, d), min(a, b, c, d)
+        slack = coarse if number == VALUE else ALIKE + ALIKE_OF * abs(most)
+        if not most - least <= slack:
+            return False
+    return True
+
+
+@inner_kernel
+def _between(fine: Floats, around: Around, here: Floats) -> None:
+    """Mean of four sub-pixels."""
+    one, two = fine[around[0], around[1]], fine[around[2], around[3]]
+    three, four = fine[around[4], around[5]], fine[around[6], around[7]]
+    quarter = np.float32(0.25)
+    for number in range(NUMBERS):
+        here[number] = quarter * (one[number] + two[number] + three[number] + four[number])
+    here[FIRST] = min(one[FIRST], two[FIRST], three[FIRST], four[FIRST])
+
+
+@inner_kernel
+def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
+    """Let the sub-pixels (R, C, NUMBERS) of a tile see the field.
+
+    If sparing, every second one in every second row does. Then those in the middle of four, and
+    last those between them, do where these four are not alike.
+    """
+    rows, columns, _ = fine.shape
+    is_sparing = output.is_sparing and n > 1
+    for turn in range(3 if is_sparing else 1):
+        for row in range(rows):
+            for column in range(columns):
+                odd = (row & 1) + (column & 1)
+                if is_sparing and odd != ORDER[turn]:
+                    continue
+                here = fine[row, column]
+                is_inside = 0 < row < rows - 1 and 0 < column < columns - 1
+                if turn > 0 and is_inside:
+                    around = (row - 1, column, row, column - 1, row, column + 1, row + 1, column)
+                    if turn == 1:
+                        around = (
+                            row - 1, column - 1, row - 1, column + 1,
+                            row + 1, column - 1, row + 1, column + 1,
+                        )  # fmt: skip
+                    if _are_alike(fine, around, output.coarse):
+                        _between(fine, around, here)
+                        continue
+                _cast(way, medium, output, home, n, row, column, here)
 
 
 @kernel
-def _resolve(fine: Floats, n: int, weight: Floats, home: Home, target: Output) -> None:
+def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -> None:
     """Filter the sub-pixels of a tile to its pixels."""
-    film, (height, width) = target.film, target.film.depth.shape
+    film, (height, width) = output.film, output.film.depth.shape
     beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
     total = np.empty(NUMBERS, np.float32)
     for row in range(home.top, min(home.top + home.size, height)):
@@ -61,7 +121,7 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, target: Output) -
                     for number in range(NUMBERS):
                         if number not in (FIRST, VALUE):
                             total[number] += share * here[number]
-                    of_value = share if target.is_sum else share * here[PRESENCE]
+                    of_value = share if output.is_sum else share * here[PRESENCE]
                     total[VALUE] += of_value * here[VALUE]
                     present += of_value
                     if beside <= down < beside + n and beside <= right < beside + n:
@@ -74,25 +134,25 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, target: Output) -
                 film.depth[row, column] = total[DEEP] / alpha
             film.first_depth[row, column] = first
             film.coverage[row, column] = min(np.float32(1.0), max(np.float32(0.0), total[COVER]))
-            if target.value.size and present > 0.0:
-                target.value[row, column] = total[VALUE] / present
+            if output.value.size and present > 0.0:
+                output.value[row, column] = total[VALUE] / present
 
 
 @kernel
-def _paint(tile: int, n: int, way: Way, medium: Medium, target: Output) -> None:
-    size, margin = target.size, target.tables.pixel_margin
-    height, width = target.film.depth.shape
-    home = Home(tile % target.columns * size, tile // target.columns * size, size, width, height)
+def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
+    size, margin = output.size, output.tables.pixel_margin
+    height, width = output.film.depth.shape
+    home = Home(tile % output.columns * size, tile // output.columns * size, size, width, height)
     rows = (min(size, height - home.top) + 2 * margin) * n
     columns = (min(size, width - home.left) + 2 * margin) * n
     fine = np.empty((rows, columns, NUMBERS), np.float32)
-    _cast(way, medium, target, home, n, fine)
-    _resolve(fine, n, pixel_weights(target.tables, n), home, target)
+    _look(way, medium, output, home, n, fine)
+    _resolve(fine, n, pixel_weights(output.tables, n), home, output)
 
 
 @packed_kernel
 def paint_rays(
-    counter: Counter, turn: Indices, fineness: Indices, way: Way, medium: Medium, target: Output
+    counter: Counter, turn: Indices, fineness: Indices, way: Way, medium: Medium, output: Output
 ) -> None:
     """Paint tiles.
 
@@ -106,9 +166,9 @@ def paint_rays(
         What rays see.
     medium
         What they go through.
-    target
+    output
         Filled.
     """
     for task in tasks(counter, turn.size):
         tile = turn[task]
-        _paint(tile, fineness[tile], way, medium, target)
+        _paint(tile, fineness[tile], way, medium, output)
