@@ -43,7 +43,7 @@ OFTEN = 0.1  # seconds between two looks at the progress and at Ctrl-C
 ALIKE = 0.002  # of the range of values, by which these may differ that are taken for alike
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
-MOST_RAYS = 16  # per side of a pixel
+FEWEST_RAYS, MOST_RAYS = 2, 16  # per side of a pixel
 PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
 MOST_APART = 255  # bricks
 HIGHLIGHTS = 2049  # entries of a table of highlights
@@ -81,7 +81,7 @@ def paint_field(
         painted.film,
         painted.value,
         is_sum,
-        ALIKE * field.classifier.table.shape[1],
+        ALIKE * (field.classifier.high - field.classifier.low),
         style.subpixels == 0,
         TILE,
         columns,
@@ -115,7 +115,7 @@ def _fineness(field: LatticeField, view: View, style: Style, tiles: tuple[int, i
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
     far = max(float(depth.max()), view.near) if view.perspective else 1.0
     spacing = least * float(view.focal.min()) / far
-    n = min(MOST_RAYS, max(1, math.ceil(PER_SAMPLE / spacing)))
+    n = min(MOST_RAYS, max(FEWEST_RAYS, math.ceil(PER_SAMPLE / spacing)))
     return np.full(count, n, np.int64)
 
 
@@ -202,6 +202,8 @@ def _look(look: Classifier) -> "SummedLook":
         np.concatenate([[0], np.cumsum(most[:, 3] > 0)]),
         look.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** look.lamp.shininess,
         table,
+        look.low,
+        (look.high - look.low) / (table.shape[1] - 1),
         per_slope,
         look.lamp,
         look.near,

@@ -24,11 +24,19 @@ class SummedLook(NamedTuple):
     seen: Indices  # (K + 1,) how many columns before one can be seen
     highlight: Doubles  # (N,) over the cosine 0..1 between normal and halfway vector
     table: Floats  # (G, K, 4) as in `Classifier`, G = 1 where gradients do not matter
+    low: float  # data units, the value of column 0
+    per_column: float  # data units
     per_slope: float  # rows per data unit per scene unit
     lamp: Lamp
     near: float
     far: float
     dimmed: float
+
+
+@inner_step
+def value_of(look: SummedLook, place: float) -> float:
+    """Value of a column, data units."""
+    return look.low + place * look.per_column
 
 
 @inner_step

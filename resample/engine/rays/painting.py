@@ -26,7 +26,7 @@ class Output(NamedTuple):
     film: Film
     value: Floats  # (H, W) what projections measure; or (0, 0)
     is_sum: bool  # of values, which no presence weighs
-    coarse: float  # columns by which values may differ that are taken for alike
+    coarse: float  # data units by which values may differ that are taken for alike
     is_sparing: bool  # sub-pixels between ones that are alike are not looked at
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them

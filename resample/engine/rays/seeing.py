@@ -20,6 +20,7 @@ from resample.engine.rays.looks import (
     highlight_of,
     light_between,
     look_of,
+    value_of,
 )
 from resample.engine.rays.marching import (
     Bricks,
@@ -45,7 +46,7 @@ CUT = 3.0  # voxels that a cut is thick
 EVEN_BRICK = 1e-6  # columns between the least and the greatest value of a brick that is even
 
 # Premultiplied light, opacity, depth × opacity, nearest depth that is visible, length of what is
-# seen in voxels, a value and its weight.
+# seen in voxels, a value in data units and its weight.
 Result = tuple[float, float, float, float, float, float, float, float, float]
 
 
@@ -368,7 +369,7 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
         alpha * depth,
         first,
         presence,
-        value,
+        value_of(look, value),
         presence,
     )
 
@@ -442,7 +443,17 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
     presence = min(1.0, length / way.voxel)
     first = middle if presence > VISIBLE else math.inf
     depth = presence * middle
-    return 0.0, 0.0, 0.0, presence, depth, first, presence, mean * length, presence
+    return (
+        0.0,
+        0.0,
+        0.0,
+        presence,
+        depth,
+        first,
+        presence,
+        value_of(medium.look, mean) * length,
+        presence,
+    )
 
 
 @inner_step
@@ -468,13 +479,16 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
     spline, bricks, look = medium.spline, medium.bricks, medium.look
     step, hit = next_step(ray, 0, bricks), -1.0
     if step < ray.steps:
-        front = value_at(spline, place_at(ray, step))
-        hit = float(step) if front >= way.iso else -1.0
+        first = place_at(ray, step)
+        front = value_at(spline, first)
+        hit = float(step) if front >= way.iso and is_known(medium, first) else -1.0
     while step < ray.steps and hit < 0.0:
         behind = place_at(ray, step + 1)
         back = value_at(spline, behind)
         if back >= way.iso and is_known(medium, behind):
-            hit = _crossing(ray, spline, step, (front, back), way.iso)
+            hit = step + 1.0
+            if front < way.iso:
+                hit = _crossing(ray, spline, step, (front, back), way.iso)
         step, front = step + 1, back
         ahead = next_step(ray, step, bricks)
         if step < ahead < ray.steps:
@@ -490,4 +504,5 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
     kept = _kept(look, depth)
     own, highlight = kept * own, kept * highlight
     color = (own * red + highlight, own * green + highlight, own * blue + highlight)
-    return color[0], color[1], color[2], 1.0, depth, depth, 1.0, way.iso, 1.0
+    iso = value_of(look, way.iso)
+    return color[0], color[1], color[2], 1.0, depth, depth, 1.0, iso, 1.0

@@ -1,0 +1,227 @@
+"""Volumes gathered along rays: what must not change a picture, and values that formulas know."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from resample.cameras.models import AnyCamera, Orthographic
+from resample.cameras.viewpoints import Orbit
+from resample.painting import rays as painting
+from resample.profiles.orders import Rays
+from resample.resampler import Projection, Resampler
+from resample.types import Frame
+from resample_volume.looks.transfer import from_points
+from resample_volume.rendering import Appearance, Classification, Subject, as_volume
+from resample_volume.types import Volume
+
+LOOK = from_points(
+    [(40.0, (0.1, 0.2, 0.9), 0.0), (90.0, (0.2, 0.9, 0.2), 0.3), (200.0, (0.9, 0.3, 0.1), 0.9)]
+)
+SIZE = (40, 48)
+PROJECTIONS = [
+    Projection.COMPOSITE,
+    Projection.MAXIMUM,
+    Projection.MINIMUM,
+    Projection.AVERAGE,
+    Projection.ADDITIVE,
+    Projection.FIRST_HIT,
+]
+
+
+def blobs(shape: tuple[int, int, int] = (20, 26, 23)) -> NDArray[np.uint8]:
+    """Smooth bumps on a dark ground, with much that is empty."""
+    from scipy.ndimage import gaussian_filter
+
+    noise = gaussian_filter(np.random.default_rng(3).normal(size=shape), 2.0)
+    return np.clip(noise / noise.std() * 80, 0, 255).astype(np.uint8)
+
+
+def along_rays(projection: Projection = Projection.COMPOSITE, **choices: object) -> Resampler:
+    iso = 80.0 if projection is Projection.FIRST_HIT else None
+    made = Resampler(order=Rays(), projection=projection, iso=iso)
+    return replace(made, **choices)  # type: ignore[arg-type]
+
+
+def seen(
+    volume: Volume | NDArray[np.generic],
+    resampler: Resampler,
+    camera: AnyCamera | None = None,
+    size: tuple[int, int] = SIZE,
+    threads: int | None = None,
+    **appearance: object,
+) -> Frame:
+    given = volume if isinstance(volume, Volume) else as_volume(volume)
+    look = Appearance(LOOK, classification=Classification.POST, **appearance)  # type: ignore[arg-type]
+    subject = Subject.of(given, look, resampler)
+    eye = subject.camera(Orbit(30, 20, 1.2) if camera is None else camera, *size)
+    height, width = size
+    return resampler(
+        subject.seen_by(eye), eye, height=height, width=width, threads=threads, clip=subject.clip
+    )
+
+
+def ahead(volume: NDArray[np.generic], per_voxel: float) -> tuple[Orthographic, tuple[int, int]]:
+    """Parallel camera that looks along z at the middle of a volume."""
+    depth, height, width = volume.shape
+    shape = round(height * per_voxel), round(width * per_voxel)
+    pose = np.eye(4)
+    pose[:3, 3] = (-(width - 1) / 2, -(height - 1) / 2, depth)
+    return Orthographic(per_voxel, per_voxel, shape[1] / 2, shape[0] / 2, pose), shape
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+def test_threads_do_not_change_a_bit(projection: Projection) -> None:
+    one, two, three = (seen(blobs(), along_rays(projection), threads=n) for n in (1, 2, 3))
+    for other in (two, three):
+        np.testing.assert_array_equal(one.rgba, other.rgba)
+        np.testing.assert_array_equal(one.depth, other.depth)
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+def test_bricks_that_are_passed_over_hold_nothing(
+    projection: Projection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    resampler = along_rays(projection, subpixels=1)
+    quick = seen(blobs(), resampler)
+    own = painting._bricks
+
+    def nothing_known(*given: object) -> object:
+        known = own(*given)  # type: ignore[arg-type]
+        return known._replace(
+            empty=np.zeros_like(known.empty),
+            least=np.full_like(known.least, -1e9),
+            greatest=np.full_like(known.greatest, 1e9),
+        )
+
+    monkeypatch.setattr(painting, "_bricks", nothing_known)
+    slow = seen(blobs(), resampler)
+    np.testing.assert_allclose(quick.rgba, slow.rgba, atol=2e-6)
+    assert quick.rgba.max() > 0.1
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 20, 20), (20, 1, 9), (2, 2, 2)])
+def test_thin_volumes_are_seen(projection: Projection, shape: tuple[int, int, int]) -> None:
+    values = np.full(shape, 120, np.uint8)
+    if projection is Projection.FIRST_HIT:
+        if values.size == 1:
+            pytest.skip("one value has no surface")
+        values[0, 0, 0] = 10
+    frame = seen(values, along_rays(projection))
+    assert np.isfinite(frame.rgba).all()
+    assert frame.rgba[..., 3].max() > 0.05
+
+
+@pytest.mark.parametrize("projection", PROJECTIONS)
+def test_missing_voxels_show_nothing(projection: Projection) -> None:
+    values = np.full((12, 12, 12), 120.0, np.float32)
+    camera, size = ahead(values, 3.0)
+    values[:, :, :6] = np.nan
+    values[0, 0, -1] = 10.0
+    frame = seen(values, along_rays(projection, subpixels=1), camera, size)
+    assert frame.rgba[:, : 3 * 6 - 1, :3].max() == 0
+    assert frame.rgba[3:, 3 * 6 + 1 : -3, :3].max(axis=2).min() > 0.1
+
+
+def test_nothing_at_all_is_a_picture_of_nothing() -> None:
+    empty = seen(np.full((5, 5, 5), np.nan, np.float32), along_rays())
+    dark = seen(np.zeros((5, 5, 5), np.uint8), along_rays())
+    assert not empty.rgba.any()
+    assert not dark.rgba.any()
+
+
+def test_automatic_sub_pixels_come_to_what_many_show() -> None:
+    for size in ((12, 12), (40, 48), (160, 160)):
+        few = seen(blobs(), along_rays(), size=size)
+        many = seen(blobs(), along_rays(subpixels=16), size=size)
+        assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.004
+
+
+def test_thick_slices_are_antialiased_as_thin_ones_are() -> None:
+    for step in (1, 5):
+        values = blobs((40, 40, 40))[::step]
+        volume = as_volume(values)._replace(spacing=np.array([1.0, 1.0, float(step)]))
+        few = seen(volume, along_rays(), size=(10, 10))
+        many = seen(volume, along_rays(subpixels=32), size=(10, 10))
+        assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.002
+
+
+def test_steps_and_sub_pixels_come_closer_to_each_other() -> None:
+    exact = seen(blobs(), along_rays(order=Rays(0.05), subpixels=1))
+    coarse = [seen(blobs(), along_rays(order=Rays(step), subpixels=1)) for step in (2.0, 1.0, 0.5)]
+    errors = [np.sqrt(np.mean((frame.rgba - exact.rgba) ** 2)) for frame in coarse]
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[1] < 0.004
+
+
+def test_a_picture_moves_with_its_volume() -> None:
+    here = as_volume(blobs())
+    there = here._replace(origin=np.array([1e5, -2e5, 3e5]))
+    np.testing.assert_allclose(
+        seen(here, along_rays()).rgba, seen(there, along_rays()).rgba, atol=1e-6
+    )
+
+
+def test_a_wire_keeps_its_value_in_a_maximum() -> None:
+    """A stent's wire of a voxel's width, 2000 over 0, oblique."""
+    z, y, x = np.indices((30, 30, 30)) - 14.5
+    way = np.array([0.7, 0.55, 0.46]) / np.linalg.norm([0.7, 0.55, 0.46])
+    along = x * way[0] + y * way[1] + z * way[2]
+    away = np.sqrt(np.maximum(x * x + y * y + z * z - along * along, 0.0))
+    values = np.rint(2000 * np.exp(-((away / 0.8) ** 2))).astype(np.int16)
+    own = np.array([values[k].max() for k in range(6, 24)], float)
+    camera, size = ahead(values, 1.0)
+    frame = seen(values, along_rays(Projection.MAXIMUM, subpixels=1), camera, size)
+    assert frame.value is not None
+    rows = frame.value.max(axis=1)[6:24]
+    assert rows.mean() >= 0.97 * own.mean()
+
+
+@pytest.fixture(scope="module")
+def ball() -> NDArray[np.float32]:
+    """Values that fall evenly from 250 in the middle to 0 at 15 voxels."""
+    z, y, x = np.indices((41, 41, 41)) - 20.0
+    return np.asarray(250 * np.clip(1 - np.sqrt(x * x + y * y + z * z) / 15, 0, None), np.float32)
+
+
+def offsets(size: tuple[int, int], per_voxel: float) -> NDArray[np.float64]:
+    """How far pixels' rays pass the middle, voxels."""
+    row, column = np.indices(size) + 0.5
+    return np.asarray(np.hypot(row - size[0] / 2, column - size[1] / 2) / per_voxel)
+
+
+def test_maxima_of_a_ball_are_those_of_its_formula(ball: NDArray[np.float32]) -> None:
+    camera, size = ahead(ball, 2.0)
+    away = offsets(size, 2.0)
+    frame = seen(ball, along_rays(Projection.MAXIMUM, subpixels=1), camera, size)
+    inside = (away > 2) & (away < 13)
+    expected = 250 * (1 - away[inside] / 15)
+    assert np.abs(frame.value[inside] - expected).max() < 2.5  # type: ignore[index]
+
+
+def test_sums_of_a_ball_are_those_of_its_formula(ball: NDArray[np.float32]) -> None:
+    camera, size = ahead(ball, 2.0)
+    away = offsets(size, 2.0)
+    frame = seen(ball, along_rays(Projection.ADDITIVE, subpixels=1), camera, size)
+    inside = away < 13
+    half = np.sqrt(225 - away[inside] ** 2)
+    way = np.linspace(-1, 1, 4001)
+    place = np.hypot(away[inside][:, None], half[:, None] * way)
+    expected = (250 * np.clip(1 - place / 15, 0, None)).mean(axis=1) * 2 * half
+    found = frame.value[inside]  # type: ignore[index]
+    assert np.abs(found - expected).max() < 0.01 * expected.max()
+    mean = seen(ball, along_rays(Projection.AVERAGE, subpixels=1), camera, size)
+    np.testing.assert_allclose(mean.value[inside] * 41, found, rtol=1e-4)  # type: ignore[index]
+
+
+def test_the_surface_of_a_ball_is_where_its_formula_says(ball: NDArray[np.float32]) -> None:
+    camera, size = ahead(ball, 2.0)
+    away = offsets(size, 2.0)
+    frame = seen(ball, along_rays(Projection.FIRST_HIT, subpixels=1), camera, size)
+    radius = 15 * (1 - 80 / 250)
+    inside = away < radius - 0.5
+    expected = 41 + 20 - np.sqrt(radius**2 - away[inside] ** 2)
+    assert np.abs(frame.depth[inside] - expected).max() < 0.03
+    assert not frame.rgba[away > radius + 0.5].any()
