@@ -15,6 +15,9 @@ from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive
 from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud
 
+OF_SLABS = [one for one in Projection if one is not Projection.MINIMUM]
+SUMMED = [one for one in MEASURING if one is not Projection.MINIMUM]
+
 
 def gray(low=LOW, high=HIGH, lamp=DARK):
     """Classifier that shows values as opaque gray, from black at `low` to white at `high`."""
@@ -92,7 +95,7 @@ def test_an_x_ray_conserves_mass(scale, primitive, rng):
     assert np.nansum(value.astype(float)) / (1.3 * scale**2) == pytest.approx(mass, rel=1e-6)
 
 
-@pytest.mark.parametrize("projection", MEASURING)
+@pytest.mark.parametrize("projection", SUMMED)
 @pytest.mark.parametrize("scale", [0.4, 0.15])
 def test_a_minified_projection_comes_near_its_supersampled_splats(projection, scale):
     field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), gray(), 21)
@@ -129,7 +132,7 @@ def test_the_sum_is_0_where_nothing_is_and_its_picture_opaque(scale):
     assert (frame.rgba[..., 3] == 1).all()
 
 
-@pytest.mark.parametrize("projection", MEASURING)
+@pytest.mark.parametrize("projection", SUMMED)
 def test_a_field_without_samples_has_no_value_anywhere(projection):
     nothing = np.zeros((0, 3), np.float32)
     field = Field(nothing, np.zeros(0, np.float32), nothing, np.eye(3), gray())
@@ -146,7 +149,7 @@ def test_light_has_no_value(projection, rng):
     assert draw(cloud(rng), CAMERAS["narrow"], projection, iso=iso).value is None
 
 
-@pytest.mark.parametrize("projection", MEASURING)
+@pytest.mark.parametrize("projection", SUMMED)
 def test_a_constant_field_measures_that_constant(projection):
     field = field_block(lambda _: 2.0, gray())
     camera = Orthographic(2.0, 2.0, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
@@ -170,7 +173,7 @@ def test_what_is_measured_is_as_opaque_as_a_voxel_of_it(projection, spacing):
     np.testing.assert_allclose(alpha, 1 - np.exp(-0.7 * spacing), atol=1e-5)
 
 
-@pytest.mark.parametrize("projection", list(Projection))
+@pytest.mark.parametrize("projection", OF_SLABS)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_planes_that_remove_nothing_change_no_projection(projection, camera, rng):
     iso = 1.0 if projection is Projection.FIRST_HIT else None
@@ -290,19 +293,24 @@ def test_a_hollow_in_front_of_a_surface_is_looked_through():
 # What is refused.
 
 
-@pytest.mark.parametrize("projection", list(Projection)[1:])
-def test_a_projection_needs_slabs(projection):
+@pytest.mark.parametrize("projection", [*Projection][1:])
+def test_a_projection_needs_slabs_or_rays(projection):
     for order in (EverySample(), AxisSheets()):
-        with pytest.raises(ValueError, match="needs the order image-sheets"):
+        with pytest.raises(ValueError, match="needs the order rays or image-sheets"):
             Resampler(projection=projection, iso=0.5, order=order)
 
 
-@pytest.mark.parametrize("projection", MEASURING)
+@pytest.mark.parametrize("projection", SUMMED)
 def test_a_projection_needs_a_field(projection, rng):
     field = cloud(rng)
     samples = Samples(field.position, field.gradient, np.ones(40, np.float32), np.eye(3))
     with pytest.raises(ValueError, match="needs a field"):
         draw(samples, CAMERAS["narrow"], projection)
+
+
+def test_slabs_have_no_minimum():
+    with pytest.raises(ValueError, match="the projection minimum needs the order rays, not Image"):
+        Resampler(projection=Projection.MINIMUM, order=ImageSheets())
 
 
 @pytest.mark.parametrize("iso", [None, math.nan, math.inf])
@@ -317,7 +325,7 @@ def test_an_iso_value_is_for_first_hits():
 
 
 @pytest.mark.parametrize("footprint", list(Footprint))
-@pytest.mark.parametrize("projection", list(Projection))
+@pytest.mark.parametrize("projection", OF_SLABS)
 def test_every_footprint_goes_with_every_projection(footprint, projection, rng):
     iso = 1.0 if projection is Projection.FIRST_HIT else None
     field, camera = cloud(rng), CAMERAS["narrow"]

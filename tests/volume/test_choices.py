@@ -4,7 +4,7 @@ from pydantic import ValidationError
 
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
-from resample.profiles.orders import ImageSheets
+from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import MEASURING, Projection, Resampler
 from resample_volume.command.choices import Look, Projecting, Source
 from resample_volume.command.inputs import opened
@@ -45,7 +45,7 @@ def test_every_choice_arrives():
 
 def test_auto_is_gray_levels_where_values_are_projected():
     for projection in MEASURING:
-        resampler = Resampler(order=ImageSheets(), projection=projection)
+        resampler = Resampler(order=Rays(), projection=projection)
         transfer = Look().appearance(BOX, resampler).transfer
         # The means along the box's axes are all the same: they have no range of their own.
         span = (64.0, 192.0) if projection is Projection.AVERAGE else None
@@ -72,9 +72,10 @@ def test_cuts_labels_and_depth_cues_arrive(tmp_path):
     assert look.renderer(Resampling()) == Resampler()
 
 
-def test_fields_have_slabs_unless_an_order_is_chosen():
+def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     post = Look(classify="post")
-    assert post.renderer(Resampling()).order == ImageSheets(0.5)
+    assert post.renderer(Resampling()).order == Rays()
+    assert Look().renderer(Projecting(projection="maximum").resampling()).order == Rays()
     assert post.renderer(Resampling(order="image-sheets:thickness=2")).order == ImageSheets(2)
     assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
 
@@ -83,7 +84,7 @@ def test_fields_have_slabs_unless_an_order_is_chosen():
     ("look", "resampling", "complaint"),
     [
         ({"label": ("1:hidden",)}, {}, "give the labels' volume too"),
-        ({"classify": "post"}, {"order": "every-sample"}, "needs the order image-sheets"),
+        ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays or image-sheets"),
         ({"classify": "post", "labels": "a.npy"}, {}, "labels color voxels"),
         ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),
         ({"gradient_opacity": "0/1"}, {"projection": "maximum"}, "gradient-opacity fades voxels"),
@@ -103,7 +104,7 @@ def test_a_window_spreads_fractions():
     appearance = Look(transfer="gray", window="40/400").appearance(BOX)
     assert appearance.transfer == spread(load_transfer("gray"), (-160.0, 240.0))
     for projection in MEASURING:
-        resampler = Resampler(order=ImageSheets(), projection=projection)
+        resampler = Resampler(order=Rays(), projection=projection)
         transfer = Look(window="40/400").appearance(BOX, resampler).transfer
         assert transfer == spread(LEVELS, (-160.0, 240.0))
 

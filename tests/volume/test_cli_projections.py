@@ -144,8 +144,9 @@ def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
 
 
 @pytest.mark.parametrize("words", [POST, [*HIT, 128], ["--projection", "average"]])
-def test_stats_of_fields_add_up(words):
-    assert ended("render", BOX, "-o", "out.png", *SMALL, *words, "--stats", "s.json") == 0
+def test_stats_of_fields_that_are_painted_add_up(words):
+    words = [*words, "--order", "image-sheets", "--stats", "s.json"]
+    assert ended("render", BOX, "-o", "out.png", *SMALL, *words) == 0
     stats = json.loads(Path("s.json").read_text())
     assert stats["points"] + stats["splats"] == stats["samples"] == 16**3
     assert 0 <= stats["hidden"] < stats["samples"]
@@ -193,10 +194,14 @@ def test_a_normal_may_be_of_any_length(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ([*POST, "--order", "every-sample"], "post needs the order image-sheets"),
+        ([*POST, "--order", "every-sample"], "post needs the order rays or image-sheets"),
+        ([*POST, "--order", "rays:step=0"], "a step of 0"),
+        ([*POST, "--order", "rays:sharpness=2"], "the sharpness is 2"),
+        ([*POST, "--order", "rays", "--method", "splats"], "rays paint no samples"),
+        (["--order", "rays"], "so it needs the classification post"),
         ([*POST, "--labels", "labels.npy"], "need the classification pre and the projection comp"),
         (["--projection", "maximum", "--labels", "labels.npy"], "labels color voxels"),
-        (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order image-sh"),
+        (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order rays or"),
         (["--projection", "maximum", "--depth-cue", 0.5], "depth-cue dims light"),
         ([*HIT, 100, "--gradient-opacity", "0.1/0.5"], "gradient-opacity fades voxels, so it"),
         (

@@ -25,7 +25,7 @@ BOX, LOOK, SIZE = checker_box(16, 4), Look(camera="30/20/0.5"), (24, 32)
 def contest(rays: int, resampler: Resampler = SPLATS) -> Contest:
     """View of a box whose reference is there."""
     subject = Subject.of(BOX, LOOK.appearance(BOX), resampler)
-    made = Contest(subject, subject.camera(LOOK.viewpoint(), *SIZE), SIZE)
+    made = Contest(subject, None, subject.camera(LOOK.viewpoint(), *SIZE), SIZE)
     made.splatted(resampler, rays)
     return made
 
@@ -127,7 +127,7 @@ def test_a_view_of_nothing_is_compared():
     away = Camera.from_fov(
         30, height=24, width=32, world_to_camera=look_at((0, -90, 0), (0, -99, 0))
     )
-    empty = Contest(made.subject, away, SIZE)
+    empty = Contest(made.subject, None, away, SIZE)
     empty.splatted(SPLATS, 2)
     empty.draw("hybrid", Resampler())
     assert empty.rows[0]["psnr"] == math.inf

@@ -46,8 +46,8 @@ def test_a_camera_sees_samples_or_a_field(camera):
 
 
 @pytest.mark.parametrize("order", [EverySample(), AxisSheets()])
-def test_a_field_needs_slabs(order):
-    with pytest.raises(ValueError, match="post needs the order image-sheets, not"):
+def test_a_field_needs_rays_or_slabs(order):
+    with pytest.raises(ValueError, match="post needs the order rays or image-sheets, not"):
         Subject.of(TREE, POST, Resampler(order=order))
 
 

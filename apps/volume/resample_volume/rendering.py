@@ -122,6 +122,11 @@ def check_together(
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     if is_composite and classification is Classification.PRE:
+        if resampler.order.summing is Summing.RAYS:
+            raise ValueError(
+                "the order rays gathers values, so it needs the classification post, or a "
+                "projection of values; for the classification pre take another order"
+            )
         return
     if resampler.order.summing not in OF_FIELDS:
         raise ValueError(
