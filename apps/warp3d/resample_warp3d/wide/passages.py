@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 ROWS = 64  # of a sheet's corners that are projected at a time
 FARTHEST = 1e6  # px: what is farther out than this is not on any screen
+STEP = 1e-4  # px, and share of a nearness, that differences are taken over
+STEEPEST = 1e3  # px on a screen per px of a source, where a surface ends
+FARTHEST_END = 64.0  # px that an end may move on a screen
 NO_CELL = -2  # in a sheet's index
 
 Mask = NDArray[np.bool_]
@@ -94,6 +97,8 @@ class Passage:
             vertices[:, rows] = self._corners(*_lattice(sheet, rows))
         torn = self._corners(sheet.corner[..., :2], sheet.corner[..., 2])
         torn = np.ascontiguousarray(np.moveaxis(torn, 0, -1))
+        if not isinstance(self.target, Equirectangular):  # whose edge differences would meet
+            self._project_ends(sheet, torn)
         own = sheet.torn
         if isinstance(self.target, Equirectangular):
             most = 0.5 * self.shape[1] * self.frame[0, 0]
@@ -117,6 +122,38 @@ class Passage:
         back = np.linalg.inv(self.source.world_to_camera)
         return np.asarray(self.target.world_to_camera @ back, np.float64)
 
+    def _project_ends(self, sheet: Sheet, torn: Floats) -> None:
+        """Corners where surfaces turn away go to where the target sees them end.
+
+        As `limbs.project_ends`, with differences in place of derivatives.
+        """
+        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_PX
+
+        if not len(sheet.ends):
+            return
+        row, corner = sheet.ends.T
+        x, y, near = sheet.corner[row, corner].astype(np.float64).T
+        place, length = np.stack([x, y], axis=1), np.hypot(*sheet.roundness.T.astype(np.float64))
+        out = sheet.roundness / length[:, None]
+        side = np.stack([-out[:, 1], out[:, 0]], axis=1)
+        here = self.ahead(place, near)[0]
+        ahead, along = (
+            (self.ahead(place + STEP * way, near)[0] - here) / STEP for way in (out, side)
+        )
+        nearer = (self.ahead(place, near * (1.0 + STEP))[0] - here) / (near * STEP)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rise = 0.5 * length * _cross(nearer, along) / _cross(ahead, along)
+            speed = np.maximum(np.hypot(*nearer.T), 1e-30)
+            least = np.minimum(np.sqrt(length * INSET), INSET_PX / speed)
+        rise = np.clip(np.where(np.isfinite(rise), rise, 0.0), least, np.sqrt(length))
+        back = (rise**2 / length)[:, None] * out
+        ends = self._corners(place - back, near + rise)
+        # Differences beside what a camera cannot see say nothing.
+        is_even = np.hypot(*ahead.T) + np.hypot(*along.T) < STEEPEST
+        is_even &= np.hypot(*(ends[:2].T - here).T) < FARTHEST_END
+        is_seen = is_even & (torn[row, corner, 2] > 0) & (ends[2] > 0)
+        torn[row[is_seen], corner[is_seen]] = ends.T[is_seen]
+
     def _corners(self, place: Doubles | Floats, nearness: Floats) -> Floats:
         """Corners on the screen, (3, ...): x, y and nearness, which is −1 where there is none."""
         known = nearness > 0
@@ -125,6 +162,11 @@ class Passage:
         parts = there[..., 0], there[..., 1]
         flat = [np.where(is_seen, part, 0.0) for part in parts]
         return np.asarray([*flat, np.where(is_seen, near, -1.0)], np.float32)
+
+
+def _cross(a: Doubles, b: Doubles) -> Doubles:
+    """Cross products (N,) of vectors (N, 2)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 Way = Equation | Passage
