@@ -32,9 +32,9 @@ CASES = {
     "clipped": (BLOBS, {"light": None, "clip": ("1/0/0",)}, ORBIT, 58, 60),
     "cropped": (BLOBS, {"light": None, "crop": "2:8,:,3:"}, ORBIT, 59, 60),
     "gaps": (GAPS, UNLIT, ORBIT, 46, 46),
-    "headlight": (BLOBS, {}, ORBIT, 37, 48),
-    "direction": (BLOBS, {"light": Light((1, -1, 2))}, ORBIT, 37, 48),
-    "anisotropic": (FLAT, {}, ORBIT, 38, 48),
+    "headlight": (BLOBS, {}, ORBIT, 53, 56),
+    "direction": (BLOBS, {"light": Light((1, -1, 2))}, ORBIT, 52, 56),
+    "anisotropic": (FLAT, {}, ORBIT, 49, 62),
     "turned": (TURNED, {}, ORBIT, 39, 48),
     "gradients": (BLOBS, {"gradient_opacity": (0.1, 0.6)}, ORBIT, 45, 45),
 }

@@ -254,6 +254,27 @@ def _is_seen(look: SummedLook, a: float, b: float, c: float) -> bool:
 
 
 @inner_step
+def _shine_at(way: Composite, step: Step, t: float, medium: Medium) -> Shine:
+    """What light makes of colors at a part 0..1 of a step."""
+    depth = step.depth + t * step.thickness
+    own, highlight = 1.0, 0.0
+    if way.is_lit:
+        place = combine(step.start, depth, step.way)
+        _, per_sample = value_and_slope_at(medium.spline, place)
+        slope = _faced(medium, place, multiply(matrix_of(medium.to_slope), per_sample))
+        own, highlight = _reflected(medium, place, slope)
+    kept = _kept(medium.look, depth)
+    return Shine(kept * own, kept * highlight)
+
+
+@inner_step
+def _slope_between(step: Step, t: float, medium: Medium) -> Vector:
+    """Gradient within a step, data units per scene unit."""
+    slope = combine(scaled(1.0 - t, step.front.slope), t, step.back.slope)
+    return multiply(matrix_of(medium.to_slope), slope)
+
+
+@inner_step
 def _put_half(
     result: Result, way: Composite, half: int, step: Step, values: tuple[float, float],
     medium: Medium,
@@ -262,32 +283,34 @@ def _put_half(
     look, (front, back) = medium.look, (step.front, step.back)
     t, length = 0.25 + 0.5 * half, 0.5 * step.length
     depth = step.depth + t * step.thickness
-    slope = combine(scaled(1.0 - t, front.slope), t, back.slope)
-    slope = multiply(matrix_of(medium.to_slope), slope)
-    place = combine(step.start, depth, step.way)
-    if not is_known(medium, place):
+    if not is_known(medium, combine(step.start, depth, step.way)):
         return result
-    own, highlight = 1.0, 0.0
-    if way.is_lit:
-        own, highlight = _reflected(medium, place, _faced(medium, place, slope))
-    kept = _kept(look, depth)
-    shine = Shine(kept * own, kept * highlight)
     if way.has_regions:
         middle = clamped(look, _value_between(front, back, t))
-        red, green, blue, thick = look_of(look, middle, length_of(slope))
+        steepness = length_of(_slope_between(step, t, medium))
+        red, green, blue, thick = look_of(look, middle, steepness)
         light = (thick * red, thick * green, thick * blue, thick)
-        return _put(result, light, shine, length, depth) if thick > 0.0 else result
+        if thick > 0.0:
+            result = _put(result, light, _shine_at(way, step, t, medium), length, depth)
+        return result
     whole = light_between(look, values[0], values[1])
     optical = whole[3] * length
+    if not optical > 0.0:
+        return result
     if optical <= THICK:
-        return _put(result, whole, shine, length, depth) if optical > 0.0 else result
+        return _put(result, whole, _shine_at(way, step, t, medium), length, depth)
     parts = 1 + min(MOST_PARTS - 1, int(optical / THICK))
     a = values[0]
     for n in range(1, parts + 1):
         b = clamped(look, _value_between(front, back, 0.5 * (half + n / parts)))
         light = light_between(look, a, b)
         if light[3] > 0.0:
+            t = 0.5 * (half + (n - 0.5) / parts)
+            depth = step.depth + t * step.thickness
+            shine = _shine_at(way, step, t, medium)
             result = _put(result, light, shine, length / parts, depth)
+            if 1.0 - result[3] <= way.opaque:
+                break
         a = b
     return result
 
