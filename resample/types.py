@@ -93,8 +93,8 @@ Flags = NDArray[np.uint8]
 class Bounds(NamedTuple):
     """Least and greatest value in each brick of a field, z slowest."""
 
-    least: Floats  # (z, y, x)
-    greatest: Floats  # (z, y, x)
+    least: Floats | Doubles  # (z, y, x)
+    greatest: Floats | Doubles  # (z, y, x)
 
 
 class Spline(NamedTuple):

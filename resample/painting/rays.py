@@ -164,7 +164,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     scaled = spline._replace(
         scale=spline.scale * per_value, zero=(spline.zero - look.low) * per_value
     )
-    columnwise = [np.float32(per_value) * (bound - np.float32(look.low)) for bound in field.bounds]
+    columnwise = [(per_value * (b - look.low)).astype(np.float32) for b in field.bounds]
     return Medium(
         scaled,
         _bricks(Bounds(*columnwise), look, how.style),
@@ -241,8 +241,8 @@ def _bricks(bounds: Bounds, look: Classifier, style: Style) -> "Bricks":
         apart = np.minimum(away, 255).astype(np.uint8)
     return Bricks(
         apart.reshape(-1),
-        bounds.least.reshape(-1),
-        bounds.greatest.reshape(-1),
+        np.asarray(bounds.least.reshape(-1), np.float32),
+        np.asarray(bounds.greatest.reshape(-1), np.float32),
         across,
         down,
         deep,

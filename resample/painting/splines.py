@@ -9,6 +9,7 @@ SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types that 16 bits suffice fo
 AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32")))
 # How far coefficients may lie beyond the samples, in spans of these: mostly, and at the very most.
 # Along an axis they are at most three times as large.
+LARGEST = 1e37  # data units; coefficients of up to 27 times as much are still float32
 MARGINS = (4.0, 13.5)
 
 
@@ -26,21 +27,27 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     Returns
     -------
     The field, held in 16 bits where samples have 8, else in float32.
+
+    Raises
+    ------
+    ValueError
+        Values are too large for float32.
     """
     from resample.engine.rays.coefficients import BRICK, find_bounds
     from resample.engine.rays.splines import PAD
 
-    given = _native(values)
+    given, base = _native(values)
     low, span = _range(given)
     shape = given.shape
     depth, height, width = (count + 2 * PAD for count in shape)
     is_short = given.dtype in SHORT
     flat = np.empty(depth * height * width, np.uint16 if is_short else np.float32)
     scale, zero = _filled(given, low, span, sharpness, flat)
+    zero += base
     size = [-(-(count + 1) // BRICK) for count in shape]
     bounds = Bounds(np.empty(size, np.float32), np.empty(size, np.float32))
     find_bounds(flat, shape, bounds)
-    bounds = Bounds(*(np.float32(zero) + np.float32(scale) * bound for bound in bounds))
+    bounds = Bounds(*(zero + scale * bound.astype(np.float64) for bound in bounds))
     return Spline(flat, width, height * width, scale, zero, shape), bounds
 
 
@@ -51,19 +58,27 @@ def bytes_of_spline(values: NDArray[np.generic]) -> int:
     return int(values.size * held + 100 * height * width * 4)
 
 
-def _native(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Samples as kernels take them: contiguous, of few types, read only."""
-    native = values.dtype.newbyteorder("=")
-    if native not in AS_THEY_ARE:
-        native = np.dtype(np.uint8 if native.kind == "b" else np.float32)
-    given = np.ascontiguousarray(values, native).view()
+def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
+    """Samples as kernels take them (contiguous, of few types, read only), and what they lack."""
+    native, base = values.dtype.newbyteorder("="), 0.0
+    if native.kind == "b":
+        native = np.dtype(np.uint8)
+    elif native not in AS_THEY_ARE:
+        native, base = np.dtype(np.float32), float(values.min())
+        values = values.astype(np.float64) - base
+    with np.errstate(over="ignore"):
+        given = np.ascontiguousarray(values, native).view()
     given.setflags(write=False)
-    return given
+    return given, base
 
 
 def _range(values: NDArray[np.generic]) -> tuple[float, float]:
     """Least value, and how far the greatest is above it; 1 where all are alike."""
     low, high = float(values.min()), float(values.max())
+    if not max(abs(low), abs(high)) < LARGEST:
+        raise ValueError(
+            f"values from {low:g} to {high:g}; a field's must be below {LARGEST:g} in size"
+        )
     return low, high - low if high > low else 1.0
 
 

@@ -145,3 +145,16 @@ def test_huge_and_tiny_values_are_kept(scale: float) -> None:
     values = (np.random.default_rng(9).random((6, 7, 8)) * scale).astype(np.float32)
     spline, _ = spline_of(values)
     assert np.abs(at_samples(spline) / scale - values / scale).max() < 1e-5
+
+
+@pytest.mark.parametrize("huge", [2e37, 1e300])
+def test_values_beyond_float32_are_refused(huge: float) -> None:
+    with pytest.raises(ValueError, match="below 1e\\+37 in size"):
+        spline_of(np.array([[[0.0, huge]]]))
+
+
+@pytest.mark.parametrize("dtype", ["i8", "f8"])
+def test_small_differences_of_large_values_are_kept(dtype: str) -> None:
+    values = np.random.default_rng(10).integers(0, 100, (6, 7, 8))
+    spline, _ = spline_of((values + 10**12).astype(dtype))
+    assert np.abs(at_samples(spline) - 10**12 - values).max() < 1e-3

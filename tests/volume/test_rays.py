@@ -225,3 +225,15 @@ def test_the_surface_of_a_ball_is_where_its_formula_says(ball: NDArray[np.float3
     expected = 41 + 20 - np.sqrt(radius**2 - away[inside] ** 2)
     assert np.abs(frame.depth[inside] - expected).max() < 0.03
     assert not frame.rgba[away > radius + 0.5].any()
+
+
+@pytest.mark.parametrize("away", [1e6, 1e14, 1e30])
+def test_from_anywhere_there_is_a_picture(away: float) -> None:
+    values = blobs()
+    pose = np.eye(4)
+    pose[2, 3] = away
+    size = (9, 9)
+    eye = Orthographic(0.5, 0.5, 4.5, 4.5, pose)
+    far = seen(values, along_rays(subpixels=1), eye, size)
+    assert np.isfinite(far.rgba).all()
+    assert far.rgba.any() == (away < 1e15)

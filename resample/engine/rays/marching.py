@@ -74,6 +74,16 @@ def _inverse(way: float) -> float:
 
 
 @inner_step
+def _is_within(place: Vector, space: SampleSpace) -> bool:
+    """Whether a place lies in a cell of the field."""
+    return bool(
+        0.0 <= place[0] < space.cells[0]
+        and 0.0 <= place[1] < space.cells[1]
+        and 0.0 <= place[2] < space.cells[2]
+    )
+
+
+@inner_step
 def ray_at(x: float, y: float, space: SampleSpace, view: View) -> Ray:
     """Ray through a point of the screen, px."""
     across, down = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
@@ -91,7 +101,10 @@ def ray_at(x: float, y: float, space: SampleSpace, view: View) -> Ray:
     part = _cut(_cut(part, start[1] - 0.5, way[1]), space.cells[1] - 0.5 - start[1], -way[1])
     part = _cut(_cut(part, start[2] - 0.5, way[2]), space.cells[2] - 0.5 - start[2], -way[2])
     enter, leave = part
-    if not leave > enter:
+    # From so far away that numbers do not tell places within the field apart, nothing is seen.
+    is_sound = _is_within(combine(start, enter, way), space)
+    is_sound &= _is_within(combine(start, leave, way), space)
+    if not (leave > enter and is_sound):
         return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0)
     steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
     length = math.sqrt(dot(toward, toward))
