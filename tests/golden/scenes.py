@@ -14,11 +14,12 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
-from resample.types import Classifier, Field, Lamp, Samples
+from resample.types import Classifier, Field, Lamp, LatticeField, Samples
 
 RECORD = Path(__file__).with_name("pictures.npz")
 SIDE = 24  # px
@@ -97,6 +98,15 @@ def field() -> Field:
     return Field(position, value, gradient.astype(np.float32), np.eye(3), look)
 
 
+def lattice_field() -> LatticeField:
+    """The same formula on all of a lattice, as rays go through it."""
+    axis = np.arange(LATTICE) - (LATTICE - 1) / 2
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    spline, bounds = spline_of((np.sin(x) + np.cos(y * z / 3)).astype(np.float32))
+    none = np.zeros(0, np.uint8)
+    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, axis[0]), field().classifier)
+
+
 def volume(source: Callable[[], Any], away: float, **choices: Any) -> Callable[[], Any]:
     """Picture of a volume by a `Resampler` of these choices."""
 
@@ -114,8 +124,11 @@ def _add_volumes() -> None:
             SCENES[f"volume, {name}, far"] = volume(samples, 60.0, **choices)
     for projection in Projection:
         iso = 0.5 if projection is Projection.FIRST_HIT else None
-        choices = {"projection": projection, "iso": iso, "order": ImageSheets(0.5)}
-        SCENES[f"field, {projection}"] = volume(field, 16.0, **choices)
+        choices = {"projection": projection, "iso": iso}
+        if projection is not Projection.MINIMUM:
+            slabs = ImageSheets(0.5)
+            SCENES[f"field, {projection}"] = volume(field, 16.0, order=slabs, **choices)
+        SCENES[f"rays, {projection}"] = volume(lattice_field, 16.0, order=Rays(), **choices)
     SCENES["volume, inside and cut"] = _inside
     SCENES["particles"] = volume(particles, 16.0)
     SCENES["particles, splats"] = volume(particles, 16.0, primitive=Primitive.SPLATS)
