@@ -729,6 +729,15 @@ def test_figures_take_ones_own_pictures(capsys):
     assert "give COLOR and DEPTH" in refused(capsys, "figures", "color.png", "-o", "figures")
 
 
+def test_figures_refine_depth_as_they_are_told():
+    pictures = []
+    for refine in ("none", "sharpen"):
+        words = ["figures", "color.png", "depth.png", *EYE, "--depth-scale", 1000, *RIGHT]
+        assert ended(*words, "--refine", refine, "-o", refine, "--methods", "hybrid,mcmillan") == 0
+        pictures.append(Path(refine, "hybrid.png").read_bytes())
+    assert pictures[0] != pictures[1]
+
+
 @pytest.mark.slow
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     monkeypatch.setattr("resample_warp3d.command.compare.DEMO_SIZE", 48)

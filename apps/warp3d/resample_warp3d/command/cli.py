@@ -465,6 +465,7 @@ def figures(
     aim: Annotated[Aim, flags.Flat] = AIM,
     views: str = "oblique",
     methods: str = "hybrid,mcmillan",
+    refine: Refine = "auto",
 ) -> None:
     """Remake the paper's Figure 6: a picture, and a view of it by the hybrid and by McMillan.
 
@@ -481,6 +482,8 @@ def figures(
         Of the generated scene: one of side, back4, in3, oblique or roll.
     methods
         Separated by commas.
+    refine
+        As of render, of COLOR and DEPTH.
     """
     from resample import registry
     from resample.measuring.compare import plain
@@ -504,7 +507,7 @@ def figures(
         aim.check()
         reader = Reader.checked(eye, meaning)
         output.mkdir(parents=True, exist_ok=True)
-        figure = figure_of_files((color, depth), reader, aim, names)
+        figure = figure_of_files((color, depth), reader, aim, names, refine)
     write_figures(output, figure)
     sys.stdout.write(plain(figure.rows))
 

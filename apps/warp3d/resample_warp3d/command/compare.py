@@ -64,12 +64,12 @@ def compare_files(
 
 
 def figure_of_files(
-    files: tuple[str, str], reader: Reader, aim: Aim, names: Sequence[str]
+    files: tuple[str, str], reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
 ) -> "Figure":
     """The paper's Figure 6 of color and depth files; see `compare_files`."""
     from resample_warp3d.showing.figures import figure_of
 
-    source, equation, shape = _placed(read_view(reader, *files), reader, aim)
+    source, equation, shape = _placed(read_view(reader, *files), reader, aim, refine)
     return figure_of(source, equation, shape, names)
 
 
