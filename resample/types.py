@@ -111,6 +111,16 @@ class Spline(NamedTuple):
     shape: tuple[int, int, int]  # samples along z, y and x
 
 
+class Reached(NamedTuple):
+    """Shares of light that get to the cells of a grid, past all that is in the way."""
+
+    share: Flags  # (Z, Y, X, 2) of the lamp's light and of that from everywhere; 255 is all
+    per: int  # samples along each side of a cell; the first begins where the first sample does
+
+
+UNBLOCKED = Reached(np.zeros((0, 0, 0, 2), np.uint8), 1)  # all light gets everywhere
+
+
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; what it looks like is decided along rays."""
 
@@ -120,6 +130,7 @@ class LatticeField(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first sample
     classifier: Classifier
+    reached: Reached = UNBLOCKED
 
 
 # What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.

@@ -137,7 +137,7 @@ def _way(field: LatticeField, style: Style) -> "Way":
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
         return Surface(style.iso * (look.table.shape[1] - 1))
-    is_lit = bool(look.lamp.diffuse > 0 or look.lamp.specular > 0)
+    is_lit = bool(look.lamp.diffuse > 0 or look.lamp.specular > 0 or field.reached.share.size)
     has_regions = look.table.shape[0] > 1
     return Composite(OPAQUE, is_lit, has_regions)
 
@@ -177,6 +177,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         _cuts(how.clip, lattice),
         field.known,
         BENT * columns,
+        field.reached,
     )
 
 

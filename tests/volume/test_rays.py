@@ -237,3 +237,21 @@ def test_from_anywhere_there_is_a_picture(away: float) -> None:
     far = seen(values, along_rays(subpixels=1), eye, size)
     assert np.isfinite(far.rgba).all()
     assert far.rgba.any() == (away < 1e15)
+
+
+@pytest.mark.parametrize("projection", [Projection.MAXIMUM, Projection.MINIMUM])
+@pytest.mark.parametrize("is_behind", [False, True])
+def test_extremes_are_not_taken_from_gaps(projection: Projection, is_behind: bool) -> None:
+    # What is known rises or falls towards the gap, and would go on within it.
+    depth = np.arange(24.0)[:, None, None]
+    rising = depth if is_behind else 23 - depth
+    sign = 1 if projection is Projection.MAXIMUM else -1
+    values = np.broadcast_to(100 + sign * 3 * rising, (24, 12, 12)).astype(np.float32)
+    camera, size = ahead(values, 2.0)
+    known = values[:13] if is_behind else values[11:]
+    values = np.where((depth < 13) if is_behind else (depth > 10), values, np.float32(np.nan))
+    frame = seen(values, along_rays(projection, subpixels=1), camera, size)
+    # A known voxel stands for half a voxel around it, whose values lie up to 1½ beyond its own.
+    end = known.max() if projection is Projection.MAXIMUM else known.min()
+    assert frame.value is not None
+    assert np.abs(frame.value[4:-4, 4:-4] - end).max() <= 1.5 + 0.1

@@ -23,7 +23,8 @@ from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import Placed, Shifted, centered, shown_by, sphere_around
-from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice
+from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
+from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify
 
@@ -147,6 +148,13 @@ def check_together(
         )
 
 
+def resampler_for(appearance: Appearance) -> Resampler:
+    """Renderer by default: along rays where colors are given to the field."""
+    if appearance.classification is Classification.POST:
+        return Resampler(order=Rays())
+    return Resampler()
+
+
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Voxels that the transfer function lets be seen, with gradients where they are needed."""
     transfer = transfer_of(volume, appearance)
@@ -189,6 +197,28 @@ def field_of(
     return field_voxels(volume, transfer, resampler, gradient)
 
 
+def _reached(
+    voxels: Voxels | FieldVoxels | Gathered,
+    volume: Volume,
+    resampler: Resampler,
+    clip: Doubles,
+    light: Light,
+) -> Voxels | FieldVoxels | Gathered:
+    """What is seen, with the light that gets there past all else."""
+    if resampler.projection in MEASURING:
+        raise ValueError(
+            "shadows and occlusion dim light, so they need the projection composite or first-hit, "
+            f"not {resampler.projection}"
+        )
+    if isinstance(voxels, FieldVoxels):
+        raise ValueError(
+            "shadows and occlusion of fields need the order rays; leave the order out or give rays"
+        )
+    if isinstance(voxels, Gathered):
+        return with_reached(voxels, volume, resampler, clip, light)
+    return voxels._replace(reached=voxels_reached(voxels, light))
+
+
 def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Samples:
     """Samples that carry the light which voxels send to a camera."""
     view = camera.view()
@@ -211,14 +241,14 @@ class Subject:
     def of(
         cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None
     ) -> "Subject":
-        """Volume as it appears, as far as a renderer needs it; None is the default one.
+        """Volume as it appears, as far as a renderer needs it; None is `resampler_for` it.
 
         Raises
         ------
         ValueError
             A choice is not allowed, or the voxels do not fit in memory.
         """
-        resampler = resampler or Resampler()
+        resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.clip)
@@ -232,6 +262,8 @@ class Subject:
         radius = resampler.reconstruction.radius
         if not isinstance(voxels, Gathered):
             voxels = faced(keep(voxels, clip, radius), clip)
+        if appearance.light is not None and appearance.light.is_blocked:
+            voxels = _reached(voxels, scene, resampler, clip, appearance.light)
         shown: Placed
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
             look = named_or_own(appearance.framing or appearance.transfer, scene)
@@ -303,7 +335,7 @@ def render(
     height, width
         Of the picture, px.
     resampler
-        Renderer; None is the default `Resampler()`.
+        Renderer; None is the default `Resampler()`, along rays for the classification post.
     progress
         Called with the share of the work done, 0 to 1.
 
@@ -319,7 +351,7 @@ def render(
     scene = volume if isinstance(volume, Volume) else as_volume(volume)
     scene = without_padding(scene, survey(scene))
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
-    paint = resampler or Resampler()
+    paint = resampler or resampler_for(look)
     subject = Subject.of(scene, look, paint)
     eye = subject.camera(Orbit() if camera is None else camera, height, width)
     return paint(

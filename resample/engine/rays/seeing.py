@@ -36,11 +36,12 @@ from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import Doubles, Flags, Spline
+from resample.types import Doubles, Flags, Reached, Spline
 
 THICK = 0.5  # optical depth of a part
 MOST_PARTS = 8  # of half a step
 CLOSER = 24  # of the search for a surface
+ALL = 255.0  # of the light
 NEAR = 1e-4  # of a column, which a surface is found to
 CUT = 3.0  # voxels that a cut is thick
 EVEN_BRICK = 1e-6  # columns between the least and the greatest value of a brick that is even
@@ -66,6 +67,7 @@ class Medium(NamedTuple):
     )
     known: Flags  # as of `LatticeField`
     coarse: float  # columns that a field may bend by within a step
+    reached: Reached
 
 
 class Composite(NamedTuple):
@@ -191,8 +193,39 @@ def _toward(v: Vector) -> Vector:
 
 
 @inner_step
+def _cell(place: float, per: int, count: int) -> tuple[int, int, float]:
+    """Cells before and behind a place along one axis, and how far it is from the one before."""
+    at = max(0.0, min(count - 1.0, (place - 0.5) / per - 0.5))
+    before = int(at)
+    return before, min(before + 1, count - 1), at - before
+
+
+@inner_step
+def _share_at(reached: Reached, place: Vector, n: int) -> float:
+    """Share of light that gets to a place, linear between cells."""
+    share, per = reached.share, reached.per
+    i, i_next, x = _cell(place[0], per, share.shape[2])
+    j, j_next, y = _cell(place[1], per, share.shape[1])
+    k, k_next, z = _cell(place[2], per, share.shape[0])
+    total = 0.0
+    for plane, of_plane in ((k, 1.0 - z), (k_next, z)):
+        for row, of_row in ((j, 1.0 - y), (j_next, y)):
+            beside = (1.0 - x) * share[plane, row, i, n] + x * share[plane, row, i_next, n]
+            total += of_plane * of_row * beside
+    return total / ALL
+
+
+@inner_step
+def _reaching(medium: Medium, place: Vector) -> tuple[float, float]:
+    """Shares of the lamp's light and of light from everywhere that get to a place."""
+    if medium.reached.share.size == 0:
+        return 1.0, 1.0
+    return _share_at(medium.reached, place, 0), _share_at(medium.reached, place, 1)
+
+
+@inner_step
 def _reflect(normal: Vector, place: Vector, look: SummedLook) -> tuple[float, float]:
-    """As `lighting.reflect`, with a table of highlights."""
+    """As `lighting.reflect`, without ambient light, and with a table of highlights."""
     lamp = look.lamp
     eye = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
     light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
@@ -202,17 +235,19 @@ def _reflect(normal: Vector, place: Vector, look: SummedLook) -> tuple[float, fl
         light = eye
     halfway = combine(eye, 1.0, light)
     halfway = scaled(1.0 / max(math.sqrt(dot(halfway, halfway)), 1e-30), halfway)
-    own = lamp.ambient + lamp.diffuse * abs(dot(normal, light))
-    return own, highlight_of(look, abs(dot(normal, halfway)))
+    return lamp.diffuse * abs(dot(normal, light)), highlight_of(look, abs(dot(normal, halfway)))
 
 
 @inner_step
 def _reflected(medium: Medium, place: Vector, slope: Vector) -> tuple[float, float]:
     """Factor of a surface's own color and white highlight."""
     lamp, length = medium.look.lamp, length_of(slope)
+    of_lamp, of_all = _reaching(medium, place)
+    own, highlight = lamp.diffuse, 0.0
     if length > lamp.flat:
-        return _reflect(scaled(1.0 / length, slope), _position(medium, place), medium.look)
-    return lamp.ambient + lamp.diffuse, 0.0
+        normal = scaled(1.0 / length, slope)
+        own, highlight = _reflect(normal, _position(medium, place), medium.look)
+    return of_all * lamp.ambient + of_lamp * own, of_lamp * highlight
 
 
 @inner_step
@@ -410,6 +445,12 @@ def _signed(way: Extreme, medium: Medium, place: Vector) -> float:
     return -value if way.is_least else value
 
 
+@inner_step
+def _signed_if_known(way: Extreme, medium: Medium, place: Vector) -> float:
+    """As `_signed`; less than all where there is a gap."""
+    return _signed(way, medium, place) if is_known(medium, place) else -math.inf
+
+
 @plays(seen, of=Extreme)
 def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     best, at, step = -math.inf, 0, 0
@@ -426,10 +467,10 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
         return NOTHING
     # A parabola through the best step and half a step before and after it.
     before, after = max(0.0, at - 0.5), min(float(ray.steps), at + 0.5)
-    one = _signed(way, medium, place_at(ray, before))
-    two = _signed(way, medium, place_at(ray, after))
+    one = _signed_if_known(way, medium, place_at(ray, before))
+    two = _signed_if_known(way, medium, place_at(ray, after))
     bend = one - 2.0 * best + two
-    if bend < 0.0 and after - before == 1.0:
+    if -math.inf < bend < 0.0 and after - before == 1.0:
         away = max(-1.0, min(1.0, 0.5 * (one - two) / bend))
         best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away)))
     best = max(best, one, two)

@@ -100,6 +100,12 @@ class Look(Choices):
     shininess: Annotated[
         float, Field(gt=0, allow_inf_nan=False, description="The greater, the smaller highlights.")
     ] = 32.0
+    shadows: Annotated[
+        bool, Field(description="What lies toward the light takes of it; light must be given.")
+    ] = False
+    ambient_occlusion: Annotated[
+        bool, Field(description="Ambient light is less where much is near.")
+    ] = False
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
     ] = "central"
@@ -189,7 +195,17 @@ class Look(Choices):
         if self.light != "eye":
             x, y, z = _numbers("light", self.light, 3)
             toward = (x, y, z)
-        light = Light(toward, self.ambient, self.diffuse, self.specular, self.shininess)
+        if not self.shading and (self.shadows or self.ambient_occlusion):
+            raise ValueError("shadows and ambient-occlusion need shading; leave out no-shading")
+        light = Light(
+            toward,
+            self.ambient,
+            self.diffuse,
+            self.specular,
+            self.shininess,
+            self.shadows,
+            self.ambient_occlusion,
+        )
         ramp = None
         if self.gradient_opacity is not None:
             low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)

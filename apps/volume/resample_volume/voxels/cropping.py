@@ -18,7 +18,7 @@ Kept = TypeVar("Kept", bound="Voxels | FieldVoxels")
 CUT = 3.0  # voxels that a cut is thick
 STEEPER = 1e-3  # of the steepest gradient: more than what counts as even
 
-PER_VOXEL = {"position", "color", "extinction", "value", "gradient"}
+PER_VOXEL = {"position", "color", "extinction", "value", "gradient", "reached"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
 CLIP_FORM = "give a normal, and how far from the middle along it, such as 1/0/-1 or 1/0/-1/20"
 

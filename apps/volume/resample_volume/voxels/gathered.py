@@ -1,5 +1,6 @@
 """Volumes as fields that rays go through."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -7,12 +8,23 @@ from numpy.typing import NDArray
 
 from resample.painting.splines import bytes_of_spline, spline_of
 from resample.resampler import MEASURING, Projection, Resampler
-from resample.types import Bounds, Classifier, Doubles, Flags, LatticeField, Spline
+from resample.types import (
+    UNBLOCKED,
+    Bounds,
+    Classifier,
+    Doubles,
+    Flags,
+    Floats,
+    LatticeField,
+    Reached,
+    Spline,
+)
 from resample_volume.files.memory import require_memory
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.parts import slabs
+from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.visible import (
     finite_range,
@@ -21,6 +33,8 @@ from resample_volume.voxels.visible import (
     steepness,
     unit_of,
 )
+
+OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 
 
 class Gathered(NamedTuple):
@@ -34,6 +48,7 @@ class Gathered(NamedTuple):
     looks: Looks
     steepest: float  # data units per scene unit, about the greatest gradient
     seen: int  # voxels that can be seen themselves
+    reached: Reached = UNBLOCKED
 
 
 def gathered(
@@ -87,8 +102,64 @@ def lit_lattice(
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = Classifier(*field.looks, lamp, *cue)
     return LatticeField(
-        field.spline, field.bounds, field.known, field.lattice, field.origin, classifier
+        field.spline,
+        field.bounds,
+        field.known,
+        field.lattice,
+        field.origin,
+        classifier,
+        field.reached,
     )
+
+
+def with_reached(
+    field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
+) -> Gathered:
+    """Field with the light that gets to its places past all others.
+
+    Parameters
+    ----------
+    field
+        Of the volume.
+    volume
+        Whose values.
+    resampler
+        Whose projection says what takes light: what is seen, or what is beyond a surface.
+    clip
+        (M, 4) planes; what they cut away takes no light.
+    light
+        What shines.
+
+    Raises
+    ------
+    ValueError
+        The grid of light does not fit in memory.
+    """
+    parts = _extinctions(field, volume, resampler.iso)
+    return field._replace(reached=field_reached(volume, parts, clip, light))
+
+
+def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
+    """Optical depths per scene unit of voxels, some slices at a time."""
+    looks, voxel = field.looks, float(np.cbrt(abs(np.linalg.det(field.lattice))))
+    first = 0
+    for chunk in slabs(volume.values):
+        if iso is not None:
+            yield np.where(chunk >= iso, np.float32(OPAQUE / voxel), np.float32(0))
+            continue
+        place = (chunk.astype(np.float64) - looks.low) / (looks.high - looks.low)
+        place = np.nan_to_num(place, nan=0.0)
+        last = looks.table.shape[1] - 1
+        column = np.rint(np.clip(place, 0, 1) * last).astype(np.int64)
+        row: NDArray[np.int64] | int = 0
+        if len(looks.table) > 1:
+            index = np.arange(first, first + chunk.size)
+            slope = np.linalg.norm(gradients_at(volume, index, "central"), axis=1)
+            of_row = slope.reshape(chunk.shape) * ((len(looks.table) - 1) / looks.steep)
+            row = np.minimum(np.rint(of_row), len(looks.table) - 1).astype(np.int64)
+        known = np.isfinite(chunk)
+        yield np.where(known, looks.table[row, column, 3], np.float32(0))
+        first += chunk.size
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:

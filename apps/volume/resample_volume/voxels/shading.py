@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +32,8 @@ class Light:
     diffuse: float = 0.7  # share that depends on the angle to the light, >= 0
     specular: float = 0.2  # strength of the white highlight, >= 0
     shininess: float = 32.0  # the greater, the smaller the highlight, > 0
+    shadows: bool = False  # whether what lies toward the light takes of it; needs a direction
+    occlusion: bool = False  # whether ambient light is less where much is near
 
     def __post_init__(self) -> None:
         if self.direction is not None:
@@ -41,6 +43,16 @@ class Light:
                 raise ValueError(f"{name} must be 0 or more (got {getattr(self, name)})")
         if not 0 < self.shininess < math.inf:
             raise ValueError(f"shininess must be greater than 0 (got {self.shininess})")
+        if self.shadows and self.direction is None:
+            raise ValueError(
+                "a light at the eye casts no shadows that it sees; give it a direction, such as "
+                "1/-1/2, or leave shadows out"
+            )
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether less of it gets to some voxels than to others."""
+        return self.shadows or self.occlusion
 
 
 @dataclass(frozen=True)
@@ -118,7 +130,11 @@ def shade(
     ValueError
         There are no gradients, or not exactly one of `eye` and `view`.
     """
-    color = voxels.color if light is None else _lit(voxels, light, viewer_of(eye, view))
+    color = voxels.color
+    if light is not None and len(voxels.reached):
+        color = _lit_as_reached(voxels, light, viewer_of(eye, view))
+    elif light is not None:
+        color = _lit(voxels, light, viewer_of(eye, view))
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
 
 
@@ -151,6 +167,13 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
         shaded.reshape(-1),
     )
     return shaded
+
+
+def _lit_as_reached(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
+    """As `_lit`, where not all light gets to all voxels."""
+    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer)
+    everywhere = np.float32(light.ambient) * voxels.color
+    return voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
 
 
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:

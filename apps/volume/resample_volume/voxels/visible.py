@@ -21,6 +21,8 @@ STEEP = 99  # percentile of the gradients' lengths that counts as a full surface
 BYTES_PER_CANDIDATE = 60  # of a voxel that may turn out to be transparent
 BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
 
+ALL_REACHED = np.empty((0, 2), np.float32)  # nothing is in the way of light
+
 Indices = NDArray[np.int64]
 
 
@@ -32,6 +34,7 @@ class Voxels(NamedTuple):
     extinction: Floats  # (N,) optical depth per scene unit, > 0
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
+    reached: Floats = ALL_REACHED  # (N, 2) shares of light that gets there; see `reaching`
 
 
 class _Seen(NamedTuple):

@@ -1,0 +1,254 @@
+"""How much of the light gets to voxels past all others: shadows of a lamp, ambient occlusion.
+
+Light goes through the volume slice by slice, in coordinates that are sheared along its way, so
+that what a slice takes away is added once and read once, whatever the distance: shadows of far
+things are as sharp as those of near ones. (Slices toward the light as in Kniss, Premože, Hansen and
+Ebert, Interactive Translucent Volume Rendering and Procedural Modeling, 2002.)
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Flags, Floats, Reached
+from resample_volume.files.memory import require_memory
+from resample_volume.types import Volume
+from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import Voxels, lattice_of
+
+SKIPPED = 2  # slices next to a voxel that take no light from it, so that surfaces are lit in full
+FINEST = 320  # cells along the longest side of a grid of light; more voxels share cells
+COARSE = 128  # the same of light from everywhere, which changes slowly
+AROUND = 32  # directions that light from everywhere comes from
+REACH = 0.12  # of the diagonal of what is seen: what is farther away does not darken corners
+OPEN = 0.5  # share of all directions that a flat surface sees
+BYTES_PER_CELL = 24
+
+ALL = 255  # of the light
+
+Extinctions = Iterable[Floats]
+
+
+def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
+    """Shares (Z, Y, X, 2) of a lamp's light and of light from everywhere that get to cells.
+
+    Parameters
+    ----------
+    extinction
+        (Z, Y, X) optical depth per scene unit.
+    lattice
+        (3, 3) columns are the steps to the next cell along x, y and z, scene units.
+    light
+        Casts shadows if it is to, and darkens corners if it is to; else all light gets there.
+    """
+    share = np.full((*extinction.shape, 2), ALL, np.uint8)
+    if light.shadows and light.direction is not None:
+        toward = np.asarray(light.direction, np.float64)
+        for place, depth in optical_depths(extinction, lattice, toward):
+            share[place][..., 0] = np.rint(ALL * np.exp(-depth))
+    if light.occlusion:
+        per = math.ceil(max(extinction.shape) / COARSE)
+        opened = _open_share(_merged(extinction, (per, per, per)), per * lattice)
+        share[..., 1] = np.rint(ALL * _spread(opened, per, extinction.shape))
+    return share
+
+
+def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
+    """Shares (Z, Y, X) of light from everywhere that get to cells; see `reached`."""
+    extent = float(np.linalg.norm(lattice @ np.array(extinction.shape[::-1])))
+    total = np.zeros(extinction.shape, np.float32)
+    for toward in _around(AROUND):
+        for place, depth in optical_depths(extinction, lattice, toward, REACH * extent):
+            total[place] += np.exp(-depth)
+    return np.asarray(np.minimum(1, total / np.float32(OPEN * AROUND)))
+
+
+def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
+    """Means of so many cells along z, y and x; beyond the end there is nothing."""
+    if max(per) == 1:
+        return values
+    beyond = [(0, -size % count) for size, count in zip(values.shape, per, strict=True)]
+    wide = np.pad(values, beyond)
+    z, y, x = (size // count for size, count in zip(wide.shape, per, strict=True))
+    return np.asarray(wide.reshape(z, per[0], y, per[1], x, per[2]).mean(axis=(1, 3, 5)))
+
+
+def _spread(values: Floats, per: int, shape: tuple[int, ...]) -> Floats:
+    """Values of merged cells at the cells that they were merged from."""
+    if per == 1:
+        return values
+    from scipy.ndimage import zoom
+
+    fine = zoom(values, per, order=1, mode="nearest", grid_mode=True)
+    return np.asarray(fine[: shape[0], : shape[1], : shape[2]])
+
+
+def optical_depths(
+    extinction: Floats, lattice: Doubles, toward: Doubles, reach: float = math.inf
+) -> Iterator[tuple[tuple[slice | int, ...], Floats]]:
+    """Optical depths between the cells of each slice and a light far away.
+
+    Parameters
+    ----------
+    extinction
+        (Z, Y, X) optical depth per scene unit; there is none beyond.
+    lattice
+        (3, 3) columns are the steps to the next cell along x, y and z, scene units.
+    toward
+        (3,) scene direction of the light.
+    reach
+        Scene units: what is farther away takes nothing.
+
+    Yields
+    ------
+    A slice's place in `extinction`, and the depths of its cells. The `SKIPPED` nearest slices
+    take no light.
+    """
+    along = np.linalg.solve(lattice, toward)[::-1]  # cells along z, y and x
+    axis = int(np.argmax(np.abs(along)))
+    step = -along / abs(along[axis])  # away from the light, to the next slice
+    length = float(np.linalg.norm(lattice @ step[::-1]))
+    slices = np.moveaxis(extinction, axis, 0)
+    count, order = len(slices), range(len(slices))
+    if step[axis] < 0:
+        order = range(count - 1, -1, -1)
+    shear = np.delete(step, axis)
+    base = np.maximum(0.0, shear) * (count - 1)
+    size = slices.shape[1:] + np.ceil(np.abs(shear) * (count - 1)).astype(int) + 1
+    total = np.zeros(size, np.float32)
+    first_out = SKIPPED + (count if reach == math.inf else max(1, round(reach / length)))
+    for n, index in enumerate(order):
+        for before, sign in ((n - SKIPPED, length), (n - first_out, -length)):
+            if before >= 0:
+                _add(total, sign * slices[order[before]], base - before * shear)
+        place: tuple[slice | int, ...] = (*(slice(None),) * axis, index)
+        yield place, np.maximum(0, _read(total, slices.shape[1:], base - n * shear))
+
+
+def voxels_reached(voxels: Voxels, light: Light) -> Floats:
+    """Shares (N, 2), 0 to 1, of light from a lamp and from everywhere that get to voxels.
+
+    Raises
+    ------
+    ValueError
+        The grid of light does not fit in memory.
+    """
+    if not len(voxels.position):
+        return np.ones((0, 2), np.float32)
+    to_index = np.linalg.inv(voxels.lattice)
+    index = np.rint((voxels.position - voxels.position[0]) @ to_index.T).astype(np.int64)
+    index -= index.min(axis=0)
+    size = (index.max(axis=0) + 1)[::-1]
+    per = cells_of(size)
+    grid = _grid_of(size, per)
+    cell = np.ravel_multi_index((index // per)[:, ::-1].T, grid)
+    total = np.bincount(cell, voxels.extinction, math.prod(grid))
+    extinction = (total / per**3).astype(np.float32).reshape(grid)
+    share = reached(extinction, per * voxels.lattice, light)
+    if per == 1:
+        return np.asarray(share.reshape(-1, 2)[cell] / np.float32(ALL))
+    from scipy.ndimage import map_coordinates
+
+    place = (index[:, ::-1].T - (per - 1) / 2) / per
+    between = [
+        map_coordinates(share[..., n], place, np.float32, order=1, mode="nearest") for n in (0, 1)
+    ]
+    return np.asarray(np.stack(between, axis=1) / np.float32(ALL))
+
+
+def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light) -> Reached:
+    """Light that gets to places of a field.
+
+    Parameters
+    ----------
+    volume
+        Whose values.
+    extinctions
+        Optical depths per scene unit of some slices' values, all slices in their order.
+    clip
+        (M, 4) planes; what they cut away takes no light.
+    light
+        What shines.
+
+    Raises
+    ------
+    ValueError
+        The grid of light does not fit in memory.
+    """
+    size, lattice = np.array(volume.values.shape), lattice_of(volume)
+    per = cells_of(size)
+    thick = np.zeros(_grid_of(size, per), np.float32)
+    first = 0
+    for part in extinctions:
+        kept = np.where(_is_kept(part.shape, first, volume, clip), part, np.float32(0))
+        across = _merged(kept, (1, per, per))
+        for n, row in enumerate(across, first):
+            thick[n // per] += row / np.float32(per)
+        first += len(part)
+    return Reached(reached(thick, per * lattice, light), per)
+
+
+def _is_kept(
+    shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
+) -> NDArray[np.bool_]:
+    """Which voxels (Z, Y, X) of the slices from one on are not cut away."""
+    z, y, x = np.ogrid[first : first + shape[0], : shape[1], : shape[2]]
+    kept = np.ones(shape, bool)
+    for plane in clip:
+        along = plane[:3] @ lattice_of(volume)
+        kept &= along[0] * x + along[1] * y + along[2] * z + plane[:3] @ volume.origin >= -plane[3]
+    return kept
+
+
+def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
+    """Cells along z, y and x.
+
+    Raises
+    ------
+    ValueError
+        They do not fit in memory.
+    """
+    grid = tuple((-(-size // per)).tolist())
+    require_memory(BYTES_PER_CELL * math.prod(grid), "light that gets to voxels")
+    return grid
+
+
+def cells_of(size: NDArray[np.int64] | tuple[int, ...]) -> int:
+    """Samples per side of a cell of light in a volume of so many samples along its axes."""
+    return math.ceil(max(size) / FINEST)
+
+
+def _around(count: int) -> Doubles:
+    """Directions (N, 3) that lie evenly on a sphere, by the golden angle."""
+    n = np.arange(count) + 0.5
+    z, turn = 1 - 2 * n / count, n * math.pi * (3 - math.sqrt(5))
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
+    """The four whole shifts around one, with their weights."""
+    whole = np.floor(shift).astype(int)
+    part = shift - whole
+    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        weight = (part[0] if down else 1 - part[0]) * (part[1] if right else 1 - part[1])
+        if weight > 0:
+            yield whole[0] + down, whole[1] + right, np.float32(weight)
+
+
+def _add(total: Floats, part: Floats, shift: Doubles) -> None:
+    """Add a slice to what is sheared along the light."""
+    rows, columns = part.shape
+    for down, right, weight in _parts(shift):
+        total[down : down + rows, right : right + columns] += weight * part
+
+
+def _read(total: Floats, size: tuple[int, ...], shift: Doubles) -> Floats:
+    """A slice's part of what is sheared along the light."""
+    rows, columns = size
+    found = np.zeros((rows, columns), np.float32)
+    for down, right, weight in _parts(shift):
+        found += weight * total[down : down + rows, right : right + columns]
+    return found
