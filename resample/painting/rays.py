@@ -162,7 +162,10 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         planes_of(how.clip, view, ellipsoid_of(lattice, view, 1.0)),
     )
     scaled = spline._replace(
-        scale=spline.scale * per_value, zero=(spline.zero - look.low) * per_value
+        scale=spline.scale * per_value,
+        zero=(spline.zero - look.low) * per_value,
+        floor=(spline.floor - look.low) * per_value,
+        ceiling=(spline.ceiling - look.low) * per_value,
     )
     columnwise = [(per_value * (b - look.low)).astype(np.float32) for b in field.bounds]
     return Medium(

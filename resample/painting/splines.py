@@ -11,6 +11,7 @@ AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32
 # Along an axis they are at most three times as large.
 LARGEST = 1e37  # data units; coefficients of up to 27 times as much are still float32
 MARGINS = (4.0, 13.5)
+PLATEAU = 0.01  # of all samples; as many that are alike are an end that the field does not pass
 
 
 def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spline, Bounds]:
@@ -48,7 +49,8 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     bounds = Bounds(np.empty(size, np.float32), np.empty(size, np.float32))
     find_bounds(flat, shape, bounds)
     bounds = Bounds(*(zero + scale * bound.astype(np.float64) for bound in bounds))
-    return Spline(flat, width, height * width, scale, zero, shape), bounds
+    floor, ceiling = (base + end for end in _ends(given))
+    return Spline(flat, width, height * width, scale, zero, shape, floor, ceiling), bounds
 
 
 def bytes_of_spline(values: NDArray[np.generic]) -> int:
@@ -80,6 +82,17 @@ def _range(values: NDArray[np.generic]) -> tuple[float, float]:
             f"values from {low:g} to {high:g}; a field's must be below {LARGEST:g} in size"
         )
     return low, high - low if high > low else 1.0
+
+
+def _ends(values: NDArray[np.generic]) -> tuple[float, float]:
+    """Least and greatest sample where many are alike, such as air and what is overexposed.
+
+    Elsewhere the field may well go beyond its samples: peaks lie between these.
+    """
+    low, high, many = values.min(), values.max(), PLATEAU * values.size
+    floor = float(low) if np.count_nonzero(values == low) > many else -np.inf
+    ceiling = float(high) if np.count_nonzero(values == high) > many else np.inf
+    return floor, ceiling
 
 
 def _filled(

@@ -7,6 +7,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.measuring.quality import psnr
 from resample.profiles.reconstruction import GaussianKernel
+from resample.resampler import Projection
 from resample.types import Classifier, Field, Lamp
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.transfer import extinction, from_points
@@ -282,3 +283,22 @@ def test_without_vtk_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[peers\]'"):
         VtkRenderer(a_box(), WARM, **SIZE)
+
+
+@pytest.mark.parametrize("projection", [Projection.MAXIMUM, Projection.MINIMUM])
+def test_extremes_have_the_colors_of_their_values(projection):
+    values = np.full((8, 8, 8), 100, np.uint8)
+    values[3], values[5] = 200, 40
+    gray = from_points([(0, (0, 0, 0), 1), (255, (1, 1, 1), 1)])
+    camera = Orthographic(4, 4, 20, 20, look_at([3.5, -30, 3.5], [3.5, 3.5, 3.5]))
+    values = np.moveaxis(values, 0, 1)  # layers across the way of rays
+    size = {"height": 40, "width": 40}
+    picture = vtk(cube(values), gray, camera, size, projection=projection)
+    value = 200 if projection is Projection.MAXIMUM else 40
+    light = gray.colors(np.array([value]), (0, 255))[0, 0]
+    assert picture[20, 20, 0] == pytest.approx(light, abs=0.01)
+
+
+def test_projections_that_vtk_lacks_are_refused():
+    with pytest.raises(ValueError, match="no projection average; it has composite, maximum, min"):
+        Peer(projection=Projection.AVERAGE)

@@ -414,7 +414,8 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
 @inner_step
 def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float) -> Result:
     """Color of a value; it is as opaque as a voxel where the field is that long."""
-    look = medium.look
+    look, spline = medium.look, medium.spline
+    value = min(max(value, spline.floor), spline.ceiling)
     presence = min(1.0, ray.steps * ray.thickness * ray.length / voxel)
     red, green, blue, extinction = look_of(look, clamped(look, value), 0.0)
     alpha = presence * -math.expm1(-extinction * voxel)

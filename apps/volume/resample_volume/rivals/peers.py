@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.resampler import Projection
 from resample.types import Doubles, Floats, View
 from resample_volume.files.suppression import suppressed_output
 from resample_volume.looks.transfer import Transfer
@@ -42,6 +43,11 @@ from resample_volume.voxels.visible import finite_range
 ENTRIES = 4096  # of the tables of colors and opacities
 FULL = 32767  # of 15 bits
 LARGEST_WINDOW = 16384  # px, side
+BLENDS = {
+    Projection.COMPOSITE: "Composite",
+    Projection.MAXIMUM: "MaximumIntensity",
+    Projection.MINIMUM: "MinimumIntensity",
+}
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,8 @@ class Peer:
         None: colors as they are.
     threads
         At most this many; None takes all. With a light, VTK's pictures depend on it a little.
+    projection
+        What pixels show: composite, maximum or minimum, the ones that its CPU ray caster has.
 
     Raises
     ------
@@ -69,6 +77,7 @@ class Peer:
     rays: int = 1
     light: Light | None = None
     threads: int | None = None
+    projection: Projection = Projection.COMPOSITE
 
     def __post_init__(self) -> None:
         if not 0 < self.step < np.inf:
@@ -77,6 +86,11 @@ class Peer:
             raise ValueError(f"{self.rays} rays per side of a pixel; 1 to 64 are allowed")
         if self.threads is not None and self.threads < 1:
             raise ValueError(f"{self.threads} threads; give 1 or more, or None for all")
+        if self.projection not in BLENDS:
+            raise ValueError(
+                f"VTK's CPU ray caster has no projection {self.projection}; it has "
+                + ", ".join(BLENDS)
+            )
 
 
 DEFAULT = Peer()
@@ -207,11 +221,12 @@ def _staged(volume: Volume, transfer: Transfer, look: Peer) -> _Stage:
 
     mapper, prop = vtkFixedPointVolumeRayCastMapper(), vtkVolume()
     voxel = float(np.cbrt(np.prod(volume.spacing)))
-    mapper.SetInputData(_image(volume))
+    mapper.SetInputData(image_of(volume))
     mapper.AutoAdjustSampleDistancesOff()
     mapper.IntermixIntersectingGeometryOff()
     mapper.SetSampleDistance(look.step * voxel)
     mapper.SetImageSampleDistance(1.0)
+    getattr(mapper, f"SetBlendModeTo{BLENDS[look.projection]}")()
     if look.threads is not None:
         mapper.SetNumberOfThreads(look.threads)
     prop.SetMapper(mapper)
@@ -227,7 +242,8 @@ def _staged(volume: Volume, transfer: Transfer, look: Peer) -> _Stage:
     return _Stage(window, renderer, mapper, prop)
 
 
-def _image(volume: Volume) -> Any:
+def image_of(volume: Volume) -> Any:
+    """Volume as VTK's image data."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData
 
