@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from resample.library.scattering import Scatter, Scattering
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
     from resample.types import Frame, Samples
+    from resample.watching import Cancel, CancelledError, cancellable
 
 _HOMES = {
     "Camera": "cameras.models",
+    "Cancel": "watching",
+    "CancelledError": "watching",
     "Footprint": "resampler",
     "Frame": "types",
     "Opacity": "resampler",
@@ -28,6 +31,7 @@ _HOMES = {
     "Samples": "types",
     "Scatter": "library.scattering",
     "Scattering": "library.scattering",
+    "cancellable": "watching",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
     "particles": "library.particles",
@@ -35,6 +39,8 @@ _HOMES = {
 
 __all__ = [
     "Camera",
+    "Cancel",
+    "CancelledError",
     "Footprint",
     "Frame",
     "Opacity",
@@ -45,6 +51,7 @@ __all__ = [
     "Samples",
     "Scatter",
     "Scattering",
+    "cancellable",
     "look_at",
     "orbit",
     "particles",

@@ -16,7 +16,6 @@ from resample.painting.points import can_defer_points, paint_points
 from resample.painting.rays import Gathering, paint_field
 from resample.painting.scene import (
     Painted,
-    Progress,
     Scene,
     check_samples,
     ellipsoid_of,
@@ -57,6 +56,7 @@ from resample.types import (
     Tables,
     View,
 )
+from resample.watching import Progress
 
 SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none

@@ -12,9 +12,11 @@ Of several processes that want one kernel, the first compiles it and the others 
 
 import hashlib
 import inspect
+import math
 import os
+import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache, wraps
@@ -35,6 +37,8 @@ from numba.core.caching import (
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
+from resample.watching import OFTEN, is_watched, look
+
 try:
     import fcntl
 except ImportError:  # Windows: every process compiles for itself
@@ -43,7 +47,10 @@ except ImportError:  # Windows: every process compiles for itself
 P = ParamSpec("P")
 R = TypeVar("R")
 
-Counter = NDArray[np.int64]  # (1,) how many tasks threads have taken
+Counter = NDArray[np.int64]  # (2,) how many tasks threads have taken, and how many there are
+NONE_LEFT = 1 << 60  # tasks, more than there are
+SHORT = 0.005  # seconds; a call that takes less is not watched unless that is asked for
+PATIENCE = 1.0  # seconds that threads have for their last task; who compiles may take longer
 
 
 def _digest(*folders: Path) -> str:
@@ -291,27 +298,53 @@ def _on_all_threads(
     compiled: Callable[Concatenate[Counter, P], None],
 ) -> Callable[P, None]:
     """Call of a kernel on as many threads as `workers` allows."""
+    seconds = [math.inf]  # that the last call took
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> None:
-        counter, others = np.zeros(1, np.int64), workers() - 1
-        started = [_pool().submit(compiled, counter, *args, **kwargs) for _ in range(others)]
-        try:
-            compiled(counter, *args, **kwargs)
-        finally:
-            for other in started:  # those that could not begin yet would find nothing to do
-                if not other.cancel():
-                    other.result()
+        look(0, 0)
+        counter, begin = np.zeros(2, np.int64), time.perf_counter()
+        # To wait for others takes a tenth of a millisecond, which small pictures have not got.
+        takes_part = seconds[0] < SHORT and not is_watched()
+        count = workers() - takes_part
+        started = [_pool().submit(compiled, counter, *args, **kwargs) for _ in range(count)]
+        if takes_part:
+            with _stopping(started, counter):
+                compiled(counter, *args, **kwargs)
+        _await(started, counter)
+        seconds[0] = time.perf_counter() - begin
 
     if hasattr(compiled, "compiled"):
         call.compiled = compiled.compiled  # type: ignore[attr-defined]
     return call
 
 
+@contextmanager
+def _stopping(started: list[Future[None]], counter: Counter) -> Iterator[None]:
+    """Leave threads no tasks if something is raised."""
+    try:
+        yield
+    except BaseException:
+        counter[0] = NONE_LEFT
+        for thread in started:
+            thread.cancel()
+        wait(started, PATIENCE)
+        raise
+
+
+def _await(started: list[Future[None]], counter: Counter) -> None:
+    """Wait for threads, and look at what they do."""
+    with _stopping(started, counter):
+        while wait(started, OFTEN).not_done:
+            look(int(counter[0]), int(counter[1]))
+    for thread in started:
+        thread.result()
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
     """Threads that wait for tasks; a forked process, which has none of them, gets its own."""
-    return ThreadPoolExecutor(max(1, numba.config.NUMBA_NUM_THREADS - 1), "resample")
+    return ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "resample")
 
 
 if hasattr(os, "register_at_fork"):
@@ -321,6 +354,7 @@ if hasattr(os, "register_at_fork"):
 @kernel
 def tasks(counter: Counter, count: int) -> Iterator[int]:
     """Numbers below `count`, each for the first thread to ask for one."""
+    counter[1] = count
     task = _next_of(counter)
     while task < count:
         yield task
@@ -329,7 +363,7 @@ def tasks(counter: Counter, count: int) -> Iterator[int]:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _add_one(_: Any, counter: Any) -> Any:
-    """Add 1 to the first number of an array (1,) of int64 at one go; gives what it was."""
+    """Add 1 to the first number of an array of int64 at one go; gives what it was."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])

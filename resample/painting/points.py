@@ -13,15 +13,9 @@ from resample.painting.runs import (
     breaks,
     counted,
     dealt,
-    paint_in_steps,
+    paint_tiles,
 )
-from resample.painting.scene import (
-    Clock,
-    Painted,
-    Progress,
-    Scene,
-    size_of_tiles,
-)
+from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
@@ -35,6 +29,7 @@ from resample.types import (
     Statistics,
     Tally,
 )
+from resample.watching import Progress
 
 CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
 LONGEST_RUN = 256  # samples
@@ -142,7 +137,7 @@ def paint_points(
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         paint_point_runs(turn, deal[0], runs, stage, profile, form, output)
 
-    painted = paint_in_steps(paint, scene, deal, progress)
+    painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
     return painted, counted(statistics, runs, int(runs.known["seen"].sum()))

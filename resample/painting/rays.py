@@ -1,20 +1,12 @@
 """Fields on a lattice, gathered along rays; see `resample.engine.rays`."""
 
 import math
-import time
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.scene import (
-    Clock,
-    Painted,
-    Progress,
-    ellipsoid_of,
-    nothing_painted,
-    planes_of,
-)
+from resample.painting.scene import Clock, Painted, ellipsoid_of, nothing_painted, planes_of
 from resample.types import (
     ADDITIVE,
     AVERAGE,
@@ -32,6 +24,7 @@ from resample.types import (
     Tables,
     View,
 )
+from resample.watching import Progress, told
 
 if TYPE_CHECKING:
     from resample.engine.rays.looks import SummedLook
@@ -39,7 +32,6 @@ if TYPE_CHECKING:
     from resample.engine.rays.seeing import Medium, Way
 
 TILE = 16  # px, side of a tile
-OFTEN = 0.1  # seconds between two looks at the progress and at Ctrl-C
 ALIKE = 0.002  # of the range of values, by which these may differ that are taken for alike
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
@@ -88,15 +80,8 @@ def paint_field(
     )
     fineness = _fineness(field, view, style, (rows, columns))
     painted.tally[:, 3] = fineness
-    turn, first, count = _turn(fineness), 0, 16
-    while first < turn.size:
-        began = time.perf_counter()
-        paint_rays(turn[first : first + count], fineness, way, medium, output)
-        first += count
-        seconds = max(1e-4, time.perf_counter() - began)
-        count = max(4, min(4 * count, int(count * OFTEN / seconds)))
-        if progress is not None:
-            progress(min(1.0, first / turn.size))
+    with told(progress):
+        paint_rays(_turn(fineness), fineness, way, medium, output)
     clock.lap("paint")
     return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
 

@@ -4,19 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from resample.painting.scene import (
-    Painted,
-    Progress,
-    Scene,
-    in_steps,
-    nothing_painted,
-    size_of_tiles,
-    tiles_along,
-)
+from resample.painting.scene import Painted, Scene, nothing_painted, size_of_tiles, tiles_along
 from resample.types import MOST_COLUMNS, Film, Indices, Runs, Samples, Statistics, Tally, Tiles
+from resample.watching import Progress, told
 
 RUN_EXTENT = 8.0  # voxels
-SAMPLES_PER_STEP = 10_000_000  # between two looks at the progress and at Ctrl-C
 
 Deal = tuple[Tiles, Indices]  # runs that tiles may show, and how many samples these have
 
@@ -66,19 +58,21 @@ def dealt(
     return tiles, load
 
 
-def paint_in_steps(
+def paint_tiles(
     paint: Callable[[Indices, tuple[Film, Tally]], None],
     scene: Scene,
     deal: Deal,
     progress: Progress | None,
 ) -> Painted:
-    """Tiles painted in steps that can be watched; `paint` paints those of some numbers."""
+    """Tiles that have members, most of them first; `paint` paints those of some numbers."""
     _, load = deal
     painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
-    for turn, done in in_steps(load, SAMPLES_PER_STEP):
-        paint(turn, (painted.film, painted.tally))
-        if progress is not None:
-            progress(done)
+    turn = np.argsort(-load, kind="stable")
+    turn = turn[load[turn] > 0]
+    if turn.size:
+        done = np.cumsum(load[turn])
+        with told(progress, done / done[-1]):
+            paint(turn, (painted.film, painted.tally))
     return painted
 
 

@@ -1,7 +1,6 @@
 """What is painted: samples checked, seen by a camera, and dealt to the tiles of the screen."""
 
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,10 +27,6 @@ from resample.types import (
     Tiles,
     View,
 )
-
-RECORDS_PER_STEP = 2_000_000  # between two looks at the progress and at Ctrl-C
-
-Progress = Callable[[float], None]
 
 
 def check_samples(samples: Samples) -> Samples:
@@ -249,21 +244,6 @@ class Clock:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-
-
-def in_steps(
-    load: NDArray[np.int64], most: int = RECORDS_PER_STEP
-) -> Iterator[tuple[NDArray[np.int64], float]]:
-    """Tiles that have members, most of them first, in steps; and the share done after each."""
-    turn = np.argsort(-load, kind="stable")
-    turn = turn[load[turn] > 0]
-    done = np.cumsum(load[turn])
-    first = 0
-    while first < turn.size:
-        before = done[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(done, before + most)))
-        yield turn[first:last], float(done[last - 1] / done[-1])
-        first = last
 
 
 @dataclass(frozen=True)

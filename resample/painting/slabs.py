@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import counted, dealt, paint_in_steps
-from resample.painting.scene import Clock, Painted, Progress, Scene
+from resample.painting.runs import counted, dealt, paint_tiles
+from resample.painting.scene import Clock, Painted, Scene
 from resample.painting.splats import count_of_points, may_have_points, mixture_of, runs_of
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import (
@@ -36,6 +36,7 @@ from resample.types import (
     Statistics,
     Tally,
 )
+from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
@@ -75,7 +76,7 @@ def paint_summed(
         film, tally = output
         paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally))
 
-    painted = paint_in_steps(paint, scene, deal, progress)._replace(value=value)
+    painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
     clock.lap("paint")
     statistics = painted.statistics(samples.extinction.size, clock.seconds)
     points = 0 if mixture is None else count_of_points(scene, runs, deal[0])

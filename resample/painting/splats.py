@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.painting.runs import RUN_EXTENT, breaks, counted, dealt, paint_in_steps
-from resample.painting.scene import Clock, Painted, Progress, Scene, size_of_tiles
+from resample.painting.runs import RUN_EXTENT, breaks, counted, dealt, paint_tiles
+from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
 from resample.types import (
     DISC,
     EXACT,
@@ -30,6 +30,7 @@ from resample.types import (
     Tally,
     Tiles,
 )
+from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
@@ -159,7 +160,7 @@ def _painted(
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         paint_runs(turn, deal[0], runs, stage, formula, mixture, output)
 
-    painted = paint_in_steps(paint, scene, deal, progress)
+    painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")
     statistics = painted.statistics(runs.samples.extinction.size, clock.seconds)
     points = 0 if mixture is None else count_of_points(scene, runs, deal[0])

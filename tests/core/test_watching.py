@@ -1,0 +1,147 @@
+"""Work that is stopped: how soon, with what left behind, and how far it says it is."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from resample import Cancel, CancelledError, cancellable
+from resample.cameras.viewpoints import Orbit, Sphere
+from resample.profiles.orders import AxisSheets, ImageSheets, Rays
+from resample.resampler import Primitive, Projection, Resampler
+from resample_texture import BackwardMap, Homography, warp
+from resample_volume.looks.transfer import from_points
+from resample_volume.rendering import Appearance, Classification, Subject, as_volume
+from resample_warp3d import Cloud, render_cloud
+
+FAINT = from_points([(0.0, (0.2, 0.5, 0.9), 0.0), (255.0, (1.0, 0.9, 0.4), 0.02)])
+SOON = 0.25  # seconds; on a machine that does other things, too
+SIZE = 160
+
+Draw = Callable[..., NDArray[np.float32]]
+
+
+def volume(resampler: Resampler, classification: Classification = Classification.PRE) -> Draw:
+    """Frames of a volume, which was classified before."""
+    z, y, x = np.indices((40, 40, 40)) / 8
+    values = np.rint(127 * (1 + np.sin(x + y * z))).astype(np.uint8)
+    look = Appearance(FAINT, None, classification=classification)
+    subject = Subject.of(as_volume(values), look, resampler)
+    camera = subject.camera(Orbit(30, 20, 1.6), SIZE, SIZE)
+    seen = subject.seen_by(camera)
+
+    def draw(progress: Callable[[float], None] | None = None) -> NDArray[np.float32]:
+        return resampler(seen, camera, height=SIZE, width=SIZE, progress=progress).rgba
+
+    return draw
+
+
+def texture(is_map: bool) -> Draw:
+    picture = np.random.default_rng(0).random((1200, 1200, 3), np.float32)
+    y, x = np.indices((1500, 1500), np.float32)
+    matrix = np.array([[1.2, 0.3, 4.0], [-0.2, 1.1, 300.0], [1e-5, 0, 1]])
+    geometry = BackwardMap(0.7 * x + 0.1 * y, 0.7 * y - 0.1 * x) if is_map else Homography(matrix)
+    return lambda: np.asarray(warp(picture, geometry, (1500, 1500)).image)
+
+
+def cloud() -> Draw:
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(400_000, 3)).astype(np.float32)
+    toward = points / np.linalg.norm(points, axis=1, keepdims=True)
+    given = Cloud(points, toward, np.abs(toward), np.full(len(points), 0.02, np.float32))
+    camera = Orbit(30, 20, 1.0).around(Sphere(np.zeros(3), 4.0), SIZE, SIZE)
+    return lambda: render_cloud(given, camera, size=(SIZE, SIZE)).rgba
+
+
+POST = Classification.POST
+WORK: dict[str, Callable[[], Draw]] = {
+    "splats": lambda: volume(Resampler(subpixels=4)),
+    "mixed": lambda: volume(Resampler(threshold=3.0, subpixels=3)),
+    "points": lambda: volume(Resampler(primitive=Primitive.POINTS, subpixels=4)),
+    "axis-sheets": lambda: volume(Resampler(order=AxisSheets(), subpixels=3)),
+    "image-sheets": lambda: volume(Resampler(order=ImageSheets())),
+    "field in slabs": lambda: volume(Resampler(order=ImageSheets()), POST),
+    "rays": lambda: volume(Resampler(order=Rays(), subpixels=2), POST),
+    "maximum": lambda: volume(
+        Resampler(order=Rays(), projection=Projection.MAXIMUM, subpixels=6), POST
+    ),
+    "texture": lambda: texture(is_map=False),
+    "map": lambda: texture(is_map=True),
+    "cloud": cloud,
+}
+
+
+def _again_and_again(draw: Draw) -> None:
+    while True:
+        draw()
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
+    draw = WORK[name]()
+    begun = time.perf_counter()
+    before = draw()
+    took = time.perf_counter() - begun
+    begun = time.perf_counter()
+    draw()
+    took = min(took, time.perf_counter() - begun)
+    waits = []
+    for share in (0.2, 0.5):
+        cancel, asked = Cancel(), []
+
+        def stop(cancel: Cancel = cancel, asked: list[float] = asked) -> None:
+            asked.append(time.perf_counter())
+            cancel.cancel()
+
+        timer = threading.Timer(share * took, stop)
+        timer.start()
+        with pytest.raises(CancelledError, match="was cancelled"), cancellable(cancel):
+            _again_and_again(draw)
+        waits.append(time.perf_counter() - asked[0])
+    assert min(waits) < SOON
+    np.testing.assert_array_equal(draw(), before)
+
+
+@pytest.mark.parametrize("name", ["splats", "image-sheets", "rays", "maximum"])
+def test_progress_rises_to_one_and_moves_often(name: str) -> None:
+    draw, told = WORK[name](), [(time.perf_counter(), 0.0)]
+    draw(progress=lambda share: told.append((time.perf_counter(), share)))
+    share = [share for _, share in told]
+    assert share == sorted(share)
+    assert share[-1] == 1.0
+    assert len(set(share)) > 3
+    assert np.diff([when for when, _ in told]).max() < 0.5
+
+
+def test_what_progress_raises_stops_the_work() -> None:
+    draw = WORK["rays"]()
+
+    def refuse(share: float) -> None:
+        raise OSError(f"enough at {share}")
+
+    with pytest.raises(OSError, match="enough at"):
+        draw(progress=refuse)
+
+
+def test_what_is_cancelled_before_does_not_begin() -> None:
+    draw, cancel = WORK["rays"](), Cancel()
+    cancel.cancel()
+    with pytest.raises(CancelledError), cancellable(cancel):
+        draw()
+    with cancellable(None):
+        assert draw().any()
+
+
+def test_others_go_on() -> None:
+    draw, cancel = WORK["rays"](), Cancel()
+    seen: list[NDArray[np.float32]] = []
+    other = threading.Thread(target=lambda: seen.append(draw()))
+    other.start()
+    cancel.cancel()
+    with pytest.raises(CancelledError), cancellable(cancel):
+        draw()
+    other.join()
+    np.testing.assert_array_equal(seen[0], draw())
