@@ -163,6 +163,14 @@ def test_a_film_that_breaks_off_leaves_no_depth_and_goes_on_from_there(monkeypat
     assert Path("film.apng").read_bytes() == film
 
 
+def test_a_film_that_is_rendered_in_vain_leaves_no_depth():
+    Path("depth/2.png").write_bytes(b"damaged")
+    words = ["render", "film.gif", "depth", "--depth-scale", "1000", *STILL]
+    assert ended(*words, "--depth-output", "z", "-o", "out.apng") == 2
+    assert not Path("z").exists()
+    assert not Path("out.apng").exists()
+
+
 def test_depth_of_a_shorter_film_replaces_that_of_a_longer_one():
     words = [*FLIGHT, "--depth-output", "z/*.npy", "-o", "film.gif"]
     assert ended(*words) == 0

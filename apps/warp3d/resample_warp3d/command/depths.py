@@ -91,11 +91,11 @@ class DepthFrames:
         self._lost.append(write_depth(self._file(n), depth, scale))
 
     @contextmanager
-    def appearing(self, *, resume: bool = False) -> Iterator[None]:
-        """Let what is written in the block appear after it; after an error, only be kept.
+    def appearing(self, *, resume: bool | None = None) -> Iterator[None]:
+        """Let what is written in the block appear after it.
 
-        Files of earlier films of the same pattern are removed then. `resume` goes on with what an
-        earlier block kept.
+        Files of earlier films of the same pattern are removed then. After an error what is done is
+        kept, and with `resume` a later block goes on with that; None keeps nothing.
         """
         kept, is_new = self._kept, not self.folder.exists()
         if not resume:
@@ -104,7 +104,7 @@ class DepthFrames:
         try:
             yield
         except BaseException:
-            if not resume and not self._files(kept):
+            if resume is None or not self._files(kept):
                 shutil.rmtree(kept, ignore_errors=True)
                 with suppress(OSError):  # it holds other files
                     if is_new:
@@ -147,7 +147,9 @@ def depths_of(pattern: Path | None, output: Path, meaning: Depth) -> DepthFrames
     return frames
 
 
-def appearing(depths: DepthFrames | None, *, resume: bool = False) -> AbstractContextManager[None]:
+def appearing(
+    depths: DepthFrames | None, *, resume: bool | None = None
+) -> AbstractContextManager[None]:
     """Block after which depth appears, if there is any; see `DepthFrames.appearing`."""
     return nullcontext() if depths is None else depths.appearing(resume=resume)
 
