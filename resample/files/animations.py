@@ -40,12 +40,17 @@ MOST_FRAMES = 10_000
 Levels = NDArray[np.uint8]
 
 
+def _has_no_more(_: int) -> bool:
+    return True
+
+
 class Shots(NamedTuple):
     """Frames to be made."""
 
     total: int
     frame: Callable[[int], Levels]  # (H, W, 3) as a screen takes it, of 0 to total − 1
     job: Mapping[str, Any]  # as JSON holds it; frames of equal jobs are equal
+    has_more: Callable[[int], bool] = _has_no_more  # whether what a frame leaves besides is there
 
 
 def check_film(path: Path, fps: float) -> None:
@@ -134,7 +139,7 @@ def _make(folder: Path, shots: Shots, progress: Progress | None) -> None:
 
     for n, name in enumerate(_names(shots.total)):
         path = folder / name
-        if not _is_whole(path):
+        if not (_is_whole(path) and shots.has_more(n)):
             levels = shots.frame(n)
             with replacing(path) as temporary:
                 Image.fromarray(levels).save(temporary)

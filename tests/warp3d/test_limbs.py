@@ -104,3 +104,12 @@ def test_an_end_is_inset_by_no_more_than_half_a_pixel():
     project_ends(corner, which, roundness, matrix, epipole, screen)
     # Nearness moves it to the right by 200 px per unit, as does what lies more inward.
     assert screen[0, 0, 0] - 70.0 == pytest.approx(INSET_PX, abs=0.01)
+
+
+def test_no_gap_opens_beside_a_ball_that_is_seen_from_where_the_source_stands(source):
+    camera = camera_at(focal=FOCAL, shape=(SIZE, SIZE))
+    target = camera_at(yaw=0.2, focal=FOCAL, shape=(SIZE, SIZE))
+    rendered = registry.build("warps", "hybrid")(source, between(camera, target), (SIZE, SIZE))
+    seen = see(THINGS, target, (SIZE, SIZE), rays=4, other=camera, other_shape=(SIZE, SIZE))
+    # All around the outline: 0.25 px² as cells are cut to boxes; gaps of an inset are 0.8 more.
+    assert (1 - rendered.coverage[seen.shown > 0.999]).sum() < 0.5

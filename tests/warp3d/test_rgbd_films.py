@@ -10,6 +10,8 @@ from PIL import Image
 
 from resample.files.images import read_image
 from resample_warp3d.command import cli
+from resample_warp3d.command.depths import DepthFrames
+from resample_warp3d.depth.files import read_depth
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -102,3 +104,96 @@ def test_a_doubtful_scale_is_said_once(capsys):
 )
 def test_what_is_no_film_with_depth_is_refused_in_one_line(capsys, words, complaint):
     assert complaint in refused(capsys, "render", *words, "--depth-scale", "1000", *SEEN)
+
+
+FLIGHT = ["animate", "pictures/1.png", "depth/1.png", "--depth-scale", "1000", "--refine", "none"]
+FLIGHT += ["--intrinsics", "20,20,16,12", "--frames", "3", "--amount", "0.3"]
+STILL = ["--intrinsics", "20,20,16,12", "--refine", "none", "--noise", "0"]
+STILL += ["--move", "0,0,0"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "scale", "atol"),
+    [("z", ["--depth-scale", "1000"], 6e-4), ("z/d-*.exr", [], 1e-6), ("z/*.npy", [], 0)],
+)
+def test_a_film_is_read_with_the_depth_that_was_written_with_it(pattern, scale, atol):
+    assert ended(*FLIGHT, "--depth-output", pattern, "-o", "film.apng") == 0
+    made, _ = frames("film.apng")
+    assert len(list(Path("z").iterdir())) == len(made) == COUNT
+    words = ["render", "film.apng", pattern, *scale, *STILL]
+    assert ended(*words, "-o", "again.apng", "--depth-output", "back/*.npy") == 0
+    again, _ = frames("again.apng")
+    for n, (one, other) in enumerate(zip(made, again, strict=True)):
+        known = other[..., 3] == 255
+        assert known.mean() > 0.8
+        np.testing.assert_array_equal(one[known], other[known])
+        (file,) = Path("z").glob(f"*{n:04d}*")
+        given, back = read_depth(file), np.load(f"back/{n:04d}.npy")
+        given = np.where(given == 0, np.inf, given) / (1000 if file.suffix == ".png" else 1)
+        np.testing.assert_allclose(back, given, rtol=1e-6, atol=1e-9)
+    exact = np.load("back/0000.npy")  # of the source's own place
+    known = np.isfinite(exact)
+    z = cv2.imread("depth/1.png", cv2.IMREAD_UNCHANGED) / 1000
+    np.testing.assert_allclose(exact[known], z[known], atol=max(atol, 1e-6))
+
+
+def test_a_film_that_breaks_off_leaves_no_depth_and_goes_on_from_there(monkeypatch):
+    words = [*FLIGHT, "--depth-output", "z", "-o", "film.apng"]
+    assert ended(*words) == 0
+    whole = [np.array(Image.open(file)) for file in sorted(Path("z").iterdir())]
+    film = Path("film.apng").read_bytes()
+    for file in (*Path("z").iterdir(), Path("film.apng")):
+        file.unlink()
+    asked, write = [], DepthFrames.write
+
+    def breaking(self, n, depth):
+        asked.append(n)
+        if len(asked) == 2:
+            raise OSError("no room")
+        write(self, n, depth)
+
+    monkeypatch.setattr(DepthFrames, "write", breaking)
+    assert ended(*words) == 2
+    assert not [file for file in Path("z").iterdir() if file.is_file()]
+    assert not Path("film.apng").exists()
+    assert ended(*words, "--resume") == 0
+    assert asked == [0, 1, 1, 2]
+    found = [np.array(Image.open(file)) for file in sorted(Path("z").iterdir())]
+    np.testing.assert_array_equal(found, whole)
+    assert Path("film.apng").read_bytes() == film
+
+
+def test_a_film_that_is_rendered_in_vain_leaves_no_depth():
+    Path("depth/2.png").write_bytes(b"damaged")
+    words = ["render", "film.gif", "depth", "--depth-scale", "1000", *STILL]
+    assert ended(*words, "--depth-output", "z", "-o", "out.apng") == 2
+    assert not Path("z").exists()
+    assert not Path("out.apng").exists()
+
+
+def test_depth_of_a_shorter_film_replaces_that_of_a_longer_one():
+    words = [*FLIGHT, "--depth-output", "z/*.npy", "-o", "film.gif"]
+    assert ended(*words) == 0
+    Path("z/notes.npy").touch()
+    words[words.index("--frames") + 1] = "2"
+    assert ended(*words) == 0
+    assert sorted(file.name for file in Path("z").iterdir()) == [
+        "0000.npy",
+        "0001.npy",
+        "notes.npy",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "complaint"),
+    [
+        ("z.exr", "with one * for the number of the frame, such as depth/*.exr"),
+        ("*/z.exr", "with one *"),
+        ("z/*.jpg", "depth is written as .exr, .npy or .png"),
+        ("none/z/*.png", "none"),
+        ("film.gif/*.png", "film.gif is not a folder"),
+        ("out", "out holds the film's frames; give its depth another folder"),
+    ],
+)
+def test_depth_that_cannot_be_written_is_refused_at_once(capsys, pattern, complaint):
+    assert complaint in refused(capsys, *FLIGHT, "--depth-output", pattern, "-o", "out")

@@ -186,14 +186,18 @@ def shots(
     """
 
     def frame(n: int) -> Levels:
-        screen = render(camera.moved(poses[n]))
-        levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-        return levels
+        return as_levels(render(camera.moved(poses[n])))
 
     seen = sorted(f"{name} {value}" for name, value in vars(camera).items() if name in OWN)
     kind = [type(camera).__name__, *seen]
     whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": kind}
     return Shots(len(poses), frame, whole)
+
+
+def as_levels(screen: Floats) -> Levels:
+    """Levels of 8 bits of a picture of 0..1."""
+    levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return levels
 
 
 def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:

@@ -92,6 +92,11 @@ class Depth(Choices):
         if self.depth_intrinsics is not None:
             check_intrinsics("depth-intrinsics", self.depth_intrinsics)
 
+    @property
+    def scale_of_z(self) -> float | None:
+        """Numbers per unit, if they are z."""
+        return self.depth_scale if self.depth_kind == "z" else None
+
     def range(self) -> tuple[float, float]:
         """Z that relative depth is taken to lie between."""
         from resample_warp3d.depth import encodings
@@ -338,7 +343,7 @@ class Extras(Choices):
         Path | None,
         Field(
             description="Depth z: .exr and .npy in scene units; .png in 16 bits, of the depth "
-            "scale, or 1000 per unit."
+            "scale, or 1000 per unit. Of a film as of animate."
         ),
     ] = None
     export: Annotated[

@@ -95,15 +95,15 @@ def render(
 
     aim.check()
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
-    check_extras(extras, eye)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     further = [view_names(text) for text in view or []]
-    check_targets(output, *extras.paths())
     film = film_with_depth(color, depth, extras, further)
     if film is not None:
-        render_film(film, output, reader, aim, warping, look)
+        render_film(film, output, reader, aim, warping, look, extras.depth_output)
         return
+    check_extras(extras, eye)
+    check_targets(output, *extras.paths())
     check_output(output, look, transparent=not warping.fill)
     session = Session()
     with session.stage("read"):
@@ -119,7 +119,7 @@ def render(
         mention_holes(seen)
     with session.stage("write"):
         write_picture(output, made_of(seen, kind, warping), look)
-        write_extras(extras, seen, meaning.depth_scale if meaning.depth_kind == "z" else None)
+        write_extras(extras, seen, meaning.scale_of_z)
         if extras.export is not None:
             write_geometry(
                 extras.export, sources[0].source, taken.views[0].pinhole, extras.export_as
@@ -227,6 +227,7 @@ def animate(
     target: Annotated[TargetCamera, flags.Flat] = TARGET,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     background: flags.FilmBackground = "black",
+    depth_output: Path | None = None,
     resume: flags.Resume = False,
 ) -> None:
     """Move a camera past a picture with depth.
@@ -239,13 +240,18 @@ def animate(
         As of render.
     depth
         As of render.
+    depth_output
+        Depth z of each frame, which render reads with the film: a folder for 16-bit .png, of the
+        depth scale or 1000 per unit, or a name with * for the frame's number, such as
+        depth/*.exr or .npy in scene units.
     """
     import numpy as np
 
     from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
-    from resample_warp3d.command.animation import Range, check_path, poses_of, shots
+    from resample_warp3d.command.animation import Range, check_path, poses_of
+    from resample_warp3d.command.depths import appearing, depths_of, shots_with_depth
     from resample_warp3d.command.inputs import Reader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
@@ -256,6 +262,7 @@ def animate(
     target.check_target()
     target.shape((1, 2))
     check_film(output, fps)
+    depths = depths_of(depth_output, output, meaning)
     session = Session()
     taken = read_views(reader, color, depth)
     shape = target.shape(taken.shape)
@@ -264,8 +271,8 @@ def animate(
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, taken, shape, warping, behind)
-    made = shots(poses, camera, film.frame, film.job)
-    with session.stage("film", bar="moving") as progress:
+    made = shots_with_depth(poses, camera, film, depths)
+    with session.stage("film", bar="moving") as progress, appearing(depths, resume=resume):
         write_film(output, made, fps, resume=resume, progress=progress)
 
 

@@ -12,8 +12,11 @@ from resample.colors import to_srgb
 from resample.command.session import Session
 from resample.files.pictures import Look, Picture
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
+from resample.files.writing import check_targets
+from resample.types import Floats
 from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import Extras, Warping
+from resample_warp3d.command.depths import appearing, depths_of
 from resample_warp3d.command.inputs import Reader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
 from resample_warp3d.command.writing import warped_picture
@@ -98,7 +101,7 @@ def film_with_depth(
     frames = frames_of(Path(color))
     if frames is None:
         return None
-    for name in ("holes", "coverage", "depth_output", "export", "stats"):
+    for name in ("holes", "coverage", "export", "stats"):
         if getattr(extras, name) is not None:
             raise ValueError(f"--{name.replace('_', '-')} is made of a picture, not of a film")
     if further:
@@ -107,23 +110,28 @@ def film_with_depth(
 
 
 def render_film(
-    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: Look
-) -> None:
-    """Write a film as seen from another place.
+    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: Look,
+    depth_output: Path | None = None,
+) -> None:  # fmt: skip
+    """Write a film as seen from another place, and its depth, if that is asked for.
 
     Raises
     ------
     ValueError, LookupError, OSError
         A file or a choice cannot be worked with.
     """
+    depths = depths_of(depth_output, output, reader.meaning)
+    check_targets(output)
     check_frames(output, film.frames, look)
     session = Session()
-    with session.stage("film", bar="moving") as progress:
+    with session.stage("film", bar="moving") as progress, appearing(depths):
         count = len(film.frames.seconds)
 
         def told() -> Iterator[Picture]:
             made = _pictures(session, film, film.reader(reader), aim, warping)
-            for n, picture in enumerate(made):
+            for n, (picture, depth) in enumerate(made):
+                if depths is not None:
+                    depths.write(n, depth)
                 if progress is not None:
                     progress((n + 1) / count)
                 yield picture
@@ -133,8 +141,11 @@ def render_film(
 
 def _pictures(
     session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping
-) -> Iterator[Picture]:
-    """Pictures of a film from the other place; all depth is treated as that of the first."""
+) -> Iterator[tuple[Picture, Floats]]:
+    """Pictures of a film from the other place, and their depth (H, W).
+
+    All depth is treated as that of the first.
+    """
     names = str(film.frames.path), film.depth
     for n, (picture, raw) in enumerate(zip(film.frames.read(), film.depths(), strict=True)):
         view = view_of(reader, picture, raw, names)
@@ -146,7 +157,7 @@ def _pictures(
         warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
         target = aim.sight(reader.eye.sight(view.shape), view.shape, reader.eye.convention)
         seen = warped(session, sources[0], target, shape, warping)
-        yield warped_picture(seen, picture.kind, filled=warping.fill)
+        yield warped_picture(seen, picture.kind, filled=warping.fill), seen.depth
 
 
 def _gray_levels(picture: Picture) -> Raw:

@@ -62,8 +62,13 @@ class Together(NamedTuple):
 class Film(NamedTuple):
     """Frames of a camera that moves."""
 
-    frame: Callable[[Sight], Floats]
+    seen: Callable[[Sight], Warped]
+    screen: Callable[[Warped], Floats]  # (H, W, 3) of 0..1
     job: Mapping[str, object]
+
+    def frame(self, camera: Sight) -> Floats:
+        """What a camera sees, as a screen shows it."""
+        return self.screen(self.seen(camera))
 
 
 def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
@@ -209,9 +214,10 @@ def film_of(
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, None)
 
-    def frame(camera: Sight) -> Floats:
-        seen = joined(session, sources, camera, shape, choice, joining).warped
-        return on_screen(seen, has_alpha=taken.picture.kind.has_alpha, background=background)
+    def seen(camera: Sight) -> Warped:
+        return joined(session, sources, camera, shape, choice, joining).warped
+
+    screen = partial(on_screen, has_alpha=taken.picture.kind.has_alpha, background=background)
 
     images = [view.image for view in taken.views]
     job = {
@@ -224,7 +230,7 @@ def film_of(
         "background": list(background),
         "version": version("hybrid-resample"),
     }
-    return Film(frame, job)
+    return Film(seen, screen, job)
 
 
 def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":

@@ -101,7 +101,10 @@ def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
     if extras.coverage is not None:
         write_picture(extras.coverage, coverage_picture(warped.coverage), Look(is_light=False))
     if extras.depth_output is not None:
-        write_depth(extras.depth_output, warped.depth, MILLIMETERS if scale is None else scale)
+        path, scale = extras.depth_output, MILLIMETERS if scale is None else scale
+        lost = write_depth(path, warped.depth, scale)
+        if lost:
+            say(f"{path}: {lost} pixels are beyond {65535 / scale:g} and left out; take .exr")
 
 
 def check_holes(path: Path) -> None:
@@ -139,18 +142,22 @@ def check_depth(path: Path) -> None:
         raise ValueError(f"{path}: depth is written as {', '.join(most)} or {last}")
 
 
-def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> None:
+def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
     """Write depth in the form of the suffix.
 
     Parameters
     ----------
     path
         `.exr` (channel Z) and `.npy` in scene units, inf where nothing is; `.png` in 16 bits, 0
-        where nothing is. What is too far for 16 bits is left out, which is said.
+        where nothing is. What is too far for 16 bits is left out.
     depth
         (H, W) scene units.
     scale
         Numbers of a PNG per scene unit.
+
+    Returns
+    -------
+    How many pixels are left out.
 
     Raises
     ------
@@ -160,7 +167,7 @@ def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> None:
         The file cannot be written.
     """
     check_depth(path)
-    suffix = path.suffix.lower()
+    suffix, lost = path.suffix.lower(), 0
     if suffix == ".npy":
         with replacing(path) as temporary:
             np.save(temporary, np.asarray(depth, np.float32))
@@ -170,10 +177,9 @@ def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> None:
     else:
         levels = np.floor(np.where(np.isfinite(depth), depth, 0.0) * float(scale) + 0.5)
         lost = int((levels > 65535).sum())
-        if lost:
-            say(f"{path}: {lost} pixels are beyond {65535 / scale:g} and left out; take .exr")
         share = np.where(levels > 65535, 0.0, levels) / 65535.0
         plane = np.asarray(share, np.float32)[..., None]
         write_picture(
             path, Picture(plane, Kind(("Y",), 16, is_encoded=False)), Look(16, is_light=False)
         )
+    return lost

@@ -127,7 +127,7 @@ class Passage:
 
         As `limbs.project_ends`, with differences in place of derivatives.
         """
-        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_PX
+        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BEYOND, INSET_PX
 
         if not len(sheet.ends):
             return
@@ -144,8 +144,10 @@ class Passage:
         with np.errstate(divide="ignore", invalid="ignore"):
             rise = 0.5 * length * _cross(nearer, along) / _cross(ahead, along)
             speed = np.maximum(np.hypot(*nearer.T), 1e-30)
-            least = np.minimum(np.sqrt(length * INSET), INSET_PX / speed)
-        rise = np.clip(np.where(np.isfinite(rise), rise, 0.0), least, np.sqrt(length))
+        rise = np.where(np.isfinite(rise), rise, 0.0)
+        least = np.minimum(np.sqrt(length * INSET), INSET_PX / speed)
+        least = np.minimum(least, INSET_BEYOND * np.abs(rise))
+        rise = np.clip(rise, least, np.sqrt(length))
         back = (rise**2 / length)[:, None] * out
         ends = self._corners(place - back, near + rise)
         # Differences beside what a camera cannot see say nothing.

@@ -20,6 +20,7 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, TURNS, UP, Links
 FARTHEST = 1.5  # samples from the last one to where a surface turns away, by its depth
 INSET = 0.1  # samples that a surface ends before that: its outermost rim has no color of its own
 INSET_PX = 0.5  # the same on the target's screen, at most
+INSET_BEYOND = 2.0  # the same in nearness, by its fall to where the target sees farther around
 
 Four = tuple[float, float, float, float]
 
@@ -201,7 +202,8 @@ def rise_of(
     if along != 0.0:  # it turns away from the target where nearness moves it as far as distance
         rise = 0.5 * length * (near_x * side_y - near_y * side_x) / along
     speed = max(math.hypot(near_x, near_y) / abs(scale), 1e-30)
-    least = min(math.sqrt(length * INSET), INSET_PX / speed)
+    # A surface that is seen as the source sees it ends as it does there: no gap opens beside it.
+    least = min(math.sqrt(length * INSET), INSET_PX / speed, INSET_BEYOND * abs(rise))
     return float(min(max(rise, least), math.sqrt(length)))
 
 

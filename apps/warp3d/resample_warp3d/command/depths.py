@@ -1,0 +1,170 @@
+"""Depth of every frame of a film, as files that `render` reads with the film again."""
+
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from resample.command.console import say
+from resample.files.animations import Levels, Shots
+from resample.files.writing import check_targets
+from resample.types import Doubles, Floats
+from resample_warp3d.command.animation import as_levels, shots
+from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.rendering import Film
+from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
+from resample_warp3d.wide.sights import Sight
+
+FRAME = "frame-*.png"  # in a folder of which no pattern was given
+KEPT = ".depths"  # folder of what is done, until all is
+
+
+@dataclass(frozen=True)
+class DepthFrames:
+    """Files of depth, of which a star in the name stands for the number of the frame.
+
+    They are kept in a hidden folder and appear when the film is whole.
+
+    Parameters
+    ----------
+    pattern
+        Folder, for 16-bit PNGs, or `folder/name-*.png`, `.exr` or `.npy`.
+    scale
+        Numbers of a PNG per scene unit; None are `MILLIMETERS`.
+
+    Raises
+    ------
+    ValueError, OSError
+        The pattern is neither, or its folder cannot be made.
+    """
+
+    pattern: Path
+    scale: float | None = None
+    _lost: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        folder, name = self.folder, self.name
+        if "*" in str(folder) or name.count("*") != 1:
+            raise ValueError(
+                f"{self.pattern}: depth of a film is written to a folder, or to files with one * "
+                "for the number of the frame, such as depth/*.exr"
+            )
+        check_depth(Path(name.replace("*", "0")))
+        if folder.exists() and not folder.is_dir():
+            raise OSError(f"{folder} is not a folder")
+        check_targets((folder if folder.is_dir() else folder.parent) / f"{KEPT}.tried")
+
+    @property
+    def folder(self) -> Path:
+        """Where the files appear."""
+        return self.pattern if self._is_folder else self.pattern.parent
+
+    @property
+    def name(self) -> str:
+        """Their name, with a star."""
+        return FRAME if self._is_folder else self.pattern.name
+
+    @property
+    def _is_folder(self) -> bool:
+        return self.pattern.is_dir() or not (self.pattern.suffix or "*" in self.pattern.name)
+
+    @property
+    def job(self) -> list[object]:
+        """What the files depend on besides the film, as JSON has it."""
+        return [str(self.folder.resolve() / self.name), self.scale]
+
+    def holds(self, n: int) -> bool:
+        """Whether a frame's depth is done."""
+        return self._file(n).is_file()
+
+    def write(self, n: int, depth: Floats) -> None:
+        """Write a frame's depth (H, W), scene units.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        scale = MILLIMETERS if self.scale is None else self.scale
+        self._lost.append(write_depth(self._file(n), depth, scale))
+
+    @contextmanager
+    def appearing(self, *, resume: bool | None = None) -> Iterator[None]:
+        """Let what is written in the block appear after it.
+
+        Files of earlier films of the same pattern are removed then. After an error what is done is
+        kept, and with `resume` a later block goes on with that; None keeps nothing.
+        """
+        kept, is_new = self._kept, not self.folder.exists()
+        if not resume:
+            shutil.rmtree(kept, ignore_errors=True)
+        kept.mkdir(parents=True, exist_ok=True)
+        try:
+            yield
+        except BaseException:
+            if resume is None or not self._files(kept):
+                shutil.rmtree(kept, ignore_errors=True)
+                with suppress(OSError):  # it holds other files
+                    if is_new:
+                        self.folder.rmdir()
+            raise
+        for earlier in self._files(self.folder):
+            earlier.unlink()
+        for file in self._files(kept):
+            file.replace(self.folder / file.name)
+        shutil.rmtree(kept)
+        if sum(self._lost):
+            say(f"{self.pattern}: {sum(self._lost)} pixels are too far for 16 bits and left out")
+
+    @property
+    def _kept(self) -> Path:
+        return self.folder / KEPT
+
+    def _file(self, n: int) -> Path:
+        return self._kept / self.name.replace("*", f"{n:04d}")
+
+    def _files(self, folder: Path) -> list[Path]:
+        before, after = map(re.escape, self.name.split("*"))
+        named = re.compile(f"{before}[0-9]{{4,}}{after}")
+        return sorted(file for file in folder.iterdir() if named.fullmatch(file.name))
+
+
+def depths_of(pattern: Path | None, output: Path, meaning: Depth) -> DepthFrames | None:
+    """Files of the depth of a film that is written to `output`, if they are asked for.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `DepthFrames`; or the film's frames are in the same folder.
+    """
+    if pattern is None:
+        return None
+    frames = DepthFrames(pattern, meaning.scale_of_z)
+    if output.resolve() == frames.folder.resolve():
+        raise ValueError(f"{output} holds the film's frames; give its depth another folder")
+    return frames
+
+
+def appearing(
+    depths: DepthFrames | None, *, resume: bool | None = None
+) -> AbstractContextManager[None]:
+    """Block after which depth appears, if there is any; see `DepthFrames.appearing`."""
+    return nullcontext() if depths is None else depths.appearing(resume=resume)
+
+
+def shots_with_depth(
+    poses: Sequence[Doubles], camera: Sight, film: Film, depths: DepthFrames | None
+) -> Shots:
+    """Frames of a path, as of `shots`, of which each leaves its depth, if that is asked for."""
+    if depths is None:
+        return shots(poses, camera, film.frame, film.job)
+
+    def frame(n: int) -> Levels:
+        seen = film.seen(camera.moved(poses[n]))
+        depths.write(n, seen.depth)
+        return as_levels(film.screen(seen))
+
+    made = shots(poses, camera, film.frame, {**film.job, "depth": depths.job})
+    return made._replace(frame=frame, has_more=depths.holds)
