@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.showable import Showable
+
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -420,13 +422,8 @@ else:
     Counts = TypeVar("Counts")
 
 
-class Frame(NamedTuple, Generic[Counts]):
-    """A painted scene (volume, cloud, mesh, samples) with what is known about its pixels.
-
-    Its color is multiplied by its opacity, the fourth channel. A picture that was moved, of any
-    channels and types, is an application's `Warped` instead, whose `image` is multiplied by its
-    `coverage`. What both have has one name: `coverage`, `depth`.
-    """
+class _Frame(NamedTuple, Generic[Counts]):
+    """Fields of `Frame`."""
 
     rgba: Floats  # (H, W, 4) premultiplied, linear light
     depth: Floats  # (H, W) z-depth weighted by what is seen, scene units; inf where nothing is
@@ -434,3 +431,14 @@ class Frame(NamedTuple, Generic[Counts]):
     coverage: Floats  # (H, W) share of the pixel that is covered, however faintly, 0..1
     statistics: Counts  # what the rendering did
     value: Floats | None = None  # (H, W) what a projection of a field measured; see `Projection`
+
+
+class Frame(Showable, _Frame[Counts]):
+    """A painted scene (volume, cloud, mesh, samples) with what is known about its pixels.
+
+    Its color is multiplied by its opacity, the fourth channel. A picture that was moved, of any
+    channels and types, is an application's `Warped` instead, whose `image` is multiplied by its
+    `coverage`. What both have has one name: `coverage`, `depth`.
+    """
+
+    __slots__ = ()

@@ -157,7 +157,7 @@ def test_a_transparent_volume_has_no_voxels(kind: str, gradient: str | None) -> 
     ramp = None if gradient is None else (0.1, 0.5)
     volume = unit_volume(np.zeros((2, 3, 4), kind))
     voxels = classify(volume, NONE, gradient=gradient, gradient_opacity=ramp)
-    assert [field.shape for field in voxels] == [(0, 3), (0, 3), (0,), (0, 3), (3, 3)]
+    assert [field.shape for field in voxels[:5]] == [(0, 3), (0, 3), (0,), (0, 3), (3, 3)]
     assert {field.dtype.name for field in voxels[:4]} == {"float32"}
 
 

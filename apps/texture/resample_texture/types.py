@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.showable import Showable
 from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry
 
@@ -23,11 +24,17 @@ class Edge(StrEnum):
     MIRROR = "mirror"  # the source's mirror image: a b c | c b a
 
 
-class Warped(NamedTuple):
-    """A warped picture, or a batch (N, ...) of them."""
+class _Warped(NamedTuple):
+    """Fields of `Warped`."""
 
     image: NDArray[Any]  # (H, W) or (H, W, C) as the source; multiplied by the coverage
     coverage: Floats  # (H, W) share of the pixel filter's mass that the source fills, 0..1
+
+
+class Warped(Showable, _Warped):
+    """A warped picture, or a batch (N, ...) of them."""
+
+    __slots__ = ()
 
     @property
     def mean(self) -> NDArray[Any]:

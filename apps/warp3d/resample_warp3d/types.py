@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.showable import Showable
 from resample.types import Doubles, Floats
 
 Links = NDArray[np.uint8]
@@ -95,8 +96,8 @@ class Rendered(NamedTuple):
     bridged: NDArray[np.bool_]  # (H, W) filled between samples
 
 
-class Warped(NamedTuple):
-    """A warped depth image."""
+class _Warped(NamedTuple):
+    """Fields of `Warped`."""
 
     image: Floats  # (H, W, C) multiplied by the coverage
     coverage: Floats  # (H, W) 0..1
@@ -108,6 +109,12 @@ class Warped(NamedTuple):
     confidence: (
         Floats  # (H, W) 0..1: how far the source's sampling, view and depth support the pixel
     )
+
+
+class Warped(Showable, _Warped):
+    """A warped depth image."""
+
+    __slots__ = ()
 
 
 class Method(Protocol):

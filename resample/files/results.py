@@ -1,0 +1,142 @@
+"""Results as pictures: levels, Pillow's images, PNG, false colors, and a line about each."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import Background, from_srgb, mapped, over, straight, to_srgb
+from resample.files.images import write_frame
+from resample.types import Floats, Frame, Statistics
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COLORMAP = "turbo"
+PERCENTILES = (0.5, 99.5)  # of what is finite, that false colors span
+ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types of light that is sRGB-encoded
+NOTEBOOK = 2048  # px, longer sides are shown smaller in notebooks
+HOLE_COLORS = "tab10"
+MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification", "confidence")
+
+
+def save(result: Any, path: str | Path, *, bits: int, background: Background | None) -> None:
+    """Write a result; see `resample.showable.Showable.save`."""
+    frame = result if isinstance(result, Frame) else _as_frame(result)
+    write_frame(Path(path), frame, bits=bits, background=background)
+
+
+def levels_of(result: Any, of: str, *, background: Background | None = None) -> NDArray[np.uint8]:
+    """Levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
+    if of != "color":
+        return _encoded(_false_colors(result, of))
+    light = light_of(result)
+    if background is not None:
+        return _encoded(over(light, background))
+    seen = straight(light)
+    alpha = np.rint(255 * np.clip(seen[..., 3:], 0, 1)).astype(np.uint8)
+    return np.concatenate([_encoded(seen[..., :3]), alpha], axis=2)
+
+
+def image_of(result: Any, of: str, *, background: Background | None = None) -> "Image":
+    """A result as Pillow's image."""
+    from PIL import Image
+
+    return Image.fromarray(levels_of(result, of, background=background))
+
+
+def png_of(result: Any) -> bytes:
+    """PNG of a result, not larger than notebooks can show."""
+    image, file = image_of(result, "color"), BytesIO()
+    image.thumbnail((NOTEBOOK, NOTEBOOK))
+    image.save(file, "png")
+    return file.getvalue()
+
+
+def line_about(result: Any) -> str:
+    """A result's class, size and share of pixels that something covers."""
+    name = type(result).__name__
+    if isinstance(result, Frame):
+        height, width = result.depth.shape
+        near = result.first_depth[np.isfinite(result.first_depth)]
+        depth = f", depth from {near.min():.4g}" if near.size else ""
+        return f"{name}({width} × {height} px, {_covered(result)}{depth})"
+    image = np.ma.getdata(result.image)
+    size = " × ".join(map(str, image.shape))
+    return f"{name}({size} {image.dtype}, {_covered(result)})"
+
+
+def light_of(result: Any) -> Floats:
+    """Premultiplied linear light (H, W, 4) of a result.
+
+    Raises
+    ------
+    ValueError
+        It is a batch, or has more channels than a picture.
+    """
+    if isinstance(result, Frame):
+        return result.rgba
+    stored = np.ma.getdata(result.image)
+    image = stored[..., np.newaxis] if stored.ndim == result.coverage.ndim else stored
+    if image.ndim != 3 or image.shape[2] > 4:
+        raise ValueError(
+            f"{stored.shape} is no picture (H, W) or (H, W, C) of up to 4 channels; take one of a "
+            "batch, or some of the channels"
+        )
+    values = _as_light(image)
+    if image.shape[2] in (1, 2):
+        values = np.repeat(values[..., :1], 3, axis=2)
+    if values.shape[2] == 4:
+        if stored.dtype in ENCODED:  # straight opacity
+            values[..., :3] *= values[..., 3:]
+        return values
+    return np.concatenate(
+        [values, np.asarray(result.coverage, np.float32)[..., np.newaxis]], axis=2
+    )
+
+
+def _as_light(image: NDArray[Any]) -> Floats:
+    """Values (H, W, C) as linear light; what is missing is black."""
+    values = np.nan_to_num(image.astype(np.float32))
+    if image.dtype in ENCODED:
+        values /= np.float32(np.iinfo(image.dtype).max)
+        values[..., :3] = from_srgb(values[..., :3])
+    elif image.dtype.kind in "iu":
+        values /= max(1.0, float(np.abs(values).max(initial=0)))
+    return values
+
+
+def _as_frame(result: Any) -> Frame[Any]:
+    """A picture that was moved as a painted one, to be written."""
+    light = light_of(result)
+    depth = getattr(result, "depth", np.full(light.shape[:2], np.inf, np.float32))
+    coverage = np.asarray(result.coverage, np.float32)
+    return Frame(light, depth, depth, coverage, Statistics(0, 0, 0, 0, 1, {}))
+
+
+def _false_colors(result: Any, of: str) -> Floats:
+    """Linear light (H, W, 3) that shows the values of a part; black where there are none."""
+    known = [part for part in MEASURED if getattr(result, part, None) is not None]
+    if of not in known:
+        raise ValueError(
+            f"{type(result).__name__} has no part {of!r}; it has color, {', '.join(known)}"
+        )
+    values = np.asarray(getattr(result, of), np.float64)
+    if of == "holes":
+        kinds = mapped(HOLE_COLORS, np.arange(0.05, 1, 0.1))
+        return np.where(values[..., None] > 0, kinds[values.astype(int) % 10], np.float32(0))
+    finite = np.isfinite(values)
+    low, high = np.percentile(values[finite], PERCENTILES) if finite.any() else (0.0, 1.0)
+    share = np.clip((np.where(finite, values, low) - low) / max(high - low, 1e-30), 0, 1)
+    colors = mapped(COLORMAP, share.ravel()).reshape(*values.shape, 3)
+    return np.where(finite[..., None], colors, np.float32(0))
+
+
+def _encoded(light: Floats) -> NDArray[np.uint8]:
+    return np.floor(255 * to_srgb(np.clip(light, 0, 1)) + np.float32(0.5)).astype(np.uint8)
+
+
+def _covered(result: Any) -> str:
+    return f"{100 * float(np.mean(result.coverage > 0)):.3g} % covered"

@@ -1,0 +1,85 @@
+"""What results have in common: they can be saved, looked at, and handed to others as levels.
+
+Results are made far below what knows files and pictures; that is looked up when it is asked for.
+"""
+
+from collections.abc import Sequence
+from importlib import import_module
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Behind = Sequence[float] | None  # 3 values of linear light
+
+
+def _results() -> Any:
+    return import_module("resample.files.results")
+
+
+class Showable:
+    """A result that can be saved, shown in a notebook, and turned into levels.
+
+    Parts that have a picture are `color` and, as far as the result has them, `depth`,
+    `first_depth`, `coverage`, `value`, `holes`, `magnification` and `confidence`.
+    """
+
+    __slots__ = ()
+
+    def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
+        """Write the picture in the format of its suffix, `.png` or `.exr`, whole or not at all.
+
+        Parameters
+        ----------
+        path
+            Target. EXR holds linear light, coverage and depth.
+        bits
+            8 or 16 per channel of PNG.
+        background
+            What is behind the picture, 3 values of linear light; None keeps it transparent.
+
+        Raises
+        ------
+        ValueError
+            The suffix or the number of bits is not known, or the result is no one picture.
+        OSError
+            The file cannot be written.
+        """
+        _results().save(self, path, bits=bits, background=background)
+
+    def to_uint8(self, of: str = "color", *, background: Behind = None) -> NDArray[np.uint8]:
+        """Levels (H, W, 3) of sRGB, or (H, W, 4) with straight opacity where none is behind.
+
+        Parameters
+        ----------
+        of
+            Part that is shown; all but `color` are drawn in false colors, unknown is black.
+        background
+            What is behind the color, 3 values of linear light; None keeps it transparent.
+
+        Raises
+        ------
+        ValueError
+            There is no such part, or the result is no one picture.
+        """
+        levels: NDArray[np.uint8] = _results().levels_of(self, of, background=background)
+        return levels
+
+    def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
+        """Picture of Pillow's; parameters and errors as of `to_uint8`."""
+        image: Image = _results().image_of(self, of, background=background)
+        return image
+
+    def _repr_png_(self) -> bytes:
+        """PNG that notebooks show."""
+        png: bytes = _results().png_of(self)
+        return png
+
+    def __repr__(self) -> str:
+        """Size, and what is known of it, in one line."""
+        text: str = _results().line_about(self)
+        return text
