@@ -22,6 +22,7 @@ from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.recordings import in_color, is_color
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -81,10 +82,19 @@ Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
 def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
-    """Array (Z, Y, X) as a volume of spacing 1 around no origin in particular."""
-    if values.ndim != 3 or 0 in values.shape:
-        raise ValueError(f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}")
-    return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
+    """Array (Z, Y, X) as a volume of spacing 1 around no origin in particular.
+
+    Also an array (Z, Y, X, 3 or 4) of colors, see `recordings.in_color`.
+    """
+    colored = values.ndim == 4 and is_color(values.shape, values.dtype)
+    if (values.ndim != 3 and not colored) or 0 in values.shape:
+        raise ValueError(
+            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; of several "
+            "give one"
+        )
+    first = values[..., 0] if colored else values
+    volume = Volume(first, np.ones(3), np.zeros(3), np.eye(3), name)
+    return in_color(values, volume) if colored else volume
 
 
 def transfer_of(
@@ -218,6 +228,11 @@ def field_of(
         `field_voxels` and `gathered`.
     """
     projection, order = resampler.projection, resampler.order
+    if volume.colors is not None:
+        raise ValueError(
+            f"{volume.name} has colors, which need the classification pre and the projection "
+            "composite; for a field choose one channel"
+        )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(

@@ -49,7 +49,7 @@ def prepared(source: Source, name: str) -> Volume:
     """
     volume = opened(source, name)
     known = survey(volume)
-    for line in findings(known):
+    for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     return without_padding(volume, known)
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.files.memory import require_memory
+from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import finite_range, lattice_of
 
@@ -70,16 +71,33 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
     first, last = _box(volume, lattice.steps, lattice.origin)
     size = np.maximum(last - first + 1, 1)
     listed = " x ".join(map(str, size))
+    each = BYTES_PER_RESAMPLED * (1 if volume.colors is None else 4)
     require_memory(
-        BYTES_PER_RESAMPLED * (int(size.prod()) + volume.values.size),
+        each * (int(size.prod()) + volume.values.size),
         f"{volume.name} on the finest lattice, {listed} voxels,",
     )
     values = _resampled(volume.values, matrix, start + matrix @ first, tuple(size[::-1]))
+    colors = volume.colors
+    if colors is not None:
+        colors = _in_between(colors, matrix, start + matrix @ first, tuple(size[::-1]))
     spacing = np.linalg.norm(lattice.steps, axis=0)
     origin = lattice.origin + lattice.steps @ first
-    return volume._replace(
-        values=values, spacing=spacing, origin=origin, direction=lattice.steps / spacing
+    return Volume(
+        values, spacing, origin, lattice.steps / spacing, volume.name, volume.units, colors
     )
+
+
+def _in_between(
+    colors: NDArray[Any], matrix: Doubles, start: Doubles, shape: tuple[int, ...]
+) -> Floats:
+    """Linear colors (Z, Y, X, 3) at the places of `_resampled`, weighed by their opacities."""
+    light, weight = linear_colors(colors), np.ones(1, np.float32)
+    if colors.shape[-1] == 4:
+        weight = _resampled(colors[..., 3], matrix, start, shape)
+        light = light * colors[..., 3:].astype(np.float32)
+    parts = [_resampled(light[..., c], matrix, start, shape) for c in range(3)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(np.stack([part / weight for part in parts], axis=-1), posinf=0.0)
 
 
 def _fineness(volume: Volume) -> tuple[float, ...]:
