@@ -30,3 +30,4 @@ class Recording(NamedTuple):
     name: str
     units: str = ""
     is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
+    note: str = ""

@@ -201,9 +201,10 @@ def animate(
     background: flags.FilmBackground = "black",
     threads: int | None = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
     resume: flags.Resume = False,
 ) -> None:
-    """Move a camera around a volume, or away from it.
+    """Move a camera around a volume, or away from it; a volume of several times moves itself.
 
     Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
 
@@ -213,30 +214,40 @@ def animate(
         As in render.
     path
         The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
-        from voxels that are splats to voxels that are points; or a file of keyframes or poses.
+        from voxels that are splats to voxels that are points; still, where it is; or a file of
+        keyframes or poses.
     frames
-        How many. 96, or as many as the keyframes' times ask for.
+        How many. 96, or as many as the volume's times, or as the keyframes' times ask for.
     threads
         At most this many; pixels do not depend on it.
     """
     from resample.command.console import progress_bar
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
-    from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
-    from resample_volume.command.inputs import prepared
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
+    from resample_volume.command import animation
+    from resample_volume.command.inputs import held
+    from resample_volume.command.media import filmed, media, series_of
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
 
     check_film(output, fps)
-    flight = flight_of(path, frames, fps, look.viewpoint())
+    flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    paint = Paint(resampler, shape, behind, threads)
+    paint = animation.Paint(resampler, shape, behind, threads)
     require_picture(shape, BYTES_PER_PIXEL)
-    scene = prepared(source, volume)
-    subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
+    recording = held(source, volume) if source.time is None and not added.channels else None
+    series = None if recording is None else series_of(source, recording)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    made = shots(subject, cameras_of(subject, flight, shape), paint, about)
+    if series is None:
+        shown = media(source, volume, look, added, resampler, recording=recording)
+        subject = scene_of(Session(), shown, resampler)
+        made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)
+    else:
+        course = filmed(series, look, added, resampler)
+        flight = animation.over_time(flight, frames, course.times)
+        cameras = animation.cameras_of(course[0], flight, shape)
+        made = animation.shots_over_time(course, cameras, paint, about)
     with progress_bar("filming") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)
 

@@ -1,14 +1,23 @@
 """Scenes of several volumes as the command line names them."""
 
 import re
+from dataclasses import replace
 from typing import NamedTuple
 
+from resample.command.console import progress_bar, say
+from resample.command.session import announce_compilation
 from resample.resampler import Resampler
+from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
 from resample_volume.command.inputs import held, prepared, said
+from resample_volume.command.rendering import painter
+from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
-from resample_volume.media.recordings import volume_at
-from resample_volume.rendering import Medium
+from resample_volume.looks.surveys import findings
+from resample_volume.media.recordings import volume_at, with_times_first
+from resample_volume.media.series import Series
+from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.types import Recording
 
 KEYS = ("time", "channel", "units", "spacing", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
@@ -36,9 +45,15 @@ def others(texts: tuple[str, ...]) -> list[Other]:
 
 
 def media(
-    source: Source, name: str, look: Look, added: Added, resampler: Resampler
+    source: Source,
+    name: str,
+    look: Look,
+    added: Added,
+    resampler: Resampler,
+    *,
+    recording: Recording | None = None,
 ) -> list[Medium]:
-    """Volumes of a scene with their looks.
+    """Volumes of a scene with their looks; what is read already is not read again.
 
     Raises
     ------
@@ -47,7 +62,10 @@ def media(
     """
     further = others(added.also)
     if added.channels is None:
-        volume = prepared(source, name)
+        if recording is None:
+            volume = prepared(source, name)
+        else:
+            volume = said(volume_at(recording, None, source.channel))
         first = [(volume, look.appearance(volume, resampler))]
     else:
         first = _channels(source, name, look, added.channels, resampler)
@@ -62,6 +80,45 @@ def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Mediu
         own = _alone(look, other.look.get("transfer", "auto"), other.look.get("window"))
         found.append((volume, own.appearance(volume, resampler)))
     return found
+
+
+def series_of(source: Source, recording: Recording) -> Series | None:
+    """Times of what was read, unless there is but one."""
+    values = recording.values
+    if source.channel is not None:
+        if 1 in values.shape[:2]:
+            return None  # channels alone, of which one is chosen, or times that are meant by them
+        volume_at(recording, 0, source.channel)  # refuses what there is not
+        at = source.channel % values.shape[1]
+        recording = recording._replace(values=values[:, at : at + 1], is_color=False)
+    if len(with_times_first(recording).values) == 1:
+        return None
+    return Series.of(recording)
+
+
+def filmed(series: Series, look: Look, added: Added, resampler: Resampler) -> Course:
+    """Times of a series, with other volumes that stay as they are."""
+    further = beside(others(added.also), look, resampler)
+    own = look_over_time(series, look, resampler)
+    announce_compilation(painter(resampler))
+
+    def subject(time: int) -> Subject:
+        return Subject.of_several([(series[time], own), *further], resampler)
+
+    with progress_bar("looking at all times") as progress:
+        return Course(len(series), subject, progress)
+
+
+def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
+    """Look of all times of a series; what was found in their values is said."""
+    for line in findings(series.known):
+        say(line)
+    bare = look.model_copy(update={"labels": None, "label": ()})
+    chosen = bare.appearance(series.all(), resampler)
+    appearance = series.look(chosen, resampler.projection)
+    if look.labels is None:
+        return appearance
+    return replace(appearance, labels=read_labels(look.labels, look.label, series[0]))
 
 
 def _channels(

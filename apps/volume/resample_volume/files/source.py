@@ -65,7 +65,10 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
         if isinstance(found, Recorder):
             return found.recorded(path)
     volume = open_volume(name, reader)
-    return Recording(volume.values[np.newaxis, np.newaxis], *volume[1:6])
+    values, colors = volume.values[np.newaxis], volume.colors
+    if colors is not None:
+        values = np.moveaxis(colors, -1, 0)
+    return Recording(values[np.newaxis], *volume[1:6], colors is not None, volume.note)
 
 
 def find_reader(path: Path) -> Reader:

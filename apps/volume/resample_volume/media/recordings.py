@@ -122,7 +122,7 @@ def _colored(recording: Recording, time: int) -> Volume:
 
 def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
     space = (recording.spacing, recording.origin, recording.direction)
-    return Volume(values, *space, name, recording.units)
+    return Volume(values, *space, name, recording.units, note=recording.note)
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:
