@@ -140,7 +140,7 @@ def test_keyframes_of_places_are_in_the_volumes_own_space(subject):
 @pytest.mark.parametrize(
     ("path", "frames", "complaint"),
     [
-        ("spin", 8, "unknown path 'spin'; known: orbit, zoom, threshold, or a file"),
+        ("spin", 8, "unknown path 'spin'; known: orbit, zoom, threshold, still, or a file"),
         ("orbit", 0, "0 frames; 1 to 10000 are allowed"),
         ("zoom", 10_001, "10001 frames; 1 to 10000 are allowed"),
     ],

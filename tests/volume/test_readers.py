@@ -1,5 +1,6 @@
 import gzip
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import SimpleITK
 from resample.memory import physical_memory
 from resample_volume.files import memory
 from resample_volume.files.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
+from resample_volume.files.source import describe
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
@@ -467,10 +469,27 @@ def test_a_damaged_slice_is_refused(suffix, values, tmp_path):
     refused(TiffStack(), tmp_path, "damaged|cannot be read")
 
 
-def test_a_missing_dicom_slice_is_refused(values, tmp_path):
-    refused(
-        Dicom(), write_dicom(tmp_path, values, skip=(4,)), "not evenly spaced but 3.5 to 7 apart"
-    )
+def test_a_missing_dicom_slice_is_interpolated_and_said(values, tmp_path):
+    smooth = (2000 + 10 * np.arange(10)[:, None, None] ** 2 + values % 7).astype(np.int16)
+    volume = Dicom()(write_dicom(tmp_path, smooth, skip=(4,)))
+    assert volume.values.shape == smooth.shape
+    assert volume.spacing.tolist() == list(SPACING)
+    assert volume.origin.tolist() == list(ORIGIN)
+    np.testing.assert_allclose(volume.direction, ROTATED, atol=1e-12)
+    kept = np.delete(np.arange(10), 4)
+    np.testing.assert_allclose(volume.values[kept], smooth[kept], rtol=1e-6)
+    assert np.abs(volume.values[4] - smooth[4]).max() < 15
+    assert volume.units == "hu"
+    assert "z 3.5 to 7" in volume.note
+    assert volume.note.endswith("is a slice missing?")
+    assert volume.note in describe(volume)["findings"]
+
+
+def test_dicom_slices_at_one_place_are_refused(values, tmp_path):
+    write_dicom(tmp_path, values % 2000)
+    twice = sorted(tmp_path.iterdir())[3]
+    shutil.copy(twice, tmp_path / "copy.dcm")
+    refused(Dicom(), tmp_path, "apart; is one missing, or there twice")
 
 
 def test_a_damaged_dicom_slice_is_refused(values, tmp_path):
@@ -514,20 +533,22 @@ def test_four_dimensions_are_no_volume(values, tmp_path):
     refused(Nrrd(), put(path, path.read_bytes() + b"\n" + values.tobytes()), "4 dimensions")
 
 
-@pytest.mark.parametrize("name", ["a.nrrd", "a.mha", "a.nii"])
-def test_vectors_are_no_scalars(name, values, tmp_path):
-    color = np.stack([values] * 3, -1).astype(np.uint8)
-    path = write(tmp_path / name, color, isVector=True)
-    refused(ITK[name](), path, "'vector of 8-bit unsigned integer', 3 numbers each")
+@pytest.mark.parametrize("name", ["a.nrrd", "a.mha"])
+def test_vectors_that_are_no_colors_are_no_scalars(name, values, tmp_path):
+    vectors = np.stack([values] * 2, -1).astype(np.uint8)
+    path = write(tmp_path / name, vectors, isVector=True)
+    refused(ITK[name](), path, "'vector of 8-bit unsigned integer', 2 numbers each")
+    shifts = np.stack([values] * 3, -1).astype(np.float32) - 9e4
+    refused(ITK[name](), write(path, shifts, isVector=True), "below 0, which are no colors")
 
 
-def test_color_slices_are_no_scalars(values, tmp_path):
-    color = SimpleITK.GetImageFromArray(
-        np.stack([values[0]] * 3, -1).astype(np.uint8), isVector=True
+def test_slices_of_gray_and_opacity_are_no_scalars(values, tmp_path):
+    pair = SimpleITK.GetImageFromArray(
+        np.stack([values[0]] * 2, -1).astype(np.uint8), isVector=True
     )
     for n in range(3):
-        SimpleITK.WriteImage(color, str(tmp_path / f"{n}.png"))
-    refused(TiffStack(), tmp_path, "3 channels.*convert it to gray")
+        SimpleITK.WriteImage(pair, str(tmp_path / f"{n}.png"))
+    refused(TiffStack(), tmp_path, "2 channels.*convert it to gray")
 
 
 @pytest.mark.parametrize("name", ["a.nrrd", "a.nii"])

@@ -95,7 +95,7 @@ def test_every_preset_renders(name):
     assert frame.rgba[..., 3].max() > 0.02
 
 
-@pytest.mark.parametrize("shape", [(4, 4), (4,), (4, 4, 4, 3), (0, 4, 4)])
+@pytest.mark.parametrize("shape", [(4, 4), (4,), (4, 4, 4, 2), (0, 4, 4), (0, 4, 4, 3)])
 def test_what_is_no_volume_is_refused(shape):
     with pytest.raises(ValueError, match=r"a volume is an array \(Z, Y, X\) with voxels in it"):
         render(np.zeros(shape), **SIZE)

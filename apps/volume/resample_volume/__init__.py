@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from resample_volume.files.source import open_volume
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
+    from resample_volume.media.rectilinear import rectilinear
     from resample_volume.rendering import Appearance, as_volume, render
     from resample_volume.types import Volume
     from resample_volume.voxels.shading import Light
@@ -25,6 +26,7 @@ _HOMES = {
     "as_volume": "rendering",
     "load_transfer": "looks.presets",
     "open_volume": "files.source",
+    "rectilinear": "media.rectilinear",
     "render": "rendering",
 }
 
@@ -37,6 +39,7 @@ __all__ = [
     "as_volume",
     "load_transfer",
     "open_volume",
+    "rectilinear",
     "render",
 ]
 

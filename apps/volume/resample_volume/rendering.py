@@ -1,7 +1,7 @@
 """From a volume to a picture: classify, shade, resample."""
 
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -15,10 +15,14 @@ from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples, View
 from resample_volume.looks.automatic import levels
+from resample_volume.looks.materials import Windowed
 from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
+from resample_volume.media.lattices import common_lattice, onto
+from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.recordings import in_color, is_color
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -26,10 +30,14 @@ from resample_volume.voxels.framing import Placed, Shifted, centered, shown_by, 
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
-from resample_volume.voxels.visible import Voxels, classify
+from resample_volume.voxels.visible import Voxels, classify, finite_range, lattice_of, unit_of
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
+
+
+Visible = Voxels | FieldVoxels | Gathered | Mixed
+Shown = Volume | NDArray[np.generic]
 
 
 class Classification(StrEnum):
@@ -70,11 +78,23 @@ class Appearance:
         return None if self.light is None else self.gradient
 
 
+Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
+
+
 def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
-    """Array (Z, Y, X) as a volume of spacing 1 around no origin in particular."""
-    if values.ndim != 3 or 0 in values.shape:
-        raise ValueError(f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}")
-    return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
+    """Array (Z, Y, X) as a volume of spacing 1 around no origin in particular.
+
+    Also an array (Z, Y, X, 3 or 4) of colors, see `recordings.in_color`.
+    """
+    colored = values.ndim == 4 and is_color(values.shape, values.dtype)
+    if (values.ndim != 3 and not colored) or 0 in values.shape:
+        raise ValueError(
+            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; of several "
+            "give one"
+        )
+    first = values[..., 0] if colored else values
+    volume = Volume(first, np.ones(3), np.zeros(3), np.eye(3), name)
+    return in_color(values, volume) if colored else volume
 
 
 def transfer_of(
@@ -155,6 +175,34 @@ def resampler_for(appearance: Appearance) -> Resampler:
     return Resampler()
 
 
+def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
+    """Refuse several volumes where there is one field at a time to show."""
+    if not media:
+        raise ValueError("a scene is a list of volumes with their looks; give at least one")
+    if resampler.projection is not Projection.COMPOSITE:
+        raise ValueError(
+            f"several volumes are composited; the projection {resampler.projection} shows the "
+            "values of one"
+        )
+    if any(look.classification is not Classification.PRE for _, look in media):
+        raise ValueError(
+            "several volumes need the classification pre: post reconstructs the field of one"
+        )
+    check_together(resampler, Classification.PRE, media[0][1].extras)
+
+
+def _kept_look(volume: Volume, look: Appearance) -> Appearance:
+    """Look that a volume keeps when it is resampled."""
+    if look.labels is not None:
+        raise ValueError(
+            f"labels are of the voxels of {volume.name}, which a finer volume has resampled; show "
+            "it alone"
+        )
+    transfer = transfer_of(volume, look)
+    unit = unit_of(transfer, lattice_of(volume))
+    return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
+
+
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Voxels that the transfer function lets be seen, with gradients where they are needed."""
     transfer = transfer_of(volume, appearance)
@@ -180,6 +228,11 @@ def field_of(
         `field_voxels` and `gathered`.
     """
     projection, order = resampler.projection, resampler.order
+    if volume.colors is not None:
+        raise ValueError(
+            f"{volume.name} has colors, which need the classification pre and the projection "
+            "composite; for a field choose one channel"
+        )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(
@@ -231,7 +284,7 @@ def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Sampl
 class Subject:
     """A volume that was classified once, to be seen by any camera."""
 
-    voxels: Voxels | FieldVoxels | Gathered  # around the scene's origin
+    voxels: Visible  # around the scene's origin
     appearance: Appearance
     sphere: Sphere  # around all that is seen
     middle: Doubles  # (3,) where the volume's middle was, scene units
@@ -252,7 +305,7 @@ class Subject:
         check_together(resampler, appearance.classification, appearance.extras)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.clip)
-        voxels: Voxels | FieldVoxels | Gathered
+        voxels: Visible
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
@@ -271,6 +324,43 @@ class Subject:
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
+
+    @classmethod
+    def of_several(cls, media: Sequence[Medium], resampler: Resampler | None = None) -> "Subject":
+        """Several volumes in one scene; extinctions add up where they overlap.
+
+        Each is where its origin, spacing and direction say. Light, crop (of its voxels), clip and
+        depth cue are those of the first; transfer function, gradient and labels each one's own.
+
+        Raises
+        ------
+        ValueError
+            As of `of`; or fields are to be shown, of which there is one at a time; or labels are
+            of a volume that has to be resampled.
+        """
+        if len(media) == 1:
+            return cls.of(*media[0], resampler)
+        resampler = resampler or Resampler()
+        check_several(media, resampler)
+        whole = common_lattice([volume for volume, _ in media])
+        middle = whole.middle
+        whole = whole._replace(origin=whole.origin - middle)
+        moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
+        scene, appearance = whole.volume(), moved[0][1]
+        clip = np.concatenate(
+            [planes(moved[0][0], appearance.crop), planes(scene, None, appearance.clip)]
+        )
+        radius = resampler.reconstruction.radius
+        parts = []
+        for volume, look in moved:
+            there = onto(volume, whole)
+            own = look if there is volume else _kept_look(volume, look)
+            voxels = visible_voxels(there, replace(own, light=appearance.light))
+            parts.append(faced(keep(voxels, clip, radius), clip))
+        every = mixed(parts, whole)
+        if appearance.light is not None and appearance.light.is_blocked:
+            every = with_light(every, appearance.light)
+        return cls(every, appearance, sphere_around(every, scene), middle, clip)
 
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
@@ -304,6 +394,10 @@ class Subject:
         if isinstance(self.voxels, Voxels):
             samples = lit_samples(self.voxels, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
+        if isinstance(self.voxels, Mixed):
+            colors = [lit_samples(part, light, camera).color for part in self.voxels.parts]
+            samples = added(self.voxels, colors)
+            return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
@@ -313,7 +407,7 @@ class Subject:
 
 
 def render(
-    volume: Volume | NDArray[np.generic],
+    volume: Volume | NDArray[np.generic] | Sequence[tuple[Shown, Appearance | str]],
     appearance: Appearance | str = "auto",
     camera: Viewpoint | None = None,
     *,
@@ -327,9 +421,10 @@ def render(
     Parameters
     ----------
     volume
-        A volume, or an array (Z, Y, X) with spacing 1. NaN is transparent.
+        A volume, or an array (Z, Y, X) with spacing 1. NaN is transparent. Or several, a list
+        of pairs of a volume and its appearance: see `Subject.of_several`.
     appearance
-        What voxels look like; a name stands for a transfer function.
+        What voxels look like; a name stands for a transfer function. Of several, each has its own.
     camera
         Any camera, or where one is to be placed, around the volume for one; None is `Orbit()`.
     height, width
@@ -348,15 +443,34 @@ def render(
     ValueError
         The array is no volume, or a choice is not allowed.
     """
-    scene = volume if isinstance(volume, Volume) else as_volume(volume)
-    scene = without_padding(scene, survey(scene))
-    look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
-    paint = resampler or resampler_for(look)
-    subject = Subject.of(scene, look, paint)
+    media = [_medium(*pair) for pair in _pairs(volume, appearance)]
+    paint = resampler or resampler_for(media[0][1])
+    subject = Subject.of_several(media, paint)
     eye = subject.camera(Orbit() if camera is None else camera, height, width)
     return paint(
         subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip
     )
+
+
+def _pairs(
+    volume: Volume | NDArray[np.generic] | Sequence[tuple[Shown, Appearance | str]],
+    appearance: Appearance | str,
+) -> Sequence[tuple[Shown, Appearance | str]]:
+    """Volumes with their looks, also where it is one."""
+    if isinstance(volume, (Volume, np.ndarray)):
+        return [(volume, appearance)]
+    if appearance != "auto" or not all(isinstance(p, tuple) and len(p) == 2 for p in volume):
+        raise ValueError(
+            "several volumes are a list of pairs (volume, appearance), and nothing beside it"
+        )
+    return volume
+
+
+def _medium(volume: Shown, appearance: Appearance | str) -> Medium:
+    """Volume without its padding, and its look."""
+    scene = volume if isinstance(volume, Volume) else as_volume(volume)
+    look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
+    return without_padding(scene, survey(scene)), look
 
 
 def _eye(view: View) -> Doubles:

@@ -16,3 +16,18 @@ class Volume(NamedTuple):
     direction: Doubles  # (3, 3) columns are the unit steps of x, y, z; may mirror
     name: str  # for titles and messages
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
+    colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
+    note: str = ""  # what was made of a file's values, for who looks at them
+
+
+class Recording(NamedTuple):
+    """All that a file holds: volumes of one lattice, of several times or channels."""
+
+    values: NDArray[Any]  # (T, C, Z, Y, X), each volume as `Volume` has it
+    spacing: Doubles  # (3,) x, y, z; as of `Volume`, and so on
+    origin: Doubles  # (3,)
+    direction: Doubles  # (3, 3)
+    name: str
+    units: str = ""
+    is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
+    note: str = ""

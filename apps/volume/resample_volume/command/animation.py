@@ -10,7 +10,7 @@ downloads the second volume::
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -21,14 +21,15 @@ import numpy as np
 from resample.cameras.keyframes import Keyframes, keyframes_of, left_out_of
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Viewpoint
-from resample.command.console import say
+from resample.command.console import Progress, say
 from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles
+from resample_volume.media.series import around
 from resample_volume.rendering import Subject
 
-PATHS = ("orbit", "zoom", "threshold")
+PATHS = ("orbit", "zoom", "threshold", "still")
 FRAMES = 96
 FARTHER = 16.0  # times as far at the end of `zoom` as at its start
 SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `threshold`
@@ -46,6 +47,7 @@ class Flight:
         `threshold`: away, at zooms of its own: from voxels 2 px apart, which all are splats, to
         voxels 0.03 px apart, which all are points, under the paper's threshold as under ours.
         Both go away by the same factor from frame to frame.
+        `still`: none; for what changes itself.
     frames
         How many, 1 to `resample.files.animations.MOST_FRAMES`.
     start
@@ -86,6 +88,8 @@ class Flight:
         if self.path == "orbit":
             angles = start.azimuth + 360.0 * np.arange(self.frames) / self.frames
             return [replace(start, azimuth=angle) for angle in angles.tolist()]
+        if self.path == "still":
+            return [start] * self.frames
         ends = (start.zoom, start.zoom / FARTHER)
         if self.path == "threshold":
             ends = (SPLATS / spacing, POINTS / spacing)
@@ -153,6 +157,50 @@ def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
     return Tour(keyframes, frames)
 
 
+def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight | Tour:
+    """Flight that takes as many frames as there are times, where no number is given."""
+    if frames is not None or isinstance(flight, Tour):
+        return flight
+    return replace(flight, frames=times)
+
+
+class Course:
+    """What is seen at each time, all times framed alike.
+
+    Parameters
+    ----------
+    times
+        How many.
+    subject
+        What is seen at one of them.
+    progress
+        Told the share of the times that were looked at.
+    """
+
+    def __init__(
+        self, times: int, subject: Callable[[int], Subject], progress: Progress | None = None
+    ) -> None:
+        self.times, self._subject = times, subject
+        self._last: tuple[int, Subject] | None = None
+        self.marks: list[str] = []
+        self.sphere = around(self._looked_at(progress))
+
+    def __getitem__(self, time: int) -> Subject:
+        """What is seen at a time; the one that was asked for last is kept."""
+        if self._last is None or self._last[0] != time:
+            self._last = None  # two of them need not fit in memory
+            self._last = time, replace(self._subject(time), sphere=self.sphere)
+        return self._last[1]
+
+    def _looked_at(self, progress: Progress | None) -> Iterator[Subject]:
+        for time in range(self.times):
+            subject = self._subject(time)
+            self.marks.append(subject.facts()["voxels"])
+            yield subject
+            if progress is not None:
+                progress((time + 1) / self.times)
+
+
 def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
     """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
     viewpoints = flight.viewpoints(_spacing(subject, flight, size))
@@ -189,16 +237,38 @@ def shots(
         Names of the above for the message that frames are of another animation, as JSON holds
         them: the volume's, the path's.
     """
-    job = {
+    job = _job(subject.facts(), cameras, paint, about)
+    return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
+
+
+def shots_over_time(
+    course: Course,
+    cameras: Sequence[AnyCamera],
+    paint: Paint,
+    about: Mapping[str, Any] | None = None,
+) -> Shots:
+    """Frames of a volume that changes, all its times spread evenly over them; see `shots`."""
+    total = len(cameras)
+    job = _job(course[0].facts() | {"times": course.marks}, cameras, paint, about)
+    return Shots(total, lambda n: frame(course[n * course.times // total], cameras[n], paint), job)
+
+
+def _job(
+    facts: Mapping[str, Any],
+    cameras: Sequence[AnyCamera],
+    paint: Paint,
+    about: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """What frames depend on."""
+    return {
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(paint.resampler),
-        **subject.facts(),
+        **facts,
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
         "version": version("hybrid-resample"),
     }
-    return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
 
 
 def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:

@@ -47,6 +47,38 @@ class Source(Choices):
         ),
     ] = None
 
+    time: Annotated[
+        int | None,
+        Hyphen,
+        Field(description="One of the times that a file holds, from 0 on; -1 is the last."),
+    ] = None
+    channel: Annotated[
+        int | None,
+        Hyphen,
+        Field(description="One of the channels that a file holds, from 0 on; else its colors."),
+    ] = None
+
+
+class Added(Choices):
+    """What is shown in the same scene."""
+
+    also: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Another volume in the same scene, where its file says it is: pet.nrrd, "
+            "or pet.nrrd:window=5/10,transfer=hot:opacity=0.3; of time, channel, units, spacing, "
+            "window and, last, transfer. Where volumes overlap, extinctions add up."
+        ),
+    ] = ()
+    channels: Annotated[
+        str | None,
+        Field(
+            description="What each channel of the file looks like: red,#00ff80,none or "
+            "gray,300..900,auto:opacity=0.2; a color, what transfer takes, or none."
+        ),
+    ] = None
+
 
 class Look(Choices):
     """What voxels look like and from where."""

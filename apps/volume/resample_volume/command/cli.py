@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
-from resample_volume.command.choices import Look, Projecting, Source
+from resample_volume.command.choices import Added, Look, Projecting, Source
 
 Unshown = Parameter(show_default=False)
 
@@ -24,7 +24,7 @@ app = App(
 )
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
-PROJECTING = Projecting()
+PROJECTING, ADDED = Projecting(), Added()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
@@ -47,6 +47,7 @@ def render(
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
     source: Annotated[Source, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
     color_bar: Annotated[bool, flags.Switch] = False,
     stats: flags.Stats = None,
 ) -> None:
@@ -59,14 +60,15 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     color_bar
-        Add a bar to the right: of colors, opacities and values (.png).
+        Add a bar to the right: of colors, opacities and values of the first volume (.png).
     """
     from resample.command.session import Session, require_picture
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets, write_json
     from resample.measuring.color_bars import check_bar
-    from resample_volume.command.inputs import prepared
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
+    from resample_volume.command.inputs import require_values
+    from resample_volume.command.media import media
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, scene_of
     from resample_volume.files.writing import with_bar
 
     check_suffix(output)
@@ -80,15 +82,17 @@ def render(
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
-        scene = prepared(source, volume)
-    subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
+        shown = media(source, volume, look, added, resampler)
+        if color_bar:
+            require_values(shown[0][0], "a color bar")
+    subject = scene_of(session, shown, resampler)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
     frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)
     with session.stage("write"):
         drawn = frame
         if color_bar:
-            drawn = with_bar(frame, scene, subject.appearance, resampler, background)
+            drawn = with_bar(frame, *shown[0], resampler, background)
         write_frame(output, drawn, bits=picture.bits, background=background)
     if stats is not None:
         write_json(stats, report(session, frame))
@@ -142,7 +146,7 @@ def compare(
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
-    from resample_volume.command.inputs import prepared
+    from resample_volume.command.inputs import prepared, require_values
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
     from resample_volume.showing.compare import Contest, check_vtk, gathered_for, thickest, variants
     from resample_volume.voxels.framing import centered
@@ -160,6 +164,7 @@ def compare(
     check_targets(output)
     require_picture(pixels, BYTES_PER_PIXEL)
     scene = prepared(source, volume)
+    require_values(scene, "a comparison")
     appearance = look.appearance(scene, first)
     if peer is not None:
         check_vtk(appearance, first)
@@ -196,9 +201,10 @@ def animate(
     background: flags.FilmBackground = "black",
     threads: int | None = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
     resume: flags.Resume = False,
 ) -> None:
-    """Move a camera around a volume, or away from it.
+    """Move a camera around a volume, or away from it; a volume of several times moves itself.
 
     Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
 
@@ -208,30 +214,40 @@ def animate(
         As in render.
     path
         The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
-        from voxels that are splats to voxels that are points; or a file of keyframes or poses.
+        from voxels that are splats to voxels that are points; still, where it is; or a file of
+        keyframes or poses.
     frames
-        How many. 96, or as many as the keyframes' times ask for.
+        How many. 96, or as many as the volume's times, or as the keyframes' times ask for.
     threads
         At most this many; pixels do not depend on it.
     """
     from resample.command.console import progress_bar
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
-    from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
-    from resample_volume.command.inputs import prepared
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
+    from resample_volume.command import animation
+    from resample_volume.command.inputs import held
+    from resample_volume.command.media import filmed, media, series_of
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
 
     check_film(output, fps)
-    flight = flight_of(path, frames, fps, look.viewpoint())
+    flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    paint = Paint(resampler, shape, behind, threads)
+    paint = animation.Paint(resampler, shape, behind, threads)
     require_picture(shape, BYTES_PER_PIXEL)
-    scene = prepared(source, volume)
-    subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
+    recording = held(source, volume) if source.time is None and not added.channels else None
+    series = None if recording is None else series_of(source, recording)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    made = shots(subject, cameras_of(subject, flight, shape), paint, about)
+    if series is None:
+        shown = media(source, volume, look, added, resampler, recording=recording)
+        subject = scene_of(Session(), shown, resampler)
+        made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)
+    else:
+        course = filmed(series, look, added, resampler)
+        flight = animation.over_time(flight, frames, course.times)
+        cameras = animation.cameras_of(course[0], flight, shape)
+        made = animation.shots_over_time(course, cameras, paint, about)
     with progress_bar("filming") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)
 

@@ -1,6 +1,6 @@
 """A volume made ready once and painted as often as is asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from resample.cameras.models import AnyCamera
@@ -9,7 +9,7 @@ from resample.command.session import Session, announce_compilation
 from resample.profiles.orders import Summing
 from resample.resampler import Primitive, Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
-from resample_volume.rendering import Appearance, Subject, check_together
+from resample_volume.rendering import Appearance, Medium, Subject, check_several, check_together
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
@@ -19,10 +19,17 @@ def subject_of(
     session: Session, volume: Volume, appearance: Appearance, resampler: Resampler
 ) -> Subject:
     """Volume made ready for a renderer."""
-    check_together(resampler, appearance.classification, appearance.extras)
+    return scene_of(session, [(volume, appearance)], resampler)
+
+
+def scene_of(session: Session, media: Sequence[Medium], resampler: Resampler) -> Subject:
+    """Volumes of a scene made ready for a renderer."""
+    if len(media) > 1:
+        check_several(media, resampler)
+    check_together(resampler, media[0][1].classification, media[0][1].extras)
     announce_compilation(painter(resampler))
     with session.stage("classify", bar="classifying"):
-        subject = Subject.of(volume, appearance, resampler)
+        subject = Subject.of_several(media, resampler)
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject

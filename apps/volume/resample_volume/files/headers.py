@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
 from resample_volume.files.memory import require_memory
-from resample_volume.types import Volume
+from resample_volume.media.recordings import alone
+from resample_volume.types import Recording, Volume
 
 KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 WIDENED = {"bool": "uint8", "float16": "float32"}  # kept exactly in a larger type
@@ -25,11 +26,15 @@ class Header(NamedTuple):
     direction: Doubles  # (3, 3) columns are the steps of x, y, z
     name: str  # for messages
     units: str = ""  # of the values, as `Volume` has them
+    times: int = 1  # volumes one after the other
+    parts: int = 1  # numbers of a voxel
+    is_color: bool = False  # whether these are the parts of a color
+    pixel: str = ""  # what the file calls voxels of several numbers
 
     @property
     def size(self) -> int:
         """Bytes of the voxels, unpacked."""
-        return math.prod(self.shape) * self.dtype.itemsize
+        return math.prod(self.shape) * self.times * self.parts * self.dtype.itemsize
 
 
 def header(
@@ -88,15 +93,62 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     return dtype
 
 
+def check_alone(known: Header) -> None:
+    """Refuse what is more than one volume; the parts of colors are one."""
+    if known.times > 1:
+        raise ValueError(
+            f"{known.name} has 4 dimensions, {_sized((*known.shape, known.times))}; a volume has 3 "
+            f"(x, y, z): choose one by time, 0 to {known.times - 1}"
+        )
+    if known.parts > 1 and not known.is_color:
+        raise ValueError(
+            f"{known.name} has voxels of type {known.pixel or known.dtype.name!r}, {known.parts} "
+            "numbers each; a volume has one real number per voxel: extract a component, or choose "
+            f"one by channel, 0 to {known.parts - 1}"
+        )
+
+
+def check_nothing(known: Header) -> None:
+    """Take any header."""
+
+
 def volume(values: NDArray[Any], known: Header) -> Volume:
-    """Values (Z, Y, X) with their header; types the renderer does not know are widened."""
+    """Values (Z, Y, X) with their header; types the renderer does not know are widened.
+
+    Raises
+    ------
+    ValueError
+        They are more than one volume.
+    """
+    check_alone(known)
+    return alone(recording(values, known))
+
+
+def recording(values: NDArray[Any], known: Header, *, channels_first: bool = False) -> Recording:
+    """All values with their header; types the renderer does not know are widened.
+
+    Parameters
+    ----------
+    values
+        (T, Z, Y, X, C) without those axes that the header knows but one of.
+    known
+        What the file says.
+    channels_first
+        They are (T, C, Z, Y, X) instead.
+    """
     kind = known.dtype.newbyteorder("=")
     kept = np.dtype(WIDENED.get(kind.name, kind))
     if kept != values.dtype:
         require_memory(values.size * kept.itemsize, known.name)
         values = values.astype(kept)
+    space = known.shape[::-1]
+    if channels_first:
+        every = values.reshape(known.times, known.parts, *space)
+    else:
+        every = values.reshape(known.times, *space, known.parts)
+        every = every.transpose(0, 4, 1, 2, 3)
     places = (known.spacing, known.origin, known.direction)
-    return Volume(values, *places, known.name, known.units)
+    return Recording(every, *places, known.name, known.units, known.is_color)
 
 
 def existing_file(path: Path) -> Path:

@@ -3,6 +3,7 @@
 What ITK 5.4 tolerates is found in `integrity` before it is asked to read.
 """
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +11,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from resample_volume.files.headers import Header, header, volume
+from resample_volume.files.headers import Header, header, recording
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
-from resample_volume.types import Volume
+from resample_volume.media.recordings import is_color
+from resample_volume.types import Recording
 
 # Pixel types whose name in lower case is NumPy's.
 INTEGERS = ("UInt8", "Int8", "UInt16", "Int16", "UInt32", "Int32", "UInt64", "Int64")
@@ -71,14 +73,14 @@ def is_hounsfield(word: str) -> bool:
     return word.strip("\"'= ").lower() in HOUNSFIELD
 
 
-def read_values(reader: Any, known: Header) -> Volume:
+def read_values(reader: Any, known: Header) -> Recording:
     """Execute a reader whose header has been checked."""
     import SimpleITK
 
     require_memory(2 * known.size, known.name)  # ITK's image and NumPy's copy
     with suppressed_output():
         image = attempt(known.name, reader.Execute)
-        return volume(SimpleITK.GetArrayFromImage(image), known)
+        return recording(SimpleITK.GetArrayFromImage(image), known)
 
 
 def described(source: Any, name: str) -> Header:
@@ -89,24 +91,33 @@ def described(source: Any, name: str) -> Header:
     """
     import SimpleITK
 
-    types = {getattr(SimpleITK, f"sitk{kind}"): kind.lower() for kind in PLAIN}
+    of_image = isinstance(source, SimpleITK.Image)
+    parts = source.GetNumberOfComponentsPerPixel() if of_image else source.GetNumberOfComponents()
     pixel = source.GetPixelID()
+    text = SimpleITK.GetPixelIDValueAsString(pixel)
+    types = {getattr(SimpleITK, f"sitk{kind}"): kind.lower() for kind in PLAIN}
+    types |= {getattr(SimpleITK, f"sitkVector{kind}"): kind.lower() for kind in PLAIN}
     if pixel not in types:
-        text = SimpleITK.GetPixelIDValueAsString(pixel)
         raise ValueError(
-            f"{name} has voxels of type {text!r}, {source.GetNumberOfComponents()} numbers each; "
+            f"{name} has voxels of type {text!r}, {parts} numbers each; "
             "a volume has one real number per voxel: extract a component"
         )
-    count = source.GetDimension()
-    if count != 3:  # ITK's direction has that many rows
-        return header(source.GetSize(), types[pixel], name)
-    return header(
-        source.GetSize(),
+    count, size = source.GetDimension(), source.GetSize()
+    if count not in (3, 4):  # ITK's direction has that many rows
+        return header(size, types[pixel], name)
+    known = header(
+        size[:3],
         types[pixel],
         name,
-        spacing=source.GetSpacing(),
-        origin=source.GetOrigin(),
-        direction=np.reshape(source.GetDirection(), (3, 3)),
+        spacing=source.GetSpacing()[:3],
+        origin=source.GetOrigin()[:3],
+        direction=np.reshape(source.GetDirection(), (count, count))[:3, :3],
+    )
+    return known._replace(
+        times=math.prod(size[3:]),
+        parts=parts,
+        is_color=is_color((parts,), known.dtype),
+        pixel=text,
     )
 
 

@@ -6,27 +6,43 @@ matrix of the axes is kept as it is, rotated or mirrored; what a format cannot s
 """
 
 import gzip
+import math
 import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files import integrity, slices
-from resample_volume.files.headers import Header, check_type, existing_file, header, stem, volume
+from resample_volume.files import integrity
+from resample_volume.files.headers import (
+    Header,
+    check_alone,
+    check_nothing,
+    check_shape,
+    check_type,
+    existing_file,
+    header,
+    recording,
+    stem,
+    volume,
+)
 from resample_volume.files.itk import is_hounsfield, read_header, read_values
 from resample_volume.files.memory import require_memory
+from resample_volume.files.stacks import slices
+from resample_volume.files.stacks.pages import page_order
 from resample_volume.files.vti import read_vti
-from resample_volume.types import Volume
+from resample_volume.media.recordings import alone, is_color
+from resample_volume.types import Recording, Volume
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
+Check = Callable[[Header], None]  # of what a file says, before its values are read
 Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
@@ -43,6 +59,14 @@ class Reader(Protocol):
         """Read one volume."""
 
 
+@runtime_checkable
+class Recorder(Protocol):
+    """What a reader has, too, whose format may hold more than one volume."""
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        """Read all times and channels; what `check` refuses before the values are read."""
+
+
 @dataclass(frozen=True)
 class Nrrd:
     """NRRD, with the data in the same file or beside it."""
@@ -50,13 +74,19 @@ class Nrrd:
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         detached = integrity.check_nrrd(existing_file(path))
         reader, known = read_header(path, "NrrdImageIO", stem(path, self.suffixes))
         if detached:
             integrity.check_nrrd_size(detached, known)
         # ITK passes on keys of the user's own, but no field of the format.
-        if is_hounsfield(integrity.text_fields(path, ":").value.get("sample units", "")):
+        told = integrity.text_fields(path, ":").value
+        if is_hounsfield(told.get("sample units", "")):
             known = known._replace(units="hu")
+        known = known._replace(is_color=known.is_color and not _is_list(told.get("kinds", "")))
+        check(known)
         return read_values(reader, known)
 
 
@@ -67,8 +97,12 @@ class MetaImage:
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         integrity.check_metaimage(existing_file(path))
         reader, known = read_header(path, "MetaImageIO", stem(path, self.suffixes))
+        check(known)
         integrity.check_metaimage(path, known)
         return read_values(reader, known)
 
@@ -83,9 +117,13 @@ class Nifti:
     suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         existing_file(path)
         with _unpacked(path) as file:
             reader, known = read_header(file, "NiftiImageIO", stem(path, self.suffixes))
+            check(known)
             return read_values(reader, known)
 
 
@@ -113,6 +151,9 @@ class TiffStack:
         three_numbers("spacing", self.spacing)
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
         else:
@@ -120,9 +161,24 @@ class TiffStack:
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
         pages = slices.stack_pages(paths)
+        known = self._header(pages, name)
+        told = pages[0].description if len(paths) == 1 else ""
+        order = page_order(told, len(pages), known.parts, known.name)
+        if order is None:
+            check(known)
+            return recording(slices.stack_values(paths, known), known)
+        sizes, parts = (*known.shape[:2], order.slices), max(known.parts, order.channels)
+        check_shape(sizes, known.name)
+        every = known._replace(shape=sizes, times=order.times, parts=parts)
+        check(every)
+        values = order.sorted(slices.stack_values(paths, known))
+        return recording(values, every, channels_first=known.parts == 1)
+
+    def _header(self, pages: list[slices.Page], name: str) -> Header:
         shape = (pages[0].width, pages[0].height, len(pages))
         known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
-        return volume(slices.stack_values(paths, known), known)
+        parts = pages[0].channels
+        return known._replace(parts=parts, is_color=is_color((parts,), known.dtype))
 
 
 @dataclass(frozen=True)
@@ -136,9 +192,11 @@ class Dicom:
     def __call__(self, path: Path) -> Volume:
         if path.is_dir():
             files = slices.dicom_files(path, self.series)
-            return volume(*slices.dicom_values(files, path.resolve().name))
+            return slices.dicom_volume(files, path.resolve().name)
         name = stem(existing_file(path), self.suffixes)
-        return read_values(*read_header(path, "GDCMImageIO", name))
+        reader, known = read_header(path, "GDCMImageIO", name)
+        check_alone(known)
+        return alone(read_values(reader, known))
 
 
 @dataclass(frozen=True)
@@ -197,7 +255,11 @@ class Raw:
 
 @dataclass(frozen=True)
 class Npy:
-    """NumPy's own format, (Z, Y, X); mapped, not read."""
+    """NumPy's own format; mapped, not read.
+
+    Values are (Z, Y, X), or (T, Z, Y, X) of several times or channels, or (T, C, Z, Y, X) of both;
+    where the last of four axes has 3 or 4 numbers of a color's type, they are colors.
+    """
 
     spacing: Numbers = "1x1x1"  # the file does not know it
 
@@ -207,13 +269,30 @@ class Npy:
         three_numbers("spacing", self.spacing)
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         try:
             values = np.load(existing_file(path), mmap_mode="r", allow_pickle=False)
         except (ValueError, EOFError) as error:
             reason = " ".join(str(error).split())
             raise ValueError(f"{path.name} is no array of numbers, or cut off: {reason}") from None
+        shape = values.shape
+        colored = len(shape) == 4 and is_color(shape, values.dtype)
+        space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
         name, spacing = stem(path, self.suffixes), three_numbers("spacing", self.spacing)
-        return volume(values, header(values.shape[::-1], values.dtype, name, spacing=spacing))
+        known = header(space[::-1], values.dtype, name, spacing=spacing)
+        if colored:
+            known = known._replace(parts=shape[3], is_color=True)
+        elif len(shape) > 3:
+            known = known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
+        check(known)
+        return recording(values, known, channels_first=not colored)
+
+
+def _is_list(kinds: str) -> bool:
+    """Whether the axis of a NRRD file that is not of space lists what is no color."""
+    return bool({"list", "time", "none", "???"} & set(kinds.lower().split()))
 
 
 @contextmanager

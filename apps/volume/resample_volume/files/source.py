@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from resample import registry
 from resample_volume.files.generated import GENERATED
-from resample_volume.files.readers import Reader
-from resample_volume.files.slices import is_dicom
+from resample_volume.files.readers import Reader, Recorder
+from resample_volume.files.stacks.slices import is_dicom
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
-from resample_volume.types import Volume
+from resample_volume.types import Recording, Volume
 from resample_volume.voxels.parts import slabs
 
 
@@ -49,6 +49,26 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     raise FileNotFoundError(
         f"{path}: there is no such file; generated volumes are {', '.join(GENERATED)}"
     )
+
+
+def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
+    """Open all times and channels that there are under a name.
+
+    Parameters
+    ----------
+    name, reader
+        As in `open_volume`, whose errors are those of this, too.
+    """
+    path = Path(name)
+    if path.exists() or reader is not None:
+        found = reader or find_reader(path)
+        if isinstance(found, Recorder):
+            return found.recorded(path)
+    volume = open_volume(name, reader)
+    values, colors = volume.values[np.newaxis], volume.colors
+    if colors is not None:
+        values = np.moveaxis(colors, -1, 0)
+    return Recording(values[np.newaxis], *volume[1:6], colors is not None, volume.note)
 
 
 def find_reader(path: Path) -> Reader:
@@ -138,7 +158,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "padded": known.padded,
         "stray": known.stray,
         "thresholds": {str(n): otsu(known.levels, n) for n in (2, 3)},
-        "findings": findings(known),
+        "findings": [volume.note] * bool(volume.note) + findings(known),
         "histogram": counts,
     }
 

@@ -1,7 +1,8 @@
-"""VTK's image data (`.vti`), by VTK's own reader, which is an extra."""
+"""VTK's image data (`.vti`) and rectilinear grids, by VTK's own readers, which are an extra."""
 
 import math
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from resample_volume.files.headers import Header, header, volume
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
+from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
 
@@ -25,15 +27,34 @@ def read_vti(path: Path, array: str, name: str) -> Volume:
     name
         Of the volume.
     """
+    image = _grid(path, "vtkXMLImageDataReader")
+    values = _values(image, array, path.name)
+    known = _header(image, values.dtype, _spacing(path), name)
+    return volume(values.reshape(known.shape[::-1]), known)
+
+
+def read_vtr(path: Path, array: str, name: str) -> Volume:
+    """One array of values at points of a rectilinear grid; parameters as of `read_vti`."""
+    grid = _grid(path, "vtkXMLRectilinearGridReader")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    values = _values(grid, array, path.name)
+    known = header(grid.GetDimensions(), values.dtype, name)
+    axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
+    x, y, z = (vtk_to_numpy(axis) for axis in axes)
+    return rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
+
+
+def _grid(path: Path, reader_name: str) -> Any:
+    """What a reader of VTK makes of a file."""
     try:
-        from vtkmodules.util.numpy_support import vtk_to_numpy
-        from vtkmodules.vtkIOXML import vtkXMLImageDataReader
+        forms = import_module("vtkmodules.vtkIOXML")
     except ImportError:
         raise ValueError(
-            f"{path.name}: .vti is read by VTK; pip install 'hybrid-resample[vtk]'"
+            f"{path.name}: {path.suffix} is read by VTK; pip install 'hybrid-resample[vtk]'"
         ) from None
     failures: list[str] = []
-    reader = vtkXMLImageDataReader()
+    reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
     reader.SetFileName(str(path))
     with suppressed_output():
@@ -42,16 +63,21 @@ def read_vti(path: Path, array: str, name: str) -> Volume:
         _require_memory(reader, path.name)
         reader.Update()
         _refuse(failures, path.name)
-    image = reader.GetOutput()
-    chosen = _chosen(image.GetPointData(), array, path.name)
+    return reader.GetOutput()
+
+
+def _values(grid: Any, array: str, name: str) -> Any:
+    """Values of one array, one at each point."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    chosen = _chosen(grid.GetPointData(), array, name)
     values = vtk_to_numpy(chosen)  # shares VTK's memory and keeps it alive
     if values.ndim != 1:
         raise ValueError(
-            f"{path.name}: {chosen.GetName()} has {values.shape[1]} numbers per voxel, a volume "
+            f"{name}: {chosen.GetName()} has {values.shape[1]} numbers per voxel, a volume "
             "has one; extract a component"
         )
-    known = _header(image, values.dtype, _spacing(path), name)
-    return volume(values.reshape(known.shape[::-1]), known)
+    return values
 
 
 def _header(image: Any, dtype: Any, spacing: Any, name: str) -> Header:

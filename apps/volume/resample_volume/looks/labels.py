@@ -113,7 +113,10 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
 
     chosen = parse_rules(rules)
     try:
-        labels = Labels(open_volume(path).values, chosen)
+        found = open_volume(path)
+        if found.colors is not None:
+            raise ValueError("labels are whole numbers, one for each voxel, not colors")
+        labels = Labels(found.values, chosen)
         labels.check(volume)
         _check_known(labels)
     except ValueError as error:

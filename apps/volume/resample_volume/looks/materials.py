@@ -82,6 +82,7 @@ class Windowed:
     transfer: Transfer
     span: DataRange
     opacity_unit: float | None = None  # scene units; None: the function's own
+    steep: float | None = None  # data units per scene unit, of a full surface; None: the data's
 
     def __post_init__(self) -> None:
         if self.opacity_unit is None:
@@ -103,10 +104,13 @@ class Windowed:
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         del data_range
-        return self.transfer.looks(values, slopes, self.span, steep)
+        return self.transfer.looks(values, slopes, self.span, self._steep(steep))
 
     def steepest(self, steep: float) -> float:
-        return self.transfer.steepest(steep)
+        return self.transfer.steepest(self._steep(steep))
+
+    def _steep(self, given: float) -> float:
+        return given if self.steep is None else self.steep
 
     def thinned(self, share: float) -> "Windowed":
         return replace(self, transfer=self.transfer.thinned(share))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -188,10 +189,19 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
     ValueError, OSError
         As in `load_transfer`; or a window or a tissue does not go with the data or the function.
     """
-    own = GENERATED_VOLUMES.get(volume.name) if name == "auto" and window is None else None
+    is_plain = name == "auto" and window is None
+    if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:
+        return own_opacity(volume.values.dtype)
+    own = GENERATED_VOLUMES.get(volume.name) if is_plain else None
     if own is not None:
         return load_transfer(own)
     return Names(volume, survey(volume), window).transfer(name)
+
+
+def own_opacity(dtype: "np.dtype[Any]") -> TransferFunction:
+    """Transfer function of values that are opacities, of voxels."""
+    most = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+    return from_points([(0.0, WHITE, 0.0), (most, WHITE, 1.0)])
 
 
 def load_transfer(name: str | Path) -> Transfer:

@@ -9,6 +9,7 @@ from resample.types import Doubles, Floats
 from resample_volume.files.memory import require_memory
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.transfer import DataRange, Looks, Transfer, extinction, places_seen
+from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
 from resample_volume.voxels.parts import slabs
 
@@ -87,6 +88,8 @@ def classify(
         slope = gradients_at(volume, seen.place, gradient)
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
     color, opacity = whole.looks(seen.value, length, data_range, steepness(length))
+    if volume.colors is not None:
+        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
     place, kept = seen.place, np.flatnonzero(opacity > 0)

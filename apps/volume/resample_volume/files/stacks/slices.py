@@ -10,12 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files.headers import Header
+from resample.types import Doubles
+from resample_volume.files.headers import Header, volume
 from resample_volume.files.itk import attempt, described, units_told
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
+from resample_volume.media.rectilinear import rectilinear
+from resample_volume.types import Volume
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
+
+EVEN_GAPS = 0.01  # of their mean, by which distances of slices may differ
 
 POSITION = "0020|0032"  # DICOM's Image Position (Patient)
 
@@ -28,6 +33,7 @@ class Page(NamedTuple):
     height: int
     channels: int
     dtype: str
+    description: str = ""
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
@@ -54,12 +60,12 @@ def stack_pages(paths: list[Path]) -> list[Page]:
         pages = [page for path in paths for page, _ in _walk(path)]
     first = pages[0]
     for page in pages:
-        if page.channels != 1:
+        if page.channels not in (1, 3, 4):
             raise ValueError(
-                f"{page.name} has {page.channels} channels; slices have one number per pixel: "
-                "convert it to gray"
+                f"{page.name} has {page.channels} channels; slices have one number per pixel, or "
+                "colors: convert it to gray"
             )
-        if page[1:] != first[1:]:
+        if page[1:5] != first[1:5]:
             raise ValueError(
                 f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
                 f"{first.width} x {first.height} {first.dtype}; slices must be alike"
@@ -68,17 +74,17 @@ def stack_pages(paths: list[Path]) -> list[Page]:
 
 
 def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
-    """Values (Z, Y, X) of picture files."""
+    """Values (Z, Y, X), or of colors (Z, Y, X, C), of picture files."""
     require_memory(known.size, known.name)
-    values = np.empty(known.shape[::-1], known.dtype)
+    values = np.empty((*known.shape[::-1], known.parts), known.dtype)
     with suppressed_output():
         pages = (image for path in paths for _, image in _walk(path))
         for n, image in enumerate(pages):
             pixels = image.read_image("unknown")  # as stored
             if pixels is None:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
-            values[n] = pixels[..., 0]
-    return values
+            values[n] = _straight(pixels, image.spec())
+    return values if known.parts > 1 else values[..., 0]
 
 
 def dicom_files(folder: Path, series: str) -> list[str]:
@@ -107,13 +113,13 @@ def dicom_files(folder: Path, series: str) -> list[str]:
     return list(known[series])
 
 
-def dicom_values(files: list[str], name: str) -> tuple[NDArray[Any], Header]:
-    """Values (Z, Y, X) of DICOM slices and what they say about space.
+def dicom_volume(files: list[str], name: str) -> Volume:
+    """Volume of DICOM slices; where these are not evenly spaced, it is interpolated.
 
     Raises
     ------
     ValueError
-        The slices are not evenly spaced: one is missing, or the gantry was tilted.
+        Slices are at one place, or not behind each other.
     """
     import SimpleITK
 
@@ -126,9 +132,33 @@ def dicom_values(files: list[str], name: str) -> tuple[NDArray[Any], Header]:
         reader.SetFileNames(files)
         reader.MetaDataDictionaryArrayUpdateOn()
         image = attempt(name, reader.Execute)
-    _check_gaps(reader, len(files), name)
     known = described(image, name)._replace(units=units_told(first))
-    return SimpleITK.GetArrayFromImage(image), known
+    found = volume(SimpleITK.GetArrayFromImage(image), known)
+    places = _places(reader, len(files))
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    if len(gaps) < 2 or np.ptp(gaps) <= EVEN_GAPS * gaps.mean():
+        return found
+    return _interpolated(found, places, gaps)
+
+
+def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
+    """Volume whose slices, at uneven distances along one line, are made even."""
+    uneven = (
+        f"{found.name}: its {len(places)} slices are not evenly spaced but {gaps.min():.4g} to "
+        f"{gaps.max():.4g} apart"
+    )
+    way = (places[-1] - places[0]) / max(np.linalg.norm(places[-1] - places[0]), 1e-30)
+    z = (places - places[0]) @ way
+    aside = np.linalg.norm(places - places[0] - z[:, np.newaxis] * way, axis=1).max()
+    if np.diff(z).min() <= EVEN_GAPS * gaps.mean() or aside > EVEN_GAPS * gaps.mean():
+        raise ValueError(f"{uneven}; is one missing, or there twice?")
+    if found.colors is not None:
+        raise ValueError(f"{uneven}, and colors are not interpolated; is one missing?")
+    x, y = (found.spacing[n] * np.arange(found.values.shape[2 - n]) for n in (0, 1))
+    even = rectilinear(found.values, x, y, z, name=found.name)
+    direction = np.column_stack([found.direction[:, :2], way])
+    note = f"{even.note}; is a slice missing?"
+    return even._replace(origin=places[0], direction=direction, units=found.units, note=note)
 
 
 def is_dicom(file: Path) -> bool:
@@ -140,17 +170,12 @@ def is_dicom(file: Path) -> bool:
         return opened.read(4) == b"DICM"
 
 
-def _check_gaps(reader: Any, count: int, name: str) -> None:
-    """Refuse slices whose distances differ by over a percent."""
+def _places(reader: Any, count: int) -> Doubles:
+    """Positions (N, 3) of slices, as far as all have one."""
     if not all(reader.HasMetaDataKey(n, POSITION) for n in range(count)):
-        return
+        return np.zeros((0, 3))
     places = [reader.GetMetaData(n, POSITION).split("\\") for n in range(count)]
-    gaps = np.linalg.norm(np.diff(np.array(places, np.float64), axis=0), axis=1)
-    if count > 1 and np.ptp(gaps) > 0.01 * gaps.mean():
-        raise ValueError(
-            f"{name}: its {count} slices are not evenly spaced but {gaps.min():.4g} to "
-            f"{gaps.max():.4g} apart; is one missing?"
-        )
+    return np.array(places, np.float64)
 
 
 def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
@@ -160,7 +185,8 @@ def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
         while image.seek_subimage(n, 0):
             spec = image.spec()
             kind = NUMPY.get(str(spec.format), str(spec.format))
-            yield Page(path.name, spec.width, spec.height, spec.nchannels, kind), image
+            told = spec.get_string_attribute("ImageDescription")
+            yield Page(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
         image.geterror()  # that there is no page n
 
@@ -169,13 +195,33 @@ def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
 def _opened(path: Path) -> Iterator[Any]:
     import OpenImageIO
 
-    image = OpenImageIO.ImageInput.open(str(path))
+    straight = OpenImageIO.ImageSpec()
+    straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
+    image = OpenImageIO.ImageInput.open(str(path), straight)
     if image is None:
         raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
     try:
         yield image
     finally:
         image.close()
+
+
+def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
+    """Pixels whose colors are not multiplied by their opacities, as some files have them."""
+    if spec.nchannels != 4 or spec.get_int_attribute("oiio:UnassociatedAlpha"):
+        return pixels
+    alpha, most = pixels[..., 3:].astype(np.float64), 1.0
+    if pixels.dtype.kind in "iu":
+        most = np.iinfo(pixels.dtype).max
+    color = np.divide(
+        pixels[..., :3] * np.float64(most),
+        alpha,
+        where=alpha > 0,
+        out=np.zeros((*alpha.shape[:-1], 3)),
+    )
+    if pixels.dtype.kind in "iu":
+        color = np.rint(np.minimum(color, most))
+    return np.concatenate([color.astype(pixels.dtype), pixels[..., 3:]], axis=-1)
 
 
 def _last(message: str) -> str:

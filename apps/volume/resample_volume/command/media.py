@@ -1,0 +1,198 @@
+"""Scenes of several volumes as the command line names them."""
+
+import re
+from dataclasses import replace
+from typing import NamedTuple
+
+from resample.command.console import progress_bar, say
+from resample.command.session import announce_compilation
+from resample.resampler import Resampler
+from resample_volume.command.animation import Course
+from resample_volume.command.choices import Added, Look, Source
+from resample_volume.command.inputs import held, prepared, said
+from resample_volume.command.rendering import painter
+from resample_volume.looks.labels import read_labels
+from resample_volume.looks.presets import PRESETS
+from resample_volume.looks.surveys import findings
+from resample_volume.media.recordings import volume_at, with_times_first
+from resample_volume.media.series import Series
+from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.types import Recording
+
+KEYS = ("time", "channel", "units", "spacing", "window", "transfer")
+START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
+BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
+HIDDEN = "none"
+
+
+class Other(NamedTuple):
+    """A volume that is shown, too."""
+
+    name: str
+    source: Source
+    look: dict[str, str]  # what of the look is its own
+
+
+def others(texts: tuple[str, ...]) -> list[Other]:
+    """Volumes of texts such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
+
+    Raises
+    ------
+    ValueError
+        A text is not of this form.
+    """
+    return [_other(text) for text in texts]
+
+
+def media(
+    source: Source,
+    name: str,
+    look: Look,
+    added: Added,
+    resampler: Resampler,
+    *,
+    recording: Recording | None = None,
+) -> list[Medium]:
+    """Volumes of a scene with their looks; what is read already is not read again.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        See `inputs.opened` and `Look.appearance`.
+    """
+    further = others(added.also)
+    if added.channels is None:
+        if recording is None:
+            volume = prepared(source, name)
+        else:
+            volume = said(volume_at(recording, None, source.channel))
+        first = [(volume, look.appearance(volume, resampler))]
+    else:
+        first = _channels(source, name, look, added.channels, resampler)
+    return first + beside(further, look, resampler)
+
+
+def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Medium]:
+    """Volumes that are shown, too, with their looks."""
+    found = []
+    for other in further:
+        volume = prepared(other.source, other.name)
+        own = _alone(look, other.look.get("transfer", "auto"), other.look.get("window"))
+        found.append((volume, own.appearance(volume, resampler)))
+    return found
+
+
+def series_of(source: Source, recording: Recording) -> Series | None:
+    """Times of what was read, unless there is but one."""
+    values = recording.values
+    if source.channel is not None:
+        if 1 in values.shape[:2]:
+            return None  # channels alone, of which one is chosen, or times that are meant by them
+        volume_at(recording, 0, source.channel)  # refuses what there is not
+        at = source.channel % values.shape[1]
+        recording = recording._replace(values=values[:, at : at + 1], is_color=False)
+    if len(with_times_first(recording).values) == 1:
+        return None
+    return Series.of(recording)
+
+
+def filmed(series: Series, look: Look, added: Added, resampler: Resampler) -> Course:
+    """Times of a series, with other volumes that stay as they are."""
+    further = beside(others(added.also), look, resampler)
+    own = look_over_time(series, look, resampler)
+    announce_compilation(painter(resampler))
+
+    def subject(time: int) -> Subject:
+        return Subject.of_several([(series[time], own), *further], resampler)
+
+    with progress_bar("looking at all times") as progress:
+        return Course(len(series), subject, progress)
+
+
+def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
+    """Look of all times of a series; what was found in their values is said."""
+    for line in findings(series.known):
+        say(line)
+    bare = look.model_copy(update={"labels": None, "label": ()})
+    chosen = bare.appearance(series.all(), resampler)
+    appearance = series.look(chosen, resampler.projection)
+    if look.labels is None:
+        return appearance
+    return replace(appearance, labels=read_labels(look.labels, look.label, series[0]))
+
+
+def _channels(
+    source: Source, name: str, look: Look, text: str, resampler: Resampler
+) -> list[Medium]:
+    """Channels of a file, each with its look."""
+    if source.channel is not None:
+        raise ValueError("channels are several looks and channel is one of them; give one of both")
+    if look.transfer != "auto":
+        raise ValueError("channels give each channel its look; leave transfer out")
+    recording = held(source, name)
+    words = [word.strip() for word in BETWEEN.split(text)]
+    if recording.values.shape[1] == 1 and source.time is None:
+        recording = recording._replace(values=recording.values.swapaxes(0, 1))
+    count = recording.values.shape[1]
+    if len(words) != count or count == 1:
+        raise ValueError(
+            f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
+            f"for each, {HIDDEN} for one that is hidden"
+        )
+    found: list[Medium] = []
+    for channel, word in enumerate(words):
+        if word != HIDDEN:
+            volume = said(volume_at(recording, source.time, channel))
+            transfer = f"auto:color={word}" if _is_color(word) else word
+            own = look if not found else _alone(look, transfer, look.window)
+            own = own.model_copy(update={"transfer": transfer})
+            found.append((volume, own.appearance(volume, resampler)))
+    if not found:
+        raise ValueError("all channels are hidden; give one a look, such as red")
+    return found
+
+
+def _alone(look: Look, transfer: str, window: str | None) -> Look:
+    """Look of a volume that is not the first: without labels, with its own colors."""
+    own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
+    return look.model_copy(update=own)
+
+
+def _is_color(word: str) -> bool:
+    from resample_volume.looks.files import displayed_color
+
+    if word in PRESETS:
+        return False
+    try:
+        displayed_color(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _other(text: str) -> Other:
+    name, *rest = START.split(text, maxsplit=1)
+    given: dict[str, str] = {}
+    left = rest[0] if rest else ""
+    while left:
+        key, _, left = left.partition("=")
+        value, _, left = (left, "", "") if key == "transfer" else left.partition(",")
+        if key not in KEYS or not value or key in given:
+            raise ValueError(
+                f"also {text!r}; give a file, and after a colon what is said of it, with commas "
+                f"between, the transfer last: pet.nrrd:window=5/10,transfer=hot ({', '.join(KEYS)})"
+            )
+        given[key] = value
+    if not name:
+        raise ValueError(f"also {text!r} names no file; give one, as in pet.nrrd:transfer=hot")
+    of_look: dict[str, str] = {}
+    for key in ("window", "transfer"):
+        if key in given:
+            of_look[key] = given.pop(key)
+    try:
+        source = Source.model_validate(given)
+    except ValueError:
+        raise ValueError(
+            f"also {text!r}: time and channel are whole numbers; units are hu, hu+1024 or none"
+        ) from None
+    return Other(name, source, of_look)

@@ -1,0 +1,54 @@
+"""Readers of rectilinear grids, whose planes may be uneven; see `media.rectilinear`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from resample_volume.files.headers import existing_file, header, stem
+from resample_volume.files.vti import read_vtr
+from resample_volume.media.rectilinear import rectilinear
+from resample_volume.types import Volume
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Vtr:
+    """VTK rectilinear grid; values at points."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtr",)
+
+    def __call__(self, path: Path) -> Volume:
+        return read_vtr(existing_file(path), self.array, stem(path, self.suffixes))
+
+
+@dataclass(frozen=True)
+class Npz:
+    """NumPy arrays `x`, `y`, `z`, coordinates of planes, and one (Z, Y, X) of values."""
+
+    array: str = ""  # name of the values; empty: the only one besides x, y, z
+
+    suffixes: ClassVar[tuple[str, ...]] = (".npz",)
+
+    def __call__(self, path: Path) -> Volume:
+        name = stem(existing_file(path), self.suffixes)
+        try:
+            with np.load(path, allow_pickle=False) as found:
+                held = {key: found[key] for key in found.files}
+        except Exception as error:  # zip files are damaged in many ways
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise ValueError(f"{path.name} holds no arrays, or is damaged: {reason}") from None
+        others = [key for key in held if key not in AXES]
+        chosen = self.array or (others[0] if len(others) == 1 else "")
+        if not set(AXES) <= held.keys() or chosen not in others:
+            raise ValueError(
+                f"{path.name} holds {', '.join(held) or 'nothing'}; a grid is x, y, z and one "
+                "array of values (Z, Y, X), which is chosen by its name: npz:array=density"
+            )
+        values = held[chosen]
+        header(values.shape[::-1], values.dtype, name)
+        return rectilinear(values, held["x"], held["y"], held["z"], name)

@@ -1,0 +1,1 @@
+"""Volumes that come as pictures: pages and slices."""

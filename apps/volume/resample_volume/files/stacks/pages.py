@@ -1,0 +1,72 @@
+"""Which time, slice and channel the pages of a picture file are, where the file says it."""
+
+import re
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+OME = {"Z": r'SizeZ="(\d+)"', "C": r'SizeC="(\d+)"', "T": r'SizeT="(\d+)"'}
+IMAGEJ = {"Z": r"^slices=(\d+)", "C": r"^channels=(\d+)", "T": r"^frames=(\d+)"}
+IMAGEJ_ORDER = "CZT"  # channels change from page to page
+
+
+class PageOrder(NamedTuple):
+    """Pages of several times, slices and channels."""
+
+    times: int
+    channels: int
+    slices: int
+    fastest: str  # Z, C and T in the order in which they change, the first from page to page
+
+    def sorted(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Pages (N, Y, X) in their order as (T, C, Z, Y, X); further axes of pages stay."""
+        size = {"T": self.times, "C": self.channels, "Z": self.slices}
+        slowest = self.fastest[::-1]
+        split = values.reshape(*(size[axis] for axis in slowest), *values.shape[1:])
+        places = [slowest.index(axis) for axis in "TCZ"]
+        return split.transpose(*places, *range(3, split.ndim))
+
+
+def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder | None:
+    """What a file's description says of its pages, as OME and ImageJ write it.
+
+    Parameters
+    ----------
+    description
+        Of the first page.
+    pages
+        How many there are.
+    parts
+        Numbers per pixel: those of a color are no channels.
+    name
+        Of the file, for messages.
+
+    Returns
+    -------
+    None where it says nothing, or that all are slices of one volume.
+
+    Raises
+    ------
+    ValueError
+        It speaks of another number of pages.
+    """
+    if "<OME" in description:
+        found = re.search(r'DimensionOrder="XY([ZCT]{3})"', description)
+        fastest, forms = (found[1] if found else "ZCT"), OME
+    elif description.startswith("ImageJ="):
+        fastest, forms = IMAGEJ_ORDER, IMAGEJ
+    else:
+        return None
+    size = {axis: re.search(form, description, re.MULTILINE) for axis, form in forms.items()}
+    count = {axis: int(match[1]) if match else 1 for axis, match in size.items()}
+    if parts > 1:
+        count["C"] = max(1, count["C"] // parts)
+    if count["C"] * count["T"] == 1:
+        return None
+    said = count["T"] * count["C"] * count["Z"]
+    if said != pages or (parts > 1 and count["C"] > 1):
+        raise ValueError(
+            f"{name} has {pages} pages and says that they are {count['T']} times, {count['C']} "
+            f"channels and {count['Z']} slices; convert it to one file with a page for each"
+        )
+    return PageOrder(count["T"], count["C"], count["Z"], fastest)

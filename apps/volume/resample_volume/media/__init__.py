@@ -1,0 +1,1 @@
+"""Several volumes, colors, channels, times and uneven grids, put together."""

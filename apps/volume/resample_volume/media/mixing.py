@@ -1,0 +1,92 @@
+"""Several media at one place: extinctions add up, and colors are weighed by them.
+
+Light that is lost over a short way is the sum of what each medium takes, and light that is sent
+the sum of what each sends (Max, Optical Models for Direct Volume Rendering, 1995).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.types import Doubles, Floats, Samples
+from resample_volume.files.memory import require_memory
+from resample_volume.media.lattices import Lattice
+from resample_volume.voxels.reaching import voxels_reached
+from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import BYTES_PER_VOXEL, Indices, Voxels, positions_at
+
+BYTES_PER_BRICK = 8  # of 8 voxels per side, whether any is seen or not
+BRICK = 8**3
+
+
+class Mixed(NamedTuple):
+    """The N places of a lattice at which one of several media is seen."""
+
+    position: Floats  # (N, 3) scene units
+    extinction: Floats  # (N,) optical depth per scene unit, of all media
+    lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
+    parts: tuple[Voxels, ...]  # of each medium
+    place: tuple[Indices, ...]  # of each one's voxels among the N
+
+
+def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
+    """Voxels of several media that all lie on one lattice.
+
+    Raises
+    ------
+    ValueError
+        They do not fit in memory.
+    """
+    from resample_volume.voxels.kernels.gradients import brick_order
+
+    x, y, z = map(int, lattice.size)
+    count = sum(len(part.position) for part in parts)
+    size = BYTES_PER_VOXEL * count + BYTES_PER_BRICK * int(np.prod(lattice.size // 8 + 1))
+    require_memory(size, f"the scene with {count} visible voxels")
+    flat = [_flat(part, lattice) for part in parts]
+    every = np.unique(np.concatenate(flat))
+    order = np.empty(every.size, np.int64)
+    brick_order(every, (z, y, x), order)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    place = tuple(rank[np.searchsorted(every, index)] for index in flat)
+    extinction = np.zeros(every.size)
+    for part, index in zip(parts, place, strict=True):
+        extinction[index] += part.extinction
+    position = positions_at(lattice.volume(), every[order])
+    return Mixed(position, extinction.astype(np.float32), lattice.steps, tuple(parts), place)
+
+
+def with_light(media: Mixed, light: Light) -> Mixed:
+    """Media with how much of the light gets to them past all of them."""
+    nothing = np.empty((0, 3), np.float32)
+    whole = Voxels(media.position, nothing, media.extinction, nothing, media.lattice)
+    share = voxels_reached(whole, light)
+    each = zip(media.parts, media.place, strict=True)
+    return media._replace(parts=tuple(part._replace(reached=share[at]) for part, at in each))
+
+
+def added(media: Mixed, colors: Sequence[Floats]) -> Samples:
+    """Samples that send the light of all media.
+
+    Parameters
+    ----------
+    media
+        Where they are.
+    colors
+        (N, 3) linear light of each medium's voxels.
+    """
+    total = np.zeros(media.position.shape)
+    for part, place, color in zip(media.parts, media.place, colors, strict=True):
+        total[place] += part.extinction[:, np.newaxis].astype(np.float64) * color
+    total /= media.extinction[:, np.newaxis]
+    return Samples(media.position, total.astype(np.float32), media.extinction, media.lattice)
+
+
+def _flat(part: Voxels, lattice: Lattice) -> Indices:
+    """Index (N,) of voxels into a whole lattice, z slowest."""
+    index = (part.position - lattice.origin) @ np.linalg.inv(lattice.steps).T
+    whole = np.rint(index).astype(np.int64)
+    x, y, _ = lattice.size
+    return np.asarray((whole[:, 2] * y + whole[:, 1]) * x + whole[:, 0])
