@@ -241,9 +241,9 @@ def animate(
     depth
         As of render.
     depth_output
-        Depth z of each frame, which render reads with the film: a folder for 16-bit .png, of the
-        depth scale or 1000 per unit, or a name with * for the frame's number, such as
-        depth/*.exr or .npy in scene units.
+        Depth z: a folder for the .png of each frame, in 16 bits of the depth scale or 1000 per
+        unit, or a name with * for a frame's number, such as depth/*.exr or .npy in scene units.
+        Render reads it with the film.
     """
     import numpy as np
 
