@@ -16,8 +16,9 @@ from resample.cameras.viewpoints import Orbit
 from resample.engine.jit import threads
 from resample_texture import warp
 from resample_texture.methods.forward import Hybrid
+from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Subject, as_volume
+from resample_volume.rendering import Appearance, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels
 from resample_warp3d.depth.equation import between

@@ -11,6 +11,19 @@ from resample.cameras.poses import look_at, orbit
 from resample.types import Doubles
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
+NAMED = {
+    "front": (0.0, 0.0),
+    "back": (180.0, 0.0),
+    "right": (90.0, 0.0),
+    "left": (-90.0, 0.0),
+    "top": (0.0, 90.0),
+    "bottom": (0.0, -90.0),
+    "corner": (45.0, 35.264389682754654),  # all axes alike
+}
+FORM = (
+    "a camera, azimuth and elevation with or without a zoom, such as (30, 20) or (30, 20, 1.5), "
+    f"or one of {', '.join(NAMED)}"
+)
 
 
 class Sphere(NamedTuple):
@@ -108,6 +121,7 @@ class Calibrated(NamedTuple):
 
 
 Viewpoint: TypeAlias = Orbit | Spot | Calibrated | AnyCamera
+Spelled: TypeAlias = Viewpoint | Sequence[float] | str | None
 
 
 def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
@@ -132,3 +146,52 @@ def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -
     if isinstance(viewpoint, Spot | Calibrated):
         return viewpoint.sized(height, width)
     return viewpoint
+
+
+def viewpoint_of(given: Spelled) -> Viewpoint:
+    """Viewpoint that a caller asks for.
+
+    Parameters
+    ----------
+    given
+        A camera or viewpoint as it is; (azimuth, elevation) or (azimuth, elevation, zoom) in
+        degrees, also as a text `30/20/1.5`; a name of `NAMED`; None is `Orbit()`.
+
+    Raises
+    ------
+    TypeError
+        It is none of these.
+    ValueError
+        The name is unknown, or a number is out of its range.
+
+    Examples
+    --------
+    >>> viewpoint_of((30, 20)) == viewpoint_of("30/20")
+    True
+    >>> viewpoint_of("top").elevation
+    90.0
+    """
+    if given is None:
+        return Orbit()
+    if isinstance(given, Orbit | Spot | Calibrated):
+        return given
+    if hasattr(given, "view") and not hasattr(given, "dtype"):
+        return given
+    if isinstance(given, str):
+        if given in NAMED:
+            return Orbit(*NAMED[given])
+        return _orbit(given.split("/"), given)
+    if isinstance(given, Sequence) or hasattr(given, "__array__"):
+        return _orbit(list(given), given)
+    raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
+
+
+def _orbit(parts: Sequence[object], given: object) -> Orbit:
+    try:
+        numbers = [float(part) for part in parts]  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise ValueError(f"the camera {given!r}; give {FORM}")
+    azimuth, elevation, zoom = (*numbers, 1.0)[:3]
+    return Orbit(azimuth, elevation, zoom)

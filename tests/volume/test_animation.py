@@ -22,7 +22,8 @@ from resample_volume.command.animation import (
     shots,
 )
 from resample_volume.files.generated import vessel_tree
-from resample_volume.rendering import Appearance, Subject, as_volume, render
+from resample_volume.inputs import as_volume
+from resample_volume.rendering import Appearance, Subject, render
 from resample_volume.voxels.shading import Light
 
 SIZE = (24, 32)

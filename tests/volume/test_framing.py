@@ -6,8 +6,9 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample.command.settings import Resampling
 from resample_volume.command.choices import Look
+from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import Subject, as_volume
+from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import sphere_around
 from resample_volume.voxels.visible import classify
 

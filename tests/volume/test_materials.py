@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from resample_volume.inputs import as_volume
 from resample_volume.looks.hounsfield import Units
 from resample_volume.looks.materials import Materials, Windowed, spread
 from resample_volume.looks.presets import PRESETS, load_transfer, transfer_for
@@ -12,7 +13,6 @@ from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.tissues import POINTS, tissue
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import as_volume
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 VALUES = np.arange(-1000, 3000, 7).astype(np.float32)

@@ -7,7 +7,8 @@ import pytest
 
 from resample.files.images import read_image
 from resample_volume.command import cli
-from resample_volume.rendering import as_volume, render
+from resample_volume.inputs import as_volume
+from resample_volume.rendering import render
 from tests import commands
 
 SIDE = 32

@@ -12,8 +12,9 @@ from resample.painting import rays as painting
 from resample.profiles.orders import Rays
 from resample.resampler import Projection, Resampler
 from resample.types import Frame
+from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Classification, Subject, as_volume
+from resample_volume.rendering import Appearance, Classification, Subject
 from resample_volume.types import Volume
 
 LOOK = from_points(

@@ -12,6 +12,7 @@ from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume
+from resample_volume.inputs import as_volume
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.transfer import from_points
 from resample_volume.media.lattices import common_lattice, onto
@@ -20,7 +21,7 @@ from resample_volume.media.recordings import (
     volume_at,
     with_times_first,
 )
-from resample_volume.rendering import Appearance, Classification, Subject, as_volume, render
+from resample_volume.rendering import Appearance, Classification, Subject, render
 from resample_volume.voxels.visible import classify
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)

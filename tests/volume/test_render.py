@@ -11,9 +11,10 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.resampler import Primitive, Resampler
 from resample_volume.files.generated import checker_box, vessel_tree
+from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import PRESETS, load_transfer
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, as_volume, render
+from resample_volume.rendering import Appearance, render
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 

@@ -10,10 +10,11 @@ from resample.lazy import attributes
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
     from resample_volume.files.source import open_volume
+    from resample_volume.inputs import as_volume
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.rectilinear import rectilinear
-    from resample_volume.rendering import Appearance, as_volume, render
+    from resample_volume.rendering import Appearance, render
     from resample_volume.types import Volume
     from resample_volume.voxels.shading import Light
 
@@ -23,7 +24,7 @@ _HOMES = {
     "Orbit": "resample.cameras.viewpoints",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
-    "as_volume": "rendering",
+    "as_volume": "inputs",
     "load_transfer": "looks.presets",
     "open_volume": "files.source",
     "rectilinear": "media.rectilinear",

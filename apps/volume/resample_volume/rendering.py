@@ -7,13 +7,13 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
+from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples, View
+from resample_volume.inputs import as_volume
 from resample_volume.looks.automatic import levels
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.presets import Window, transfer_for
@@ -22,7 +22,6 @@ from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
-from resample_volume.media.recordings import in_color, is_color
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 
 
 Visible = Voxels | FieldVoxels | Gathered | Mixed
-Shown = Volume | NDArray[np.generic]
 
 
 class Classification(StrEnum):
@@ -79,22 +77,6 @@ class Appearance:
 
 
 Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
-
-
-def as_volume(values: NDArray[np.generic], name: str = "array") -> Volume:
-    """Array (Z, Y, X) as a volume of spacing 1 around no origin in particular.
-
-    Also an array (Z, Y, X, 3 or 4) of colors, see `recordings.in_color`.
-    """
-    colored = values.ndim == 4 and is_color(values.shape, values.dtype)
-    if (values.ndim != 3 and not colored) or 0 in values.shape:
-        raise ValueError(
-            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; of several "
-            "give one"
-        )
-    first = values[..., 0] if colored else values
-    volume = Volume(first, np.ones(3), np.zeros(3), np.eye(3), name)
-    return in_color(values, volume) if colored else volume
 
 
 def transfer_of(
@@ -407,9 +389,9 @@ class Subject:
 
 
 def render(
-    volume: Volume | NDArray[np.generic] | Sequence[tuple[Shown, Appearance | str]],
+    volume: Any,
     appearance: Appearance | str = "auto",
-    camera: Viewpoint | None = None,
+    camera: Spelled = None,
     *,
     height: int = 400,
     width: int = 400,
@@ -421,12 +403,15 @@ def render(
     Parameters
     ----------
     volume
-        A volume, or an array (Z, Y, X) with spacing 1. NaN is transparent. Or several, a list
-        of pairs of a volume and its appearance: see `Subject.of_several`.
+        What `as_volume` takes: a volume, an array (Z, Y, X), a path, an image of other libraries;
+        NaN is transparent. Or several, a list of pairs of one and its appearance: see
+        `Subject.of_several`.
     appearance
         What voxels look like; a name stands for a transfer function. Of several, each has its own.
     camera
-        Any camera, or where one is to be placed, around the volume for one; None is `Orbit()`.
+        Any camera; or where one is to be placed around the volume: an `Orbit`, (azimuth,
+        elevation) with or without a zoom, a name such as `front`, `top` or `corner`; None is
+        `Orbit()`.
     height, width
         Of the picture, px.
     resampler
@@ -446,29 +431,38 @@ def render(
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])
     subject = Subject.of_several(media, paint)
-    eye = subject.camera(Orbit() if camera is None else camera, height, width)
+    eye = subject.camera(viewpoint_of(camera), height, width)
     return paint(
         subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip
     )
 
 
-def _pairs(
-    volume: Volume | NDArray[np.generic] | Sequence[tuple[Shown, Appearance | str]],
-    appearance: Appearance | str,
-) -> Sequence[tuple[Shown, Appearance | str]]:
+def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
     """Volumes with their looks, also where it is one."""
-    if isinstance(volume, (Volume, np.ndarray)):
+    if not _are_several(volume):
         return [(volume, appearance)]
-    if appearance != "auto" or not all(isinstance(p, tuple) and len(p) == 2 for p in volume):
+    if appearance != "auto" or not all(_is_pair(one) for one in volume):
         raise ValueError(
             "several volumes are a list of pairs (volume, appearance), and nothing beside it"
         )
-    return volume
+    return list(volume)
 
 
-def _medium(volume: Shown, appearance: Appearance | str) -> Medium:
+def _are_several(volume: Any) -> bool:
+    """Whether this is a list of volumes, rather than one as nested lists."""
+    if not isinstance(volume, list | tuple) or isinstance(volume, Volume):
+        return False
+    return any(isinstance(one, Volume) or _is_pair(one) for one in volume)
+
+
+def _is_pair(one: Any) -> bool:
+    is_two = isinstance(one, tuple) and len(one) == 2
+    return is_two and isinstance(one[1], str | Appearance)
+
+
+def _medium(volume: Any, appearance: Appearance | str) -> Medium:
     """Volume without its padding, and its look."""
-    scene = volume if isinstance(volume, Volume) else as_volume(volume)
+    scene = as_volume(volume)
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     return without_padding(scene, survey(scene)), look
 

@@ -1,0 +1,155 @@
+"""Volumes as callers have them: arrays of any kind, files, and images of other libraries."""
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample_volume.files.source import open_volume
+from resample_volume.media.recordings import in_color, is_color
+from resample_volume.media.rectilinear import rectilinear
+from resample_volume.types import Volume
+
+AXES = ("z", "y", "x")
+TAKEN = (
+    "an array (Z, Y, X), nested lists, a path, an xarray.DataArray, a SimpleITK.Image or a Volume"
+)
+WIDE = np.iinfo(np.int32)
+
+
+def as_volume(given: Any, name: str = "array") -> Volume:
+    """Volume of what a caller has.
+
+    Parameters
+    ----------
+    given
+        A `Volume` as it is; the path of a file, a folder of slices or a generated volume's name;
+        an array (Z, Y, X), or (Z, Y, X, 3 or 4) of colors, of any real type and layout, masked,
+        mapped from a file, of dask or as nested lists, with spacing 1 around no origin in
+        particular; an `xarray.DataArray`, whose coordinates along z, y and x give spacing and
+        origin; or an image of SimpleITK's.
+    name
+        For titles and messages.
+
+    Returns
+    -------
+    Values that are taken as they are, are not copied. What is masked is not a number.
+
+    Raises
+    ------
+    TypeError
+        It is none of these, or its values are no real numbers.
+    ValueError
+        It is of another shape, or has no voxels.
+    OSError
+        The file cannot be read.
+    """
+    if isinstance(given, Volume):
+        return given
+    if isinstance(given, str | PathLike):
+        return open_volume(str(given))
+    if type(given).__module__.partition(".")[0] == "SimpleITK":
+        return _from_itk(given, name)
+    if hasattr(given, "dims") and hasattr(given, "coords"):
+        return _from_labeled(given)
+    return _placed(_array(given), name)
+
+
+def _array(given: Any) -> NDArray[Any]:
+    """Values of an array or of nested lists, of a type that a volume has."""
+    if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
+        raise TypeError(f"a volume of {type(given).__name__}; give {TAKEN}")
+    try:
+        values = np.asanyarray(given)
+    except ValueError:
+        raise ValueError("lists of different lengths are no volume; give " + TAKEN) from None
+    if values.dtype.kind not in "biuf":
+        raise TypeError(f"a volume of {values.dtype}; its values must be real numbers")
+    if isinstance(values, np.ma.MaskedArray):
+        wide = np.asarray(values.data, np.result_type(values.dtype, np.float32))
+        values = np.where(np.ma.getmaskarray(values), np.nan, wide)
+    return _of_known_type(np.asarray(values))
+
+
+def _of_known_type(values: NDArray[Any]) -> NDArray[Any]:
+    """Values in the type nearest to theirs that volumes have."""
+    kind, size = values.dtype.kind, values.dtype.itemsize
+    if kind == "b":
+        return values.view(np.uint8) if values.flags.c_contiguous else values.astype(np.uint8)
+    if kind == "f":
+        known = np.float32 if size < 4 else np.float64 if size > 8 else values.dtype
+        return values.astype(np.dtype(known).newbyteorder("="), copy=False)
+    if size == 8 or (kind == "u" and size == 4):
+        low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
+        fits = WIDE.min <= low and high <= WIDE.max
+        return values.astype(np.int32 if fits else np.float64)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _placed(
+    values: NDArray[Any],
+    name: str,
+    spacing: Doubles | None = None,
+    origin: Doubles | None = None,
+    direction: Doubles | None = None,
+) -> Volume:
+    """Array (Z, Y, X) or of colors as a volume."""
+    colored = values.ndim == 4 and is_color(values.shape, values.dtype)
+    if (values.ndim != 3 and not colored) or 0 in values.shape:
+        raise ValueError(
+            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; of several "
+            "give one"
+        )
+    volume = Volume(
+        values[..., 0] if colored else values,
+        np.ones(3) if spacing is None else spacing,
+        np.zeros(3) if origin is None else origin,
+        np.eye(3) if direction is None else direction,
+        name,
+    )
+    return in_color(values, volume) if colored else volume
+
+
+def _from_itk(image: Any, name: str) -> Volume:
+    """Image of SimpleITK's, with its place."""
+    import SimpleITK
+
+    if image.GetDimension() != 3:
+        raise ValueError(f"an image of {image.GetDimension()} dimensions; a volume has 3")
+    return _placed(
+        _array(SimpleITK.GetArrayFromImage(image)),
+        name,
+        np.array(image.GetSpacing(), np.float64),
+        np.array(image.GetOrigin(), np.float64),
+        np.array(image.GetDirection(), np.float64).reshape(3, 3),
+    )
+
+
+def _from_labeled(given: Any) -> Volume:
+    """Array of xarray's, with its coordinates."""
+    dims = tuple(map(str, given.dims))
+    named = {dim.lower(): dim for dim in dims}
+    if len(dims) != 3 or (set(AXES) & set(named) and set(named) != set(AXES)):
+        raise ValueError(
+            f"a volume has the dimensions z, y and x, or three of other names, not "
+            f"{', '.join(dims)}; take one of the others, such as .isel(time=0)"
+        )
+    order = tuple(named[axis] for axis in AXES) if set(named) == set(AXES) else given.dims
+    turned = given.transpose(*order)
+    values = _array(turned.values)
+    z, y, x = (_planes(turned, dim, n) for dim, n in zip(order, values.shape, strict=True))
+    if 0 in values.shape:
+        raise ValueError(f"a volume has voxels in it; got {values.shape}")
+    return rectilinear(values, x, y, z, str(given.name or "array"))
+
+
+def _planes(given: Any, dim: str, count: int) -> Doubles:
+    """Places of planes along a dimension; whole numbers where it has no coordinates."""
+    if dim not in given.coords:
+        return np.arange(count, dtype=np.float64)
+    along = np.asarray(given.coords[dim].values)
+    if along.dtype.kind not in "iuf" or not np.isfinite(along).all():
+        raise ValueError(f"coordinates along {dim} of {along.dtype}; they must be finite numbers")
+    return along.astype(np.float64)
