@@ -16,3 +16,4 @@ class Volume(NamedTuple):
     direction: Doubles  # (3, 3) columns are the unit steps of x, y, z; may mirror
     name: str  # for titles and messages
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
+    space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to

@@ -3,18 +3,30 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
-from resample_volume.command.choices import Look, Projecting, Source
+from resample_volume.command.choices import Beside, BesidePicture, Look, Projecting, Source
+
+if TYPE_CHECKING:
+    from resample.cameras.models import AnyCamera
+    from resample.types import Frame
 
 Unshown = Parameter(show_default=False)
+
+PictureOutput = Annotated[
+    flags.Output,
+    Parameter(
+        help="Written to: .png, .jpg, .tif, or .exr with linear RGBA, depth (Z) and coverage."
+    ),
+]
 
 app = App(
     name="resample-volume",
@@ -24,7 +36,7 @@ app = App(
 )
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
-PROJECTING = Projecting()
+PROJECTING, BESIDE, BESIDE_PICTURE = Projecting(), Beside(), BesidePicture()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
@@ -42,12 +54,12 @@ def render(
     volume: str,
     /,
     *,
-    output: flags.FrameOutput,
+    output: PictureOutput,
     look: Annotated[Look, flags.Flat] = LOOK,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
     source: Annotated[Source, flags.Flat] = SOURCE,
-    color_bar: Annotated[bool, flags.Switch] = False,
+    beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
     stats: flags.Stats = None,
 ) -> None:
     """Render a volume to a picture.
@@ -58,38 +70,46 @@ def render(
     ----------
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
-    color_bar
-        Add a bar to the right: of colors, opacities and values (.png).
     """
     from resample.command.session import Session, require_picture
-    from resample.files.images import check_suffix, write_frame
+    from resample.files.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
-    from resample.measuring.color_bars import check_bar
     from resample_volume.command.inputs import prepared
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, subject_of
     from resample_volume.files.writing import with_bar
+    from resample_volume.space.annotations import annotated
+    from resample_volume.space.slabs import boxed, write_slabs
+    from resample_volume.voxels.framing import centered
 
-    check_suffix(output)
     size = picture.height_and_width()
-    if color_bar:
-        check_bar(output, size[0])
     background = _background(picture.background, output)
+    check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling)
+    beside.check(output, resampler, size[0])
+    meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
         scene = prepared(source, volume)
-    subject = subject_of(session, scene, look.appearance(scene, resampler), resampler)
+    appearance = replace(look.appearance(scene, resampler), meshes=meshes)
+    subject = subject_of(session, scene, appearance, resampler)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
-    frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)
+
+    def paint(eye: "AnyCamera") -> "Frame":
+        return painted(session, resampler, seen, eye, size, picture.threads, subject.clip)
+
+    frame = paint(camera)
     with session.stage("write"):
-        drawn = frame
-        if color_bar:
-            drawn = with_bar(frame, scene, subject.appearance, resampler, background)
-        write_frame(output, drawn, bits=picture.bits, background=background)
+        if beside.deep is not None:
+            write_slabs(output, beside.deep, paint, camera, boxed(scene, subject))
+        else:
+            shown = annotated(frame, camera, centered(scene)[0], beside.annotations(background))
+            if beside.color_bar:
+                shown = with_bar(shown, scene, subject.appearance, resampler, background)
+            write_frame(output, shown, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame))
 
@@ -196,6 +216,7 @@ def animate(
     background: flags.FilmBackground = "black",
     threads: int | None = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
+    beside: Annotated[Beside, flags.Flat] = BESIDE,
     resume: flags.Resume = False,
 ) -> None:
     """Move a camera around a volume, or away from it.
@@ -217,7 +238,7 @@ def animate(
     from resample.command.console import progress_bar
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
-    from resample_volume.command.animation import Paint, cameras_of, flight_of, shots
+    from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
     from resample_volume.command.inputs import prepared
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
 
@@ -226,10 +247,12 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    paint = Paint(resampler, shape, behind, threads)
+    meshes = beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     scene = prepared(source, volume)
-    subject = subject_of(Session(), scene, look.appearance(scene, resampler), resampler)
+    appearance = replace(look.appearance(scene, resampler), meshes=meshes)
+    subject = subject_of(Session(), scene, appearance, resampler)
+    paint = Paint(resampler, shape, behind, threads, drawing(scene, beside.annotations(behind)))
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     made = shots(subject, cameras_of(subject, flight, shape), paint, about)
     with progress_bar("filming") as progress:

@@ -41,7 +41,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     """
     path = Path(name)
     if path.exists() or reader is not None:
-        return (reader or find_reader(path))(path)
+        found = reader or find_reader(path)
+        return found(path)._replace(space=getattr(found, "space", ""))
     if str(name).partition(":")[0] in GENERATED:
         return generate(str(name))
     if _suffix(path.name, _readers()[0]):
