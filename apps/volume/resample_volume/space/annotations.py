@@ -21,6 +21,7 @@ from resample_volume.voxels.visible import lattice_of
 COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
 GRAY = (0.4, 0.4, 0.4)  # of the box, on black as on white
 BAR = 0.22  # of the picture's width, at most
+HIDDEN = 0.5  # opacity of what is in front of a name that is left out
 CUBE = 0.2  # of the picture's shorter side
 MARGIN = 0.03  # likewise
 
@@ -91,7 +92,7 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     drawn = with_lines(frame, view, [*lines, *arms])
     rgba = np.array(drawn.rgba)
     for arm, name in zip(arms, "XYZ", strict=False):
-        _name_arm(rgba, view, arm, name, given)
+        _name_arm(rgba, frame, view, arm, name, given)
     if given.cube:
         _put_cube(rgba, view, PATIENT if volume.space == "lps" else AXES)
     if given.scale_bar:
@@ -121,18 +122,29 @@ def _arms(corner: Doubles, width: float) -> list[Stroke]:
     return [Stroke(*given, width) for given in zip(ends, COLORS, strict=True)]
 
 
-def _name_arm(rgba: Floats, view: View, arm: Stroke, name: str, given: Annotations) -> None:
-    """Put an axis' name beyond its end."""
+def _name_arm(
+    rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
+) -> None:
+    """Put an axis' name beyond its end, unless the picture hides that."""
     end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
     place = view.rotation @ end + view.translation
     if view.perspective and place[2] <= view.near:
         return
     spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
-    if not (np.abs(spot) < 1e6).all():
+    if not (np.abs(spot) < 1e6).all() or _is_hidden(frame, spot, float(place[2])):
         return
     mask = letters(name, type_size(*rgba.shape[:2]))
     left, top = spot - np.array(mask.shape[::-1]) / 2
     put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
+
+
+def _is_hidden(frame: Frame, spot: Doubles, depth: float) -> bool:
+    """Whether what is at a place of the screen, px, at a depth is mostly behind the picture."""
+    column, row = np.floor(spot).astype(int)
+    height, width = frame.depth.shape
+    if not (0 <= row < height and 0 <= column < width):
+        return False
+    return bool(frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < depth)
 
 
 def _put_cube(rgba: Floats, view: View, names: tuple[str, ...]) -> None:
