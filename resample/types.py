@@ -424,6 +424,7 @@ class Statistics(NamedTuple):
     hidden: int  # of both, those that every pixel's opacity had covered before their turn
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
+    is_preview: bool = False  # whether the picture is of fewer samples than there are
 
     @property
     def splat_fraction(self) -> float:

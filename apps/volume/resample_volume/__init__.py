@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.rectilinear import rectilinear
     from resample_volume.rendering import Appearance, render
+    from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
@@ -25,6 +26,7 @@ _HOMES = {
     "Appearance": "rendering",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
+    "Scene": "scenes",
     "SceneMesh": "space.meshes",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
@@ -43,6 +45,7 @@ __all__ = [
     "Appearance",
     "Light",
     "Orbit",
+    "Scene",
     "SceneMesh",
     "TransferFunction",
     "Volume",

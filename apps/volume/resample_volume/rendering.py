@@ -202,7 +202,7 @@ def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
     check_together(resampler, Classification.PRE, media[0][1].extras)
 
 
-def _kept_look(volume: Volume, look: Appearance) -> Appearance:
+def kept_look(volume: Volume, look: Appearance) -> Appearance:
     """Look that a volume keeps when it is resampled."""
     if look.labels is not None:
         raise ValueError(
@@ -367,7 +367,7 @@ class Subject:
         parts = []
         for volume, look in moved:
             there = onto(volume, whole)
-            own = look if there is volume else _kept_look(volume, look)
+            own = look if there is volume else kept_look(volume, look)
             voxels = visible_voxels(there, replace(own, light=appearance.light))
             parts.append(faced(keep(voxels, clip, radius), clip))
         every = mixed(parts, whole)

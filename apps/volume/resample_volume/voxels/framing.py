@@ -77,6 +77,16 @@ def shown_by(
     return shown._replace(position=shown.position[kept])
 
 
+def ball_around(volume: Volume) -> Sphere:
+    """Ball around a volume's voxels, whatever is seen of them."""
+    last = np.array(volume.values.shape[::-1]) - 1.0
+    across = lattice_of(volume)
+    ends = np.stack(np.meshgrid(*[(-0.5, end + 0.5) for end in last]), axis=-1).reshape(-1, 3)
+    center = volume.origin + across @ last / 2
+    away = np.linalg.norm(volume.origin + ends @ across.T - center, axis=1)
+    return Sphere(np.asarray(center), float(away.max()))
+
+
 def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
     """Ball around all visible voxels, or around the volume where none is visible.
 
