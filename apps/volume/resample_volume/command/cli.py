@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
+from resample.files.settings import with_settings
 from resample_volume.command.choices import Added, Look, Projecting, Source
 
 Unshown = Parameter(show_default=False)
@@ -377,6 +378,9 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
             pictures[method] = frame.rgba
         contact_sheet(pictures, output / f"{name}.png", columns=3)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+with_settings(app)
 
 
 def main() -> NoReturn:
