@@ -5,7 +5,7 @@ The names below are imported when they are first used, so that `import resample`
 
 from typing import TYPE_CHECKING
 
-from resample.lazy import attributes
+from resample.lazy import attributes, listing
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
@@ -58,3 +58,4 @@ __all__ = [
 ]
 
 __getattr__ = attributes(__name__, _HOMES)
+__dir__ = listing(_HOMES)

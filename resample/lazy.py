@@ -8,10 +8,14 @@ from typing import Any
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """`__getattr__` of a package: `homes` says in which module each public name lives.
 
-    That is one of the package's own, or of the core by its full name.
+    That is one of the package's own, or of the core by its full name. All know `__version__`.
     """
 
     def get(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("hybrid-resample")
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         home = homes[name]
@@ -19,3 +23,8 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         return getattr(import_module(whole), name)
 
     return get
+
+
+def listing(homes: Mapping[str, str]) -> Callable[[], list[str]]:
+    """`__dir__` of a package: its public names."""
+    return lambda: sorted([*homes, "__version__"])

@@ -125,6 +125,23 @@ class Reached(NamedTuple):
 UNBLOCKED = Reached(np.zeros((0, 0, 0, 2), np.uint8), 1)  # all light gets everywhere
 
 
+class Triangles(NamedTuple):
+    """Triangles in a scene, in a tree of boxes; see `resample.painting.meshes.mesh_of`."""
+
+    corner: Doubles  # (V, 3) scene units
+    normal: Doubles  # (V, 3) unit vectors
+    color: Doubles  # (V, 3) straight linear RGB
+    face: Indices  # (T, 3) corners, in the order of the tree's leaves
+    opacity: Doubles  # (T,) 0..1
+    box: Doubles  # (2 L, 6) least and greatest x, y, z; halves of 1 are 2 and 3, and so on
+
+
+_NONE = np.zeros((0, 3))
+NO_TRIANGLES = Triangles(
+    _NONE, _NONE, _NONE, np.zeros((0, 3), np.int64), np.zeros(0), np.zeros((0, 6))
+)
+
+
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; what it looks like is decided along rays."""
 
@@ -135,6 +152,7 @@ class LatticeField(NamedTuple):
     origin: Doubles  # (3,) scene position of the first sample
     classifier: Classifier
     reached: Reached = UNBLOCKED
+    mesh: Triangles = NO_TRIANGLES  # what stands in it
 
 
 # What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.
@@ -201,6 +219,7 @@ class View(NamedTuple):
     principal: Doubles  # (2,) cx, cy in px
     near: float  # scene units; nothing in front of this plane is seen
     perspective: bool
+    far: float = math.inf  # scene units; of a field, nothing behind this plane is seen
 
 
 class Ellipsoid(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -182,7 +182,7 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
             return Orbit(*NAMED[given])
         return _orbit(given.split("/"), given)
     if isinstance(given, Sequence) or hasattr(given, "__array__"):
-        return _orbit(list(given), given)
+        return _orbit(cast("Sequence[float]", given), given)
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
 
 

@@ -139,14 +139,14 @@ class PictureFormat(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Behind the picture: black, white, #rrggbb or none for transparent. PNG: "
-            "black, EXR: none."
+            description="Behind the picture: black, white, #rrggbb or none for transparent. EXR: "
+            "none, others: black."
         ),
     ] = None
     bits: Annotated[
-        Literal[8, 16],
+        Literal[8, 16, 32],
         BeforeValidator(_number),
-        Field(description="Per channel: 8 or 16 of a PNG."),
+        Field(description="Per channel: PNG 8 or 16, TIFF also 32."),
     ] = 8
     threads: Threads = None
 

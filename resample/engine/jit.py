@@ -12,6 +12,7 @@ Of several processes that want one kernel, the first compiles it and the others 
 
 import hashlib
 import inspect
+import logging
 import math
 import os
 import time
@@ -44,6 +45,7 @@ try:
 except ImportError:  # Windows: every process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
+LOG = logging.getLogger("resample")
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -135,6 +137,7 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._name = f"{function.__module__}.{function.__qualname__}"
         digest = _version(_package_of(Path(inspect.getfile(function))))
         self._named_for = _settings()
         version = f"{digest[:12]}-{self._named_for[:6]}"
@@ -147,7 +150,10 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        return super().load_overload(sig, target_context) if self._is_apt() else None
+        stored = super().load_overload(sig, target_context) if self._is_apt() else None
+        if stored is None:
+            _say_that_it_compiles(self._name)
+        return stored
 
     def save_overload(self, sig: Any, data: Any) -> None:
         if self._is_apt():
@@ -169,6 +175,16 @@ def _in_turn(index: str) -> Iterator[None]:
                 lock = held.enter_context(Path(f"{index}.lock").open("ab"))
                 fcntl.flock(lock, fcntl.LOCK_EX)
         yield
+
+
+@cache
+def _say_that_it_takes_long() -> None:
+    LOG.info("compiling kernels, once per installation: about 20 seconds")
+
+
+def _say_that_it_compiles(name: str) -> None:
+    _say_that_it_takes_long()
+    LOG.debug("compiling %s", name)
 
 
 def _store(compiled: Any, function: Callable[..., Any]) -> None:
@@ -219,8 +235,10 @@ def _compile(
     if numba.config.DISABLE_JIT:
         return function
     compiled = numba.njit(function, **OPTIONS, **options)
-    with suppress(RuntimeError):  # no folder can be written to: compile in every process
+    try:
         _store(compiled, function)
+    except RuntimeError:
+        LOG.info("kernels cannot be kept on disk: every process compiles them; set NUMBA_CACHE_DIR")
     if is_packed:
         _pack(compiled)
 

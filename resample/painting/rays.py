@@ -36,6 +36,7 @@ ALIKE = 0.002  # of the range of values, by which these may differ that are take
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
 FEWEST_RAYS, MOST_RAYS = 2, 16  # per side of a pixel
+MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
 PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
 MOST_APART = 255  # bricks
 HIGHLIGHTS = 2049  # entries of a table of highlights
@@ -100,7 +101,8 @@ def _fineness(field: LatticeField, view: View, style: Style, tiles: tuple[int, i
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
     far = max(float(depth.max()), view.near) if view.perspective else 1.0
     spacing = least * float(view.focal.min()) / far
-    n = min(MOST_RAYS, max(FEWEST_RAYS, math.ceil(PER_SAMPLE / spacing)))
+    fewest = MESH_RAYS if len(field.mesh.face) else FEWEST_RAYS
+    n = min(MOST_RAYS, max(fewest, math.ceil(PER_SAMPLE / spacing)))
     return np.full(count, n, np.int64)
 
 
@@ -166,6 +168,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         field.known,
         BENT * columns,
         field.reached,
+        field.mesh,
     )
 
 

@@ -1,5 +1,6 @@
 """What is painted: samples checked, seen by a camera, and dealt to the tiles of the screen."""
 
+import math
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -156,6 +157,8 @@ def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubl
     given = given / length[:, None]
     normal = given[:, :3] @ view.rotation.T
     offset = given[:, 3] - normal @ view.translation
+    if view.far < math.inf:
+        normal, offset = np.vstack([normal, [0.0, 0.0, -1.0]]), np.append(offset, view.far)
     reach = np.sqrt(np.einsum("ni,ij,nj->n", normal, ellipsoid.covariance, normal))
     return np.ascontiguousarray(np.column_stack([normal, offset, reach]))
 

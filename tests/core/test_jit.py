@@ -253,3 +253,32 @@ def test_copies_of_the_sources_share_the_kernels_of_a_folder_that_is_asked_for(t
     second = wanting(tmp_path / "cache", copied.parent)
     assert Path(second.stdout.readline().strip()) == copied / "engine" / "jit.py"
     assert compiled_and_loaded(second) == [0, 1]
+
+
+@compiled_only
+def test_what_is_compiled_is_logged_once_and_nothing_is_said_by_default(tmp_path):
+    source = tmp_path / "kernels_of_a_test.py"
+    source.write_text(
+        "import logging, sys\n"
+        "from resample.engine.jit import kernel\n"
+        "@kernel\n"
+        "def doubled(x):\n"
+        "    return 2 * x\n"
+        "if 'loud' in sys.argv:\n"
+        "    logging.basicConfig(level=logging.DEBUG)\n"
+        "    logging.getLogger('numba').setLevel(logging.ERROR)\n"
+        "doubled(2)\n"
+        "doubled(2.0)\n"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    said = []
+    for words in (["loud"], ["loud"], []):
+        command = [sys.executable, str(source), *words]
+        told = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True, timeout=PATIENCE
+        )
+        said.append(told.stderr)
+    assert said[0].count("compiling kernels, once per installation") == 1
+    assert said[0].count("compiling __main__.doubled") == 2
+    assert said[1] == ""
+    assert said[2] == ""

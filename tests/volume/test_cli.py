@@ -312,7 +312,7 @@ def test_a_volume_of_one_value_is_seen():
         (["--opacity-unit", "0"], "greater than"),
         (["--opacity-unit", "inf"], "finite"),
         (["--background", "nonsense"], "give none, #rrggbb or a color's name"),
-        (["--bits", "12"], "8 or 16"),
+        (["--bits", "12"], "8, 16 or 32"),
         (["--threads", "0"], "greater than or equal to 1"),
         (["--light", "0/0/0"], "must not be of length 0"),
         (["--light", "sun"], "light 'sun'; give 3 numbers as a/b/c"),
@@ -473,8 +473,8 @@ def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["-o", "out.jpg"], "pictures are written as .png or .exr"),
-        (["-o", "out"], "pictures are written as .png or .exr"),
+        (["-o", "out.gif"], "pictures are written as .png, .exr, .jpg"),
+        (["-o", "out"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "none/out.png"], "cannot be written: No such file or directory"),
         (["-o", "folder.png"], "is not a regular file"),
         (["-o", "notes.txt/out.png"], "cannot be written"),

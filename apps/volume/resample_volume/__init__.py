@@ -5,7 +5,7 @@ The names below are imported when they are first used, so that `import resample_
 
 from typing import TYPE_CHECKING
 
-from resample.lazy import attributes
+from resample.lazy import attributes, listing
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
@@ -15,33 +15,46 @@ if TYPE_CHECKING:
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.rectilinear import rectilinear
     from resample_volume.rendering import Appearance, render
+    from resample_volume.space.annotations import Annotations, annotate
+    from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.voxels.shading import Light
 
 _HOMES = {
+    "Annotations": "space.annotations",
     "Appearance": "rendering",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
+    "SceneMesh": "space.meshes",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
+    "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "looks.presets",
     "open_volume": "files.source",
+    "read_mesh": "space.meshes",
     "rectilinear": "media.rectilinear",
     "render": "rendering",
+    "scene_mesh": "space.meshes",
 }
 
 __all__ = [
+    "Annotations",
     "Appearance",
     "Light",
     "Orbit",
+    "SceneMesh",
     "TransferFunction",
     "Volume",
+    "annotate",
     "as_volume",
     "load_transfer",
     "open_volume",
+    "read_mesh",
     "rectilinear",
     "render",
+    "scene_mesh",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)
+__dir__ = listing(_HOMES)

@@ -12,7 +12,16 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
-from resample.types import Doubles, Field, Frame, LatticeField, Samples, View
+from resample.types import (
+    NO_TRIANGLES,
+    Doubles,
+    Field,
+    Frame,
+    LatticeField,
+    Samples,
+    Triangles,
+    View,
+)
 from resample_volume.inputs import as_volume
 from resample_volume.looks.automatic import levels
 from resample_volume.looks.materials import Windowed
@@ -22,6 +31,7 @@ from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -59,6 +69,7 @@ class Appearance:
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
+    meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; planes do not cut them
 
     @property
     def extras(self) -> list[str]:
@@ -67,6 +78,7 @@ class Appearance:
             "labels": self.labels,
             "gradient-opacity": self.gradient_opacity,
             "depth-cue": self.cue,
+            "mesh": self.meshes or None,
         }
         return [name for name, choice in chosen.items() if choice is not None]
 
@@ -124,6 +136,8 @@ def check_together(
     """
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
+    if "mesh" in extras:
+        _check_meshes(resampler, classification)
     if is_composite and classification is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
@@ -147,6 +161,21 @@ def check_together(
         raise ValueError(
             "depth-cue dims light, so it needs the projection composite or first-hit, not "
             f"{projection}"
+        )
+
+
+def _check_meshes(resampler: Resampler, classification: Classification) -> None:
+    """Refuse meshes where no ray ends on them."""
+    if resampler.projection in MEASURING:
+        raise ValueError(
+            "a mesh is seen through the volume, so it needs the projection composite or first-hit, "
+            f"not {resampler.projection}"
+        )
+    is_pre = classification is Classification.PRE and resampler.iso is None
+    if is_pre or resampler.order.summing is not Summing.RAYS:
+        raise ValueError(
+            "a mesh ends rays through the field, so it needs the classification post and the "
+            "order rays"
         )
 
 
@@ -271,6 +300,7 @@ class Subject:
     sphere: Sphere  # around all that is seen
     middle: Doubles  # (3,) where the volume's middle was, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
+    mesh: Triangles = NO_TRIANGLES  # around the scene's origin
 
     @classmethod
     def of(
@@ -305,7 +335,8 @@ class Subject:
             shown = shown_by(scene, look, clip, radius, resampler.iso)
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
-        return cls(voxels, appearance, sphere_around(shown, scene), middle, clip)
+        mesh = placed(appearance.meshes, middle)
+        return cls(voxels, appearance, sphere_around(shown, scene), middle, clip, mesh)
 
     @classmethod
     def of_several(cls, media: Sequence[Medium], resampler: Resampler | None = None) -> "Subject":
@@ -344,6 +375,10 @@ class Subject:
             every = with_light(every, appearance.light)
         return cls(every, appearance, sphere_around(every, scene), middle, clip)
 
+    def placed(self, volume: Volume) -> Volume:
+        """One of the volumes, where it lies around the scene's origin."""
+        return volume._replace(origin=volume.origin - self.middle)
+
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
@@ -359,7 +394,7 @@ class Subject:
         """What pictures depend on besides camera and renderer, as JSON holds it."""
         from resample.files.animations import fingerprint
 
-        parts = [*self.voxels, self.clip]
+        parts = [*self.voxels, self.clip, *self.mesh]
         while any(isinstance(part, tuple) for part in parts):
             nested = (part if isinstance(part, tuple) else (part,) for part in parts)
             parts = list(chain.from_iterable(nested))
@@ -384,7 +419,7 @@ class Subject:
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
         if isinstance(self.voxels, Gathered):
-            return lit_lattice(self.voxels, light, viewer, dimmed)
+            return lit_lattice(self.voxels, light, viewer, dimmed)._replace(mesh=self.mesh)
         return lit_field(self.voxels, light, viewer, dimmed)
 
 

@@ -18,6 +18,7 @@ class Volume(NamedTuple):
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
     colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
     note: str = ""  # what was made of a file's values, for who looks at them
+    space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
 
 
 class Recording(NamedTuple):
@@ -31,3 +32,4 @@ class Recording(NamedTuple):
     units: str = ""
     is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
     note: str = ""
+    space: str = ""

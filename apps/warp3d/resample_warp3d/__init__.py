@@ -5,7 +5,7 @@ The names below are imported when they are first used, so that `import resample_
 
 from typing import TYPE_CHECKING
 
-from resample.lazy import attributes
+from resample.lazy import attributes, listing
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
@@ -101,3 +101,4 @@ __all__ = [
 ]
 
 __getattr__ = attributes(__name__, _HOMES)
+__dir__ = listing(_HOMES)

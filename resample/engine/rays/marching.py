@@ -84,13 +84,13 @@ def _is_within(place: Vector, space: SampleSpace) -> bool:
 
 
 @inner_step
-def ray_at(x: float, y: float, space: SampleSpace, view: View) -> Ray:
-    """Ray through a point of the screen, px."""
+def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[float, float]) -> Ray:
+    """Ray through a point of the screen, px, between two depths."""
     across, down = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
     here, toward = (0.0, 0.0, 0.0), (across, down, 1.0)
     if not view.perspective:
         here, toward = (across, down, 0.0), (0.0, 0.0, 1.0)
-    part = (view.near, math.inf)
+    part = (between[0], between[1])
     for n in range(len(space.planes)):
         normal = (space.planes[n, 0], space.planes[n, 1], space.planes[n, 2])
         part = _cut(part, dot(normal, here) + space.planes[n, 3], dot(normal, toward))

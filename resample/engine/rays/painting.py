@@ -6,8 +6,8 @@ import numpy as np
 
 from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
-from resample.engine.rays.marching import ray_at
-from resample.engine.rays.seeing import NOTHING, Medium, Way, seen
+from resample.engine.rays.meshes import is_on_mesh, seen_with_mesh
+from resample.engine.rays.seeing import Medium, Way
 from resample.types import Film, Floats, Indices, Tables, View
 
 ALPHA, DEEP, FIRST, COVER, VALUE, PRESENCE = range(3, 9)
@@ -33,17 +33,20 @@ class Output(NamedTuple):
 
 
 @inner_kernel
+def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
+    """Where the ray of a sub-pixel goes through the screen, px."""
+    margin = output.tables.pixel_margin
+    return home.left - margin + (column + 0.5) / n, home.top - margin + (row + 0.5) / n
+
+
+@inner_kernel
 def _cast(
     way: Way, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
     here: Floats,
 ) -> None:  # fmt: skip
     """Let a sub-pixel see the field."""
-    margin = output.tables.pixel_margin
-    x, y = home.left - margin + (column + 0.5) / n, home.top - margin + (row + 0.5) / n
-    ray = ray_at(x, y, medium.space, output.camera)
-    result = NOTHING
-    if ray.steps > 0:
-        result = seen(way, ray, medium)
+    x, y = _point(output, home, n, row, column)
+    result = seen_with_mesh(x, y, way, medium, output.camera)
     here[0], here[1], here[2] = result[0], result[1], result[2]
     here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
     here[COVER], here[VALUE], here[PRESENCE] = result[6], result[7], result[8]
@@ -98,7 +101,9 @@ def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Fl
                             row - 1, column - 1, row - 1, column + 1,
                             row + 1, column - 1, row + 1, column + 1,
                         )  # fmt: skip
-                    if _are_alike(fine, around, output.coarse):
+                    x, y = _point(output, home, n, row, column)
+                    is_alone = not is_on_mesh(x, y, medium.mesh, output.camera)
+                    if is_alone and _are_alike(fine, around, output.coarse):
                         _between(fine, around, here)
                         continue
                 _cast(way, medium, output, home, n, row, column, here)

@@ -36,7 +36,7 @@ from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import Doubles, Flags, Reached, Spline
+from resample.types import Doubles, Flags, Reached, Spline, Triangles
 
 THICK = 0.5  # optical depth of a part
 MOST_PARTS = 8  # of half a step
@@ -68,6 +68,7 @@ class Medium(NamedTuple):
     known: Flags  # as of `LatticeField`
     coarse: float  # columns that a field may bend by within a step
     reached: Reached
+    mesh: Triangles
 
 
 class Composite(NamedTuple):
@@ -151,7 +152,7 @@ def _position(medium: Medium, place: Vector) -> Vector:
 
 
 @inner_step
-def _kept(look: SummedLook, depth: float) -> float:
+def kept_at(look: SummedLook, depth: float) -> float:
     """Share of the light that depth leaves."""
     far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
     return 1.0 - look.dimmed * far
@@ -216,7 +217,7 @@ def _share_at(reached: Reached, place: Vector, n: int) -> float:
 
 
 @inner_step
-def _reaching(medium: Medium, place: Vector) -> tuple[float, float]:
+def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
     """Shares of the lamp's light and of light from everywhere that get to a place."""
     if medium.reached.share.size == 0:
         return 1.0, 1.0
@@ -224,7 +225,7 @@ def _reaching(medium: Medium, place: Vector) -> tuple[float, float]:
 
 
 @inner_step
-def _reflect(normal: Vector, place: Vector, look: SummedLook) -> tuple[float, float]:
+def reflect(normal: Vector, place: Vector, look: SummedLook) -> tuple[float, float]:
     """As `lighting.reflect`, without ambient light, and with a table of highlights."""
     lamp = look.lamp
     eye = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
@@ -242,11 +243,11 @@ def _reflect(normal: Vector, place: Vector, look: SummedLook) -> tuple[float, fl
 def _reflected(medium: Medium, place: Vector, slope: Vector) -> tuple[float, float]:
     """Factor of a surface's own color and white highlight."""
     lamp, length = medium.look.lamp, length_of(slope)
-    of_lamp, of_all = _reaching(medium, place)
+    of_lamp, of_all = reaching(medium, place)
     own, highlight = lamp.diffuse, 0.0
     if length > lamp.flat:
         normal = scaled(1.0 / length, slope)
-        own, highlight = _reflect(normal, _position(medium, place), medium.look)
+        own, highlight = reflect(normal, _position(medium, place), medium.look)
     return of_all * lamp.ambient + of_lamp * own, of_lamp * highlight
 
 
@@ -298,7 +299,7 @@ def _shine_at(way: Composite, step: Step, t: float, medium: Medium) -> Shine:
         _, per_sample = value_and_slope_at(medium.spline, place)
         slope = _faced(medium, place, multiply(matrix_of(medium.to_slope), per_sample))
         own, highlight = _reflected(medium, place, slope)
-    kept = _kept(medium.look, depth)
+    kept = kept_at(medium.look, depth)
     return Shine(kept * own, kept * highlight)
 
 
@@ -566,7 +567,7 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
     slope = _faced(medium, place, multiply(matrix_of(medium.to_slope), per_sample))
     own, highlight = _reflected(medium, place, slope)
     red, green, blue, _ = look_of(look, clamped(look, way.iso), length_of(slope))
-    kept = _kept(look, depth)
+    kept = kept_at(look, depth)
     own, highlight = kept * own, kept * highlight
     color = (own * red + highlight, own * green + highlight, own * blue + highlight)
     iso = value_of(look, way.iso)

@@ -28,6 +28,8 @@ from resample.resampler import Resampler
 from resample.types import Doubles
 from resample_volume.media.series import around
 from resample_volume.rendering import Subject
+from resample_volume.space.annotations import Annotations, annotated
+from resample_volume.types import Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
 FRAMES = 96
@@ -215,6 +217,19 @@ class Paint:
     size: tuple[int, int] = (400, 400)  # height and width, px
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
     threads: int | None = None  # frames do not depend on it
+    drawing: "Drawing | None" = None
+
+
+class Drawing(NamedTuple):
+    """What is drawn into frames."""
+
+    volume: Volume  # around the scene's origin
+    given: Annotations
+
+
+def drawing(volume: Volume, subject: Subject, given: Annotations) -> Drawing | None:
+    """What is drawn into frames of a volume, if anything."""
+    return Drawing(subject.placed(volume), given) if given.is_any else None
 
 
 def shots(
@@ -265,6 +280,7 @@ def _job(
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(paint.resampler),
+        **({} if paint.drawing is None else {"drawn": repr(paint.drawing.given)}),
         **facts,
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
         "version": version("hybrid-resample"),
@@ -274,15 +290,17 @@ def _job(
 def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
     """Frame (H, W, 3) as a screen takes it."""
     height, width = paint.size
-    image = paint.resampler(
+    painted = paint.resampler(
         subject.seen_by(camera),
         camera,
         height=height,
         width=width,
         threads=paint.threads,
         clip=subject.clip,
-    ).rgba
-    levels: Levels = np.floor(shown(image, paint.background) * 255.0 + 0.5).astype(np.uint8)
+    )
+    if paint.drawing is not None:
+        painted = annotated(painted, camera, *paint.drawing)
+    levels: Levels = np.floor(shown(painted.rgba, paint.background) * 255.0 + 0.5).astype(np.uint8)
     return levels
 
 

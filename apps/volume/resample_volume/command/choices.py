@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.flags import FieldOfView, Hyphen, Up, Viewed
-from resample.command.settings import Choices, Iso, Resampling, Shown
+from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
+from resample.command.settings import Choices, Color, Iso, Resampling, Shown
 from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
     from resample_volume.rendering import Appearance
+    from resample_volume.space.annotations import Annotations
+    from resample_volume.space.meshes import SceneMesh
     from resample_volume.types import Volume
 
 Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
@@ -270,6 +274,106 @@ class Look(Choices):
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)
+
+
+class Beside(Choices):
+    """What else is seen in the volume's scene."""
+
+    axes: Annotated[
+        bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
+    ] = False
+    box: Annotated[
+        bool,
+        Switch,
+        Field(description="Draw the edges of the volume's box, hidden by what is in front."),
+    ] = False
+    cube: Annotated[
+        bool,
+        Switch,
+        Field(
+            description="Draw a cube that shows where axes point: R L A P S I of a patient, else "
+            "+X -X and so on."
+        ),
+    ] = False
+    scale_bar: Annotated[
+        bool,
+        Switch,
+        Field(description="Draw a round length; in perspective it holds at the volume's middle."),
+    ] = False
+    mesh: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Mesh in the volume's scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, "
+            ".stl, .glb). It needs the order rays: classify post, or first-hit."
+        ),
+    ] = ()
+
+    def annotations(self, background: Color | None = None) -> "Annotations":
+        """What is drawn, before a linear color."""
+        from resample.measuring.color_bars import DARK, ink_on
+        from resample_volume.space.annotations import Annotations
+
+        is_dark = background is not None and ink_on(background) == DARK
+        return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
+
+    def with_meshes(self, look: Look, resampler: "Resampler") -> "tuple[SceneMesh, ...]":
+        """Meshes that are read, where a renderer shows them.
+
+        Raises
+        ------
+        ValueError, OSError
+            The renderer shows none, or a file cannot be read.
+        """
+        from resample_volume.rendering import Classification, check_together
+        from resample_volume.space.meshes import read_mesh
+
+        if self.mesh:
+            check_together(resampler, Classification(look.classify), ["mesh"])
+        return tuple(read_mesh(text) for text in self.mesh)
+
+
+class BesidePicture(Beside):
+    """The same, and what belongs to a single picture."""
+
+    color_bar: Annotated[
+        bool,
+        Switch,
+        Field(description="Add a bar to the right: of colors, opacities and values."),
+    ] = False
+    deep: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=1024,
+            description="Write so many slabs of depth instead of one layer, to a deep .exr.",
+        ),
+    ] = None
+
+    def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
+        """Refuse a bar or a deep picture that cannot be, before any work is done.
+
+        Raises
+        ------
+        ValueError
+            There is no room for a bar; or the suffix or the projection is none of deep pictures,
+            or something is drawn into one.
+        """
+        if self.color_bar:
+            from resample.measuring.color_bars import check_bar
+
+            check_bar(output, height)
+        if self.deep is None:
+            return
+        from resample.files.deep import check_deep
+        from resample_volume.space.slabs import check_slabs
+
+        check_deep(output)
+        check_slabs(self.deep, resampler)
+        if self.color_bar or self.annotations().is_any:
+            raise ValueError(
+                "deep pictures hold slabs alone; leave out axes, box, cube, scale-bar and color-bar"
+            )
 
 
 class Projecting(Choices):

@@ -3,9 +3,10 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
@@ -13,9 +14,27 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
 from resample.files.settings import with_settings
-from resample_volume.command.choices import Added, Look, Projecting, Source
+from resample_volume.command.choices import (
+    Added,
+    Beside,
+    BesidePicture,
+    Look,
+    Projecting,
+    Source,
+)
+
+if TYPE_CHECKING:
+    from resample.cameras.models import AnyCamera
+    from resample.types import Frame
 
 Unshown = Parameter(show_default=False)
+
+PictureOutput = Annotated[
+    flags.Output,
+    Parameter(
+        help="Written to: .png, .jpg, .tif, or .exr with linear RGBA, depth (Z) and coverage."
+    ),
+]
 
 app = App(
     name="resample-volume",
@@ -26,6 +45,7 @@ app = App(
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING, ADDED = Projecting(), Added()
+BESIDE, BESIDE_PICTURE = Beside(), BesidePicture()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
@@ -43,13 +63,13 @@ def render(
     volume: str,
     /,
     *,
-    output: flags.FrameOutput,
+    output: PictureOutput,
     look: Annotated[Look, flags.Flat] = LOOK,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
-    color_bar: Annotated[bool, flags.Switch] = False,
+    beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
     stats: flags.Stats = None,
 ) -> None:
     """Render a volume to a picture.
@@ -60,41 +80,48 @@ def render(
     ----------
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
-    color_bar
-        Add a bar to the right: of colors, opacities and values of the first volume (.png).
     """
     from resample.command.session import Session, require_picture
-    from resample.files.images import check_suffix, write_frame
+    from resample.files.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
-    from resample.measuring.color_bars import check_bar
     from resample_volume.command.inputs import require_values
-    from resample_volume.command.media import media
+    from resample_volume.command.media import media, with_meshes
     from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, scene_of
     from resample_volume.files.writing import with_bar
+    from resample_volume.space.annotations import annotated
+    from resample_volume.space.slabs import boxed, write_slabs
 
-    check_suffix(output)
     size = picture.height_and_width()
-    if color_bar:
-        check_bar(output, size[0])
     background = _background(picture.background, output)
+    check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling)
+    beside.check(output, resampler, size[0])
+    meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
-        shown = media(source, volume, look, added, resampler)
-        if color_bar:
+        shown = with_meshes(media(source, volume, look, added, resampler), meshes)
+        if beside.color_bar:
             require_values(shown[0][0], "a color bar")
     subject = scene_of(session, shown, resampler)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
-    frame = painted(session, resampler, seen, camera, size, picture.threads, subject.clip)
+
+    def paint(eye: "AnyCamera") -> "Frame":
+        return painted(session, resampler, seen, eye, size, picture.threads, subject.clip)
+
+    frame = paint(camera)
     with session.stage("write"):
-        drawn = frame
-        if color_bar:
-            drawn = with_bar(frame, *shown[0], resampler, background)
-        write_frame(output, drawn, bits=picture.bits, background=background)
+        if beside.deep is not None:
+            write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
+        else:
+            marks = beside.annotations(background)
+            drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
+            if beside.color_bar:
+                drawn = with_bar(drawn, *shown[0], resampler, background)
+            write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame))
 
@@ -203,6 +230,7 @@ def animate(
     threads: int | None = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
+    beside: Annotated[Beside, flags.Flat] = BESIDE,
     resume: flags.Resume = False,
 ) -> None:
     """Move a camera around a volume, or away from it; a volume of several times moves itself.
@@ -227,7 +255,7 @@ def animate(
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation
     from resample_volume.command.inputs import held
-    from resample_volume.command.media import filmed, media, series_of
+    from resample_volume.command.media import filmed, media, series_of, with_meshes
     from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
 
     check_film(output, fps)
@@ -235,17 +263,23 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    paint = animation.Paint(resampler, shape, behind, threads)
+    meshes = beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     recording = held(source, volume) if source.time is None and not added.channels else None
     series = None if recording is None else series_of(source, recording)
+    paint = animation.Paint(resampler, shape, behind, threads)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     if series is None:
-        shown = media(source, volume, look, added, resampler, recording=recording)
+        given = media(source, volume, look, added, resampler, recording=recording)
+        shown = with_meshes(given, meshes)
         subject = scene_of(Session(), shown, resampler)
+        drawn = animation.drawing(shown[0][0], subject, beside.annotations(behind))
+        paint = replace(paint, drawing=drawn)
         made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)
     else:
-        course = filmed(series, look, added, resampler)
+        course = filmed(series, look, added, resampler, meshes)
+        drawn = animation.drawing(series[0], course[0], beside.annotations(behind))
+        paint = replace(paint, drawing=drawn)
         flight = animation.over_time(flight, frames, course.times)
         cameras = animation.cameras_of(course[0], flight, shape)
         made = animation.shots_over_time(course, cameras, paint, about)

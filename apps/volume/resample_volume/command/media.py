@@ -17,6 +17,7 @@ from resample_volume.looks.surveys import findings
 from resample_volume.media.recordings import volume_at, with_times_first
 from resample_volume.media.series import Series
 from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 
 KEYS = ("time", "channel", "units", "spacing", "window", "transfer")
@@ -82,6 +83,12 @@ def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Mediu
     return found
 
 
+def with_meshes(shown: list[Medium], meshes: tuple[SceneMesh, ...]) -> list[Medium]:
+    """Volumes with meshes in the scene of the first."""
+    (volume, look), *others = shown
+    return [(volume, replace(look, meshes=meshes)), *others] if meshes else shown
+
+
 def series_of(source: Source, recording: Recording) -> Series | None:
     """Times of what was read, unless there is but one."""
     values = recording.values
@@ -96,10 +103,16 @@ def series_of(source: Source, recording: Recording) -> Series | None:
     return Series.of(recording)
 
 
-def filmed(series: Series, look: Look, added: Added, resampler: Resampler) -> Course:
-    """Times of a series, with other volumes that stay as they are."""
+def filmed(
+    series: Series,
+    look: Look,
+    added: Added,
+    resampler: Resampler,
+    meshes: tuple[SceneMesh, ...] = (),
+) -> Course:
+    """Times of a series, with other volumes and meshes that stay as they are."""
     further = beside(others(added.also), look, resampler)
-    own = look_over_time(series, look, resampler)
+    own = replace(look_over_time(series, look, resampler), meshes=meshes)
     announce_compilation(painter(resampler))
 
     def subject(time: int) -> Subject:

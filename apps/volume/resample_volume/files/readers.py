@@ -114,6 +114,7 @@ class Nifti:
     Its coordinates are RAS; they come out as LPS, like those of the other formats.
     """
 
+    space: ClassVar[str] = "lps"
     suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
 
     def __call__(self, path: Path) -> Volume:
@@ -187,6 +188,7 @@ class Dicom:
 
     series: str = ""  # instance UID; needed where the folder holds several
 
+    space: ClassVar[str] = "lps"
     suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
 
     def __call__(self, path: Path) -> Volume:

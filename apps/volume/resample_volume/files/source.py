@@ -41,7 +41,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     """
     path = Path(name)
     if path.exists() or reader is not None:
-        return (reader or find_reader(path))(path)
+        found = reader or find_reader(path)
+        return found(path)._replace(space=getattr(found, "space", ""))
     if str(name).partition(":")[0] in GENERATED:
         return generate(str(name))
     if _suffix(path.name, _readers()[0]):
@@ -63,12 +64,13 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     if path.exists() or reader is not None:
         found = reader or find_reader(path)
         if isinstance(found, Recorder):
-            return found.recorded(path)
+            return found.recorded(path)._replace(space=getattr(found, "space", ""))
     volume = open_volume(name, reader)
     values, colors = volume.values[np.newaxis], volume.colors
     if colors is not None:
         values = np.moveaxis(colors, -1, 0)
-    return Recording(values[np.newaxis], *volume[1:6], colors is not None, volume.note)
+    facts = (colors is not None, volume.note, volume.space)
+    return Recording(values[np.newaxis], *volume[1:6], *facts)
 
 
 def find_reader(path: Path) -> Reader:

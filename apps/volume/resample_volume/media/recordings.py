@@ -121,8 +121,9 @@ def _colored(recording: Recording, time: int) -> Volume:
 
 
 def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
-    space = (recording.spacing, recording.origin, recording.direction)
-    return Volume(values, *space, name, recording.units, note=recording.note)
+    place = (recording.spacing, recording.origin, recording.direction)
+    units, note = recording.units, recording.note
+    return Volume(values, *place, name, units, note=note, space=recording.space)
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:

@@ -1,0 +1,1 @@
+"""What else is seen in space: axes, boxes, cubes, scale bars, meshes, and slabs of depth."""

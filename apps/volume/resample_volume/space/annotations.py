@@ -1,0 +1,199 @@
+"""Axes, box, orientation cube and scale bar, drawn into a picture of a volume."""
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
+from resample.types import Doubles, Floats, Frame, View
+from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.rendering import Appearance, Subject
+from resample_volume.space.cube import AXES, PATIENT, cube_picture
+from resample_volume.space.lines import Stroke, with_lines
+from resample_volume.space.text import letters, put_mask, type_size
+from resample_volume.types import Volume
+from resample_volume.voxels.framing import Shifted, centered
+from resample_volume.voxels.visible import lattice_of
+
+COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
+GRAY = (0.4, 0.4, 0.4)  # of the box, on black as on white
+BAR = 0.22  # of the picture's width, at most
+HIDDEN = 0.5  # opacity of what is in front of a name that is left out
+CUBE = 0.2  # of the picture's shorter side
+MARGIN = 0.03  # likewise
+
+
+@dataclass(frozen=True)
+class Annotations:
+    """What is drawn beside a volume."""
+
+    axes: bool = True  # lines along the scene's x, y and z, from the least corner of the box
+    box: bool = True  # edges of the box around the volume
+    cube: bool = True  # where axes point: with a patient's directions if the file told them
+    scale_bar: bool = True  # a length, in perspective at the depth of the volume's middle
+    is_dark: bool = False  # letters and bars are, as bright backgrounds need it
+
+    @property
+    def is_any(self) -> bool:
+        """Whether there is something to draw."""
+        return self.axes or self.box or self.cube or self.scale_bar
+
+
+ALL = Annotations()
+
+
+def annotate(
+    frame: Frame,
+    camera: Viewpoint,
+    volume: Volume,
+    shown: Annotations = ALL,
+    *,
+    appearance: Appearance | str = "auto",
+) -> Frame:
+    """Picture of a volume with its axes, box, an orientation cube and a scale bar.
+
+    Parameters
+    ----------
+    frame
+        What `render` gave; not changed.
+    camera
+        As it was given to `render`.
+    volume
+        That was rendered.
+    shown
+        What is drawn; what is in front of lines hides them.
+    appearance
+        As it was given to `render`; a camera around the volume depends on it.
+
+    Raises
+    ------
+    ValueError
+        See `render`.
+    """
+    height, width = frame.depth.shape
+    scene, middle = centered(without_padding(volume, survey(volume)))
+    if isinstance(camera, Orbit):
+        look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
+        eye = Subject.of(scene, look).camera(camera, height, width)
+        return annotated(frame, eye, scene, shown)
+    eye = Shifted(camera_from(camera, Sphere(middle, 1.0), height, width), middle)
+    return annotated(frame, eye, scene, shown)
+
+
+def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotations) -> Frame:
+    """Picture with annotations; camera and volume are of one scene."""
+    view, corner = camera.view(), corners(volume)
+    size = type_size(*frame.depth.shape)
+    lines = _box(corner, size / 12) if given.box else []
+    arms = _arms(corner, size / 6) if given.axes else []
+    drawn = with_lines(frame, view, [*lines, *arms])
+    rgba = np.array(drawn.rgba)
+    for arm, name in zip(arms, "XYZ", strict=False):
+        _name_arm(rgba, frame, view, arm, name, given)
+    if given.cube:
+        _put_cube(rgba, view, PATIENT if volume.space == "lps" else AXES)
+    if given.scale_bar:
+        _put_bar(rgba, _per_unit(frame, view, corner.mean(axis=0)), volume, given)
+    return drawn._replace(rgba=rgba)
+
+
+def corners(volume: Volume) -> Doubles:
+    """Corners (8, 3) of the box around a volume's voxels, scene units; x changes slowest."""
+    ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
+    index = np.array(
+        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
+    )
+    return np.asarray(volume.origin + index @ lattice_of(volume).T)
+
+
+def _box(corner: Doubles, width: float) -> list[Stroke]:
+    """Edges: corners whose numbers differ in one bit."""
+    pairs = [(n, n | bit) for n in range(8) for bit in (1, 2, 4) if not n & bit]
+    return [Stroke(corner[list(pair)], GRAY, width) for pair in pairs]
+
+
+def _arms(corner: Doubles, width: float) -> list[Stroke]:
+    """Axes of the scene, as long as the box is along them."""
+    start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
+    ends = [np.stack([start, start + extent * np.eye(3)[axis]]) for axis in range(3)]
+    return [Stroke(*given, width) for given in zip(ends, COLORS, strict=True)]
+
+
+def _name_arm(
+    rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
+) -> None:
+    """Put an axis' name beyond its end, unless the picture hides that."""
+    end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
+    place = view.rotation @ end + view.translation
+    if view.perspective and place[2] <= view.near:
+        return
+    spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
+    if not (np.abs(spot) < 1e6).all() or _is_hidden(frame, spot, float(place[2])):
+        return
+    mask = letters(name, type_size(*rgba.shape[:2]))
+    left, top = spot - np.array(mask.shape[::-1]) / 2
+    put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
+
+
+def _is_hidden(frame: Frame, spot: Doubles, depth: float) -> bool:
+    """Whether what is at a place of the screen, px, at a depth is mostly behind the picture."""
+    column, row = np.floor(spot).astype(int)
+    height, width = frame.depth.shape
+    if not (0 <= row < height and 0 <= column < width):
+        return False
+    return bool(frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < depth)
+
+
+def _put_cube(rgba: Floats, view: View, names: tuple[str, ...]) -> None:
+    """Put an orientation cube into the lower left corner."""
+    shorter = min(rgba.shape[:2])
+    side, margin = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
+    cube = cube_picture(view.rotation, side, names)
+    top, left = rgba.shape[0] - side - margin, margin
+    part = rgba[max(0, top) : max(0, top) + side, left : left + side]
+    shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
+    part *= 1 - shown[..., 3:]
+    part += shown
+
+
+def _per_unit(frame: Frame, view: View, middle: Doubles) -> float:
+    """Px per scene unit in the volume's middle, or where what is seen is if that is behind us."""
+    if not view.perspective:
+        return float(view.focal[0])
+    depth = float(view.rotation[2] @ middle + view.translation[2])
+    seen = frame.depth[np.isfinite(frame.depth)]
+    if depth <= view.near:
+        depth = float(np.median(seen)) if seen.size else math.inf
+    return float(view.focal[0]) / depth
+
+
+def round_length(most: float) -> float:
+    """Greatest of 1, 2, 5, 10, ... that is at most so long."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
+
+
+def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) -> None:
+    """Put a scale bar into the lower right corner, with its length above."""
+    height, width = rgba.shape[:2]
+    size = type_size(height, width)
+    if not per_unit > 0:
+        return
+    length = round_length(BAR * width / per_unit)
+    across, margin, thick = length * per_unit, round(MARGIN * min(height, width)), max(2, size // 5)
+    tall = 2 * thick + 1
+    mask = np.zeros((tall, math.ceil(across)), np.float32)
+    mask[tall // 2 - thick // 2 :][:thick] = 1.0
+    mask[:, : max(1, thick // 2)] = 1.0
+    mask[:, -max(1, thick // 2) :] = 1.0
+    mask[:, -1] *= across - math.floor(across) or 1.0
+    left, top = width - margin - mask.shape[1], height - margin - tall
+    put_mask(rgba, mask, left, top, is_dark=given.is_dark)
+    unit = " mm" if volume.space == "lps" else ""
+    words = letters(f"{length:g}{unit}", size)
+    middle = left + mask.shape[1] / 2
+    left, top = round(middle - words.shape[1] / 2), top - words.shape[0] - thick - 2
+    put_mask(rgba, words, left, top, is_dark=given.is_dark)

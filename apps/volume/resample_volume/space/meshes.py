@@ -1,0 +1,187 @@
+"""Meshes that stand in a volume's scene, read by trimesh."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.painting.meshes import mesh_of
+from resample.types import NO_TRIANGLES, Doubles, Triangles
+
+SUFFIXES = (".ply", ".obj", ".stl", ".glb")
+GRAY = 0.6  # linear, of a mesh without colors
+SMOOTH = 40.0  # degrees between triangles that are one smooth surface, at most
+ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMesh:
+    """Triangles in the volume's own scene."""
+
+    corner: Doubles  # (V, 3) scene units
+    normal: Doubles  # (V, 3)
+    color: Doubles  # (V, 3) linear
+    face: NDArray[np.int64]  # (T, 3) corners
+    opacity: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.opacity <= 1:
+            raise ValueError(f"opacity {self.opacity} of a mesh; give 0 to 1")
+
+
+def scene_mesh(
+    corner: Doubles,
+    face: NDArray[np.int64],
+    color: tuple[float, float, float] | Doubles = (GRAY, GRAY, GRAY),
+    opacity: float = 1.0,
+    smooth: float = SMOOTH,
+) -> SceneMesh:
+    """Mesh of corners (V, 3) and triangles (T, 3) that is smooth where it bends little.
+
+    Parameters
+    ----------
+    corner
+        Places in the volume's scene.
+    face
+        Corners of triangles.
+    color
+        Linear RGB of all, or (V, 3) of each corner.
+    opacity
+        0 to 1.
+    smooth
+        Degrees between neighbouring triangles, up to which they share normals.
+    """
+    import trimesh
+
+    colors = np.broadcast_to(np.asarray(color, np.float64), (len(corner), 3))
+    whole = trimesh.Trimesh(corner, face, process=False)
+    whole.vertex_attributes["color"] = colors
+    first = _same(np.asarray(corner, np.float64))
+    joined = trimesh.Trimesh(corner, first[face], process=False)
+    parts = trimesh.graph.connected_components(
+        joined.face_adjacency[joined.face_adjacency_angles <= np.radians(smooth)],
+        nodes=np.arange(len(face)),
+        min_len=1,
+    )
+    group = np.empty(len(face), np.int64)
+    for number, part in enumerate(parts):
+        group[part] = number
+    normal = _normals(joined, first[face], group)
+    corners = np.asarray(corner, np.float64)[face].reshape(-1, 3)
+    count = np.arange(len(corners)).reshape(-1, 3)
+    return SceneMesh(corners, normal, colors[face].reshape(-1, 3), count, opacity)
+
+
+def _same(corner: Doubles) -> NDArray[np.int64]:
+    """For each corner the first one at the same place."""
+    _, first, back = np.unique(corner, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[back.reshape(-1)], np.int64)
+
+
+def _normals(mesh: Any, face: NDArray[np.int64], group: NDArray[np.int64]) -> Doubles:
+    """Normals (3 T, 3) of triangles' corners: means over triangles of one group around them."""
+    triangle = np.asarray(mesh.triangles, np.float64)
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    key = np.stack([face.reshape(-1), np.repeat(group, 3)], axis=1)
+    _, place = np.unique(key, axis=0, return_inverse=True)
+    place, each = place.reshape(-1), np.repeat(normal, 3, axis=0)
+    total = np.stack([np.bincount(place, each[:, axis]) for axis in range(3)], axis=1)
+    return np.asarray(total[place])
+
+
+def read_mesh(text: str) -> SceneMesh:
+    """Mesh of a file, perhaps with a color and an opacity: stent.ply:color=tomato,opacity=0.5.
+
+    Raises
+    ------
+    ValueError
+        A choice is unknown or not allowed, or the file holds no triangles.
+    OSError
+        There is no such file.
+    """
+    path, choices = _parsed(text)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: there is no such file")
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
+    parts = _geometries(path)
+    made = [_own(part, choices) for part in parts]
+    start = np.cumsum([0, *(len(one.corner) for one in made)])
+    face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
+    return SceneMesh(
+        np.concatenate([one.corner for one in made]),
+        np.concatenate([one.normal for one in made]),
+        np.concatenate([one.color for one in made]),
+        np.concatenate(face),
+        made[0].opacity,
+    )
+
+
+def _parsed(text: str) -> tuple[Path, dict[str, str]]:
+    """File and choices."""
+    name, colon, tail = text.rpartition(":")
+    if not colon or "=" not in tail:
+        return Path(text), {}
+    choices = dict(part.partition("=")[::2] for part in tail.split(","))
+    unknown = [key for key in choices if key not in ("color", "opacity")]
+    if unknown:
+        raise ValueError(f"mesh {text!r}: unknown {', '.join(unknown)}; known are {ALLOWED}")
+    return Path(name), choices
+
+
+def _geometries(path: Path) -> list[Any]:
+    import trimesh
+
+    try:
+        found = [one for one in trimesh.load_scene(path, process=False).dump() if len(one.faces)]
+    except Exception as error:  # trimesh and its parsers raise anything at all
+        line = " ".join(str(error).split())[:200] or type(error).__name__
+        raise ValueError(f"{path} cannot be read as a mesh: {line}") from None
+    if not found:
+        raise ValueError(f"{path} holds no triangles")
+    return found
+
+
+def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
+    """One of trimesh's meshes with the chosen look."""
+    from resample.command.settings import linear_color
+
+    try:
+        opacity = float(choices.get("opacity", "1"))
+    except ValueError:
+        raise ValueError(f"opacity {choices['opacity']!r} of a mesh; give 0 to 1") from None
+    color: Any = (GRAY, GRAY, GRAY)
+    if "color" in choices:
+        color = linear_color(choices["color"])
+        if color is None:
+            raise ValueError("color 'none' of a mesh; give a color's name or #rrggbb")
+    elif part.visual.kind is not None:
+        color = _colors(part)
+    corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+    return scene_mesh(corner, face, color, opacity)
+
+
+def _colors(part: Any) -> Doubles:
+    """Linear colors (V, 3) of a mesh's corners."""
+    from resample.colors import from_srgb
+
+    visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
+    levels = np.asarray(visual.vertex_colors)[:, :3]
+    return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
+
+
+def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
+    """All meshes as rays meet them, in a scene whose origin was moved to `middle`."""
+    if not meshes:
+        return NO_TRIANGLES
+    start = np.cumsum([0, *(len(mesh.corner) for mesh in meshes)])
+    face = [mesh.face + first for mesh, first in zip(meshes, start[:-1], strict=True)]
+    return mesh_of(
+        np.concatenate([mesh.corner for mesh in meshes]) - middle,
+        np.concatenate([mesh.normal for mesh in meshes]),
+        np.concatenate([mesh.color for mesh in meshes]),
+        np.concatenate(face),
+        np.concatenate([np.full(len(mesh.face), mesh.opacity) for mesh in meshes]),
+    )

@@ -1,0 +1,141 @@
+"""Deep pictures: what pixels show at several depths, as OpenEXR files hold it."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.writing import replacing
+from resample.types import Floats
+
+CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
+
+
+class Slab(NamedTuple):
+    """What is seen between two depths."""
+
+    near: float  # scene units
+    far: float
+    rgba: Floats  # (H, W, 4) premultiplied, linear light
+
+
+class _Part(NamedTuple):
+    """What a slab leaves on pixels."""
+
+    pixel: NDArray[np.int64]  # (N,) row × width + column
+    sample: Floats  # (N, 6) in the order of `CHANNELS`
+
+
+def check_deep(path: Path) -> None:
+    """Refuse a deep picture's name that `write_deep` would refuse, before any work is done."""
+    if path.suffix.lower() != ".exr":
+        raise ValueError(f"{path}: deep pictures are written as .exr")
+
+
+def write_deep(path: Path, slabs: Iterable[Slab]) -> None:
+    """Write slabs, of one size and from the nearest on; where one is empty it has no sample.
+
+    Raises
+    ------
+    ValueError
+        The suffix is not .exr, or there is no slab.
+    OSError
+        The file cannot be written.
+    """
+    check_deep(path)
+    parts, shape = [], (0, 0)
+    for slab in slabs:
+        shape = slab.rgba.shape[:2]
+        parts.append(_part(slab))
+    if not parts:
+        raise ValueError(f"{path}: a deep picture has one slab or more")
+    with replacing(path) as temporary:
+        complaint = _put(temporary, _deep(parts, shape), shape)
+        if complaint:
+            raise OSError(f"{path} cannot be written: {complaint}")
+
+
+def read_deep(path: Path) -> list[list[Floats]]:
+    """Samples (N, 6) of each pixel in the order of `CHANNELS`, row by row.
+
+    Raises
+    ------
+    OSError
+        The file is missing or no deep picture.
+    """
+    import OpenImageIO
+
+    source = OpenImageIO.ImageInput.open(str(path))
+    if source is None or not source.spec().deep:
+        raise OSError(f"{path} is not a deep picture that can be read")
+    spec, data = source.spec(), source.read_native_deep_image()
+    source.close()
+    if data is None:
+        raise OSError(f"{path} is damaged")
+    order = [list(spec.channelnames).index(name) for name in CHANNELS]
+    pixels = [
+        np.array(
+            [[data.deep_value(n, c, k) for c in order] for k in range(data.samples(n))], np.float32
+        ).reshape(-1, len(CHANNELS))
+        for n in range(spec.height * spec.width)
+    ]
+    return [pixels[row * spec.width : (row + 1) * spec.width] for row in range(spec.height)]
+
+
+def _part(slab: Slab) -> _Part:
+    rgba = slab.rgba.reshape(-1, 4)
+    pixel = np.flatnonzero((rgba != 0).any(axis=1))
+    ends = np.broadcast_to(np.array([slab.near, slab.far], np.float32), (pixel.size, 2))
+    return _Part(pixel, np.hstack([rgba[pixel], ends]).astype(np.float32))
+
+
+def _spec(shape: tuple[int, ...]) -> Any:
+    import OpenImageIO
+
+    spec = OpenImageIO.ImageSpec(shape[1], shape[0], len(CHANNELS), OpenImageIO.FLOAT)
+    spec.channelnames = CHANNELS
+    spec.alpha_channel, spec.z_channel = 3, 4
+    spec.deep = True
+    spec.attribute("compression", "zips")
+    return spec
+
+
+def _deep(parts: list[_Part], shape: tuple[int, ...]) -> Any:
+    """Samples as OpenImageIO holds them."""
+    import OpenImageIO
+
+    count = np.zeros(shape[0] * shape[1], np.int64)
+    data = OpenImageIO.DeepData()
+    data.init(_spec(shape))
+    for part in parts:
+        count[part.pixel] += 1
+    for pixel in np.flatnonzero(count).tolist():
+        data.set_samples(pixel, int(count[pixel]))
+    done = np.zeros(count.size, np.int64)
+    for part in parts:
+        place = done[part.pixel]
+        done[part.pixel] += 1
+        told = zip(part.pixel.tolist(), place.tolist(), part.sample.tolist(), strict=True)
+        for pixel, sample, values in told:
+            for channel, value in enumerate(values):
+                data.set_deep_value(pixel, channel, sample, value)
+    return data
+
+
+def _put(path: Path, data: Any, shape: tuple[int, ...]) -> str:
+    """Write a file; returns why it could not be, nothing if it is whole."""
+    import OpenImageIO
+
+    target = OpenImageIO.ImageOutput.create(str(path))
+    if target is None:
+        return str(OpenImageIO.geterror()).strip().partition("\n")[0]
+    went_well = [
+        target.open(str(path), _spec(shape)),
+        target.write_deep_image(data),
+        target.close(),
+    ]
+    if not all(went_well):
+        return str(target.geterror()).strip().partition("\n")[0] or "no reason is given"
+    return ""

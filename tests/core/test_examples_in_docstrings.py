@@ -1,0 +1,31 @@
+"""Examples in docstrings do what they say."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import pytest
+
+import resample
+import resample_texture
+import resample_volume
+import resample_warp3d
+
+
+def modules() -> list[str]:
+    """Modules whose docstrings hold examples."""
+    found = []
+    for package in (resample, resample_texture, resample_volume, resample_warp3d):
+        home = Path(package.__path__[0])
+        for source in sorted(home.rglob("*.py")):
+            if ">>> " in source.read_text(encoding="utf-8"):
+                parts = source.relative_to(home.parent).with_suffix("").parts
+                found.append(".".join(parts).removesuffix(".__init__"))
+    return found
+
+
+@pytest.mark.parametrize("name", modules())
+def test_examples_are_true(name: str) -> None:
+    failed, tried = doctest.testmod(importlib.import_module(name))
+    assert tried
+    assert not failed
