@@ -87,7 +87,7 @@ def schema(application: str, command: str, /) -> None:
     command
         One of its commands, such as render.
     """
-    from resample.files.settings import schema_of
+    from resample.files.facts.settings import schema_of
 
     commands = registry.load("apps", application.removeprefix("resample-"))
     names = [name for name in commands if not name.startswith("-")]

@@ -10,7 +10,7 @@ import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.files.settings import as_toml, options_of, read_settings
+from resample.files.facts.settings import as_toml, options_of, read_settings
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"
@@ -93,7 +93,7 @@ def test_the_command_line_goes_before_the_file():
         ('specular = "1"', "specular: Input should be a valid number"),
         ("specular = -1", "specular: Input should be greater than or equal to 0"),
         ("specular = 2020-01-01", "specular: no option is a date"),
-        ("bits = 12", "bits: Input should be 8 or 16"),
+        ("bits = 12", "bits: Input should be 8, 16 or 32"),
         ("clip = [1]", "clip: "),
         ("[camera]\nazimuth = 3", "camera: Input should be a valid string"),
         ('command = "resample-volume animate"', "these are settings of 'resample-volume animate'"),
@@ -146,7 +146,7 @@ def test_the_schema_tells_types_limits_defaults_and_what_options_are(capsys):
     option = json.loads(capsys.readouterr().out)["properties"]
     specular = {"type": "number", "minimum": 0, "default": 0.2}
     assert option["specular"] == specular | {"description": "Strength of the white highlights."}
-    assert option["bits"]["enum"] == [8, 16]
+    assert option["bits"]["enum"] == [8, 16, 32]
     assert option["command"] == {"const": "resample-volume render"}
 
 

@@ -10,7 +10,7 @@ from cyclopts import App
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample.files.settings import with_settings
+from resample.files.facts.settings import with_settings
 from resample_texture.command import everyday
 from resample_texture.command.choices import Besides, Edges, Filling, MeshView, Place, Warping
 

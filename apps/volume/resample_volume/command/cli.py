@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
-from resample.files.settings import with_settings
+from resample.files.facts.settings import with_settings
 from resample_volume.command.choices import (
     Added,
     Beside,

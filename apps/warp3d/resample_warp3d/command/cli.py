@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
-from resample.files.settings import with_settings
+from resample.files.facts.settings import with_settings
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
