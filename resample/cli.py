@@ -74,6 +74,29 @@ def compare(
         sys.stdout.write(comparison.plain(rows))
 
 
+@app.command
+def schema(application: str, command: str, /) -> None:
+    """Print the JSON schema of a command's settings files.
+
+    Example: resample schema resample-volume render
+
+    Parameters
+    ----------
+    application
+        Its command line, such as resample-volume.
+    command
+        One of its commands, such as render.
+    """
+    from resample.files.facts.settings import schema_of
+
+    commands = registry.load("apps", application.removeprefix("resample-"))
+    names = [name for name in commands if not name.startswith("-")]
+    if command not in names:
+        raise ValueError(f"{application} has no command {command!r}; it has {', '.join(names)}")
+    written = schema_of(f"{commands.name[0]} {command}", commands[command])
+    sys.stdout.write(json.dumps(written, indent=2, ensure_ascii=False) + "\n")
+
+
 def main() -> NoReturn:
     """Run the process's command line."""
     run(app)

@@ -10,6 +10,7 @@ from cyclopts import App
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
+from resample.files.facts.settings import with_settings
 from resample_texture.command import everyday
 from resample_texture.command.choices import Besides, Edges, Filling, MeshView, Place, Warping
 
@@ -373,6 +374,9 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
         shots = animation.shots(animation.with_alpha(wall), flight, paint)
         write_film(output / "flight.gif", shots, 12, progress=progress)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+with_settings(app)
 
 
 def main() -> NoReturn:

@@ -13,6 +13,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
+from resample.files.facts.settings import with_settings
 from resample_volume.command.choices import (
     Added,
     Beside,
@@ -411,6 +412,9 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
             pictures[method] = frame.rgba
         contact_sheet(pictures, output / f"{name}.png", columns=3)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+with_settings(app)
 
 
 def main() -> NoReturn:

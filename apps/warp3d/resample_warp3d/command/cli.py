@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Written, height_and_width, method_names
+from resample.files.facts.settings import with_settings
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
@@ -527,6 +528,9 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     output.mkdir(parents=True, exist_ok=True)
     write_demo(output)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+with_settings(app)
 
 
 def main() -> NoReturn:

@@ -1,0 +1,202 @@
+"""Settings files: the options of a command as TOML, kept from one run and given to another."""
+
+import inspect
+import json
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from difflib import get_close_matches
+from functools import partial, wraps
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+from cyclopts import App, ArgumentCollection, Parameter
+from cyclopts.argument import Argument
+from cyclopts.config import Dict
+from pydantic import BaseModel, TypeAdapter
+
+from resample.files.writing import check_targets, replacing
+from resample.words import naming, text_of
+
+Command = Callable[..., Any]
+Settings = dict[str, Any]
+
+COMMAND = "command"  # the key that says whose settings they are
+# What a run writes is its own: another run with its settings overwrites nothing.
+TARGETS = {"output", "stats", "holes", "coverage", "depth-output", "export", "resume"}
+OWN = ("settings", "save-settings")
+Given = Annotated[
+    Path | None,
+    Parameter(help="Options from a file (.toml); those of the command line go before them."),
+]
+Saved = Annotated[
+    Path | None,
+    Parameter(help="Also write the options, but not what is read and written (.toml)."),
+]
+
+
+def with_settings(app: App) -> None:
+    """Give every command of an application that has options `--settings` and `--save-settings`."""
+    app.config = (partial(_take, app.name[0]),)
+    for name in app:
+        command = None if name.startswith("-") else app[name].default_command
+        if command is not None and any(key not in TARGETS for key in options_of(app[name])):
+            app[name].default_command = _keeping(f"{app.name[0]} {name}", command)
+
+
+def options_of(command: App) -> dict[str, Argument]:
+    """Options of a command by their names without hyphens; not what it is given without a name."""
+    return _options(command.assemble_argument_collection())
+
+
+def schema_of(name: str, command: App) -> dict[str, Any]:
+    """JSON schema of a command's settings.
+
+    Parameters
+    ----------
+    name
+        Of the application and the command.
+    command
+        It.
+    """
+    properties: dict[str, Any] = {COMMAND: {"const": name}}
+    for key, argument in options_of(command).items():
+        if key in OWN:
+            continue
+        adapter: TypeAdapter[Any] = TypeAdapter(argument.field_info.annotation)
+        described = adapter.json_schema()
+        default = argument.field_info.default
+        if default not in (None, inspect.Parameter.empty):
+            described["default"] = adapter.dump_python(default, mode="json")
+        if argument.parameter.help:
+            described["description"] = argument.parameter.help
+        properties[key] = described
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": name,
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+def read_settings(path: Path, name: str, options: Mapping[str, Argument]) -> Settings:
+    """Options of a command that a file holds, of the right types.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no TOML, of another command, or an option is unknown or of another type.
+    """
+    text = text_of(path)
+    with naming(str(path)):
+        content = tomllib.loads(text)
+        owner = content.pop(COMMAND, name)
+        if owner != name:
+            raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
+        for key, value in content.items():
+            _check(key, value, options)
+    return content
+
+
+def as_toml(name: str, settings: Settings) -> str:
+    """Text of a settings file."""
+    lines = [f"{key} = {_toml(value)}" for key, value in {COMMAND: name, **settings}.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
+    return {
+        argument.names[0].removeprefix("--"): argument
+        for argument in arguments
+        if argument.names and argument.names[0].startswith("--")
+    }
+
+
+def _take(application: str, app: App, commands: tuple[str, ...], given: ArgumentCollection) -> None:
+    """Fill what the command line leaves open from the file that `--settings` names, if any."""
+    options = _options(given)
+    tokens = options["settings"].tokens if "settings" in options else []
+    if not tokens:
+        return
+    path = Path(tokens[-1].value)
+    known = {key: option for key, option in options.items() if key not in OWN}
+    content: Settings = read_settings(path, " ".join([application, *commands]), known)
+    for command in reversed(commands):
+        content = {command: content}
+    Dict(content, source=str(path))(app, commands, given)
+
+
+def _check(key: str, value: object, options: Mapping[str, Argument]) -> None:
+    """Refuse an unknown option, and a value of another type than the option's."""
+    if key not in options:
+        near = get_close_matches(key, options, n=1)
+        hint = f"did you mean {near[0]}?" if near else "--help lists what there is"
+        raise ValueError(f"there is no option {key!r:.60}; {hint}")
+    adapter: TypeAdapter[Any] = TypeAdapter(options[key].field_info.annotation)
+    with naming(key):
+        adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
+
+
+def _refuse_time(value: object) -> NoReturn:
+    """Of what TOML has and JSON has not."""
+    raise ValueError(f"no option is a date or a time (got {value})")
+
+
+def _keeping(name: str, command: Command) -> Command:
+    """Command that takes settings from a file and can leave its own."""
+    signature = inspect.signature(command)
+    own = {"settings": Given, "save_settings": Saved}
+
+    @wraps(command)
+    def run(
+        *inputs: Any,
+        settings: Path | None = None,
+        save_settings: Path | None = None,
+        **options: Any,
+    ) -> Any:
+        if save_settings is None:
+            return command(*inputs, **options)
+        text = as_toml(name, dict(_chosen(signature, options))).encode()
+        check_targets(save_settings, settings, options.get("output"))
+        result = command(*inputs, **options)
+        with replacing(save_settings) as temporary:
+            temporary.write_bytes(text)
+        return result
+
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    more = [inspect.Parameter(key, keyword, default=None, annotation=own[key]) for key in own]
+    run.__annotations__ = {**command.__annotations__, **own}
+    changed = signature.replace(parameters=[*signature.parameters.values(), *more])
+    vars(run)["__signature__"] = changed
+    return run
+
+
+def _chosen(signature: inspect.Signature, options: Settings) -> Iterator[tuple[str, Any]]:
+    """Options that differ from what the command does by itself, by name, as TOML has them."""
+    for name, value in options.items():
+        default = signature.parameters[name].default
+        values = {name: value}
+        usual = {name: default}
+        if isinstance(value, BaseModel):  # what was given is set, also where others differ
+            values = {field: getattr(value, field) for field in value.model_fields_set}
+            usual = _usual(type(value), default)
+        for field, chosen in values.items():
+            key = "json" if field == "as_json" else field.replace("_", "-")
+            if key not in TARGETS and chosen is not None and chosen != usual.get(field):
+                yield key, chosen
+
+
+def _usual(model: type[BaseModel], default: object) -> Settings:
+    """Values that fields have, whether others of the model are given or none is."""
+    usual = {name: field.default for name, field in model.model_fields.items()}
+    return {name: own for name, own in usual.items() if getattr(default, name, own) == own}
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str | Path):
+        return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return str(value).lower()
