@@ -274,3 +274,14 @@ def test_a_missing_file_is_named(tmp_path):
 def test_the_scan_has_normals_and_colors():
     cloud = read_cloud(real("meshes/pointclouds/frag_115.ply"))
     assert [part.shape for part in cloud[:4]] == [(64365, 3), (64365, 3), (64365, 3), (0,)]
+
+
+def test_arrays_with_a_wrong_checksum_are_damaged(tmp_path):
+    path = tmp_path / "cloud.npz"
+    np.savez(path, position=np.arange(300.0).reshape(100, 3))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(OSError, match=r"cloud\.npz is damaged: .*CRC") as caught:
+        read_cloud(path)
+    assert "\n" not in str(caught.value)

@@ -45,8 +45,8 @@ class Scene:
     --------
     >>> import numpy as np
     >>> scene = Scene(np.ones((8, 8, 8), np.uint8))
-    >>> scene.render("300..900").rgba.any()
-    False
+    >>> scene.render("300..900", size=(32, 24))
+    Frame(32 × 24 px, 0 % covered)
     """
 
     given: Any

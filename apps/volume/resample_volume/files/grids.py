@@ -37,7 +37,7 @@ class Npz:
     def __call__(self, path: Path) -> Volume:
         name = stem(existing_file(path), self.suffixes)
         try:
-            with np.load(path, allow_pickle=False) as found:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
                 held = {key: found[key] for key in found.files}
         except Exception as error:  # zip files are damaged in many ways
             reason = " ".join(str(error).split()) or type(error).__name__

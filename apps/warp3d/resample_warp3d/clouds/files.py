@@ -137,10 +137,13 @@ def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _read_arrays(path: Path) -> Cloud:
     try:
-        with np.load(path) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             known = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError) as error:
-        raise OSError(f"{path} is damaged: {error}") from None
+    except FileNotFoundError:
+        raise
+    except Exception as error:  # zip files are damaged in many ways
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise OSError(f"{path} is damaged: {reason}") from None
     if "position" not in known:
         raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
     count = len(known["position"]) if known["position"].ndim else 0
