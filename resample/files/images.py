@@ -97,12 +97,22 @@ def write_png(
         raise ValueError(f"a picture is of the shape (H, W, 4), not {rgba.shape}")
     if np.isnan(rgba).any():
         raise ValueError(f"{path}: {int(np.isnan(rgba).any(axis=2).sum())} pixels are not numbers")
+    levels = screen_levels(rgba, bits, background)
+    _write(path, levels, {"oiio:UnassociatedAlpha": 1, "oiio:ColorSpace": "sRGB"})
+
+
+def screen_levels(
+    rgba: Floats, bits: int = 8, background: Background | None = None
+) -> NDArray[Any]:
+    """Levels of sRGB, (H, W, 4) with straight alpha or (H, W, 3) before a background.
+
+    Parameters as of `write_png`.
+    """
     pixels = straight(rgba) if background is None else over(rgba, background)
     pixels = np.clip(pixels, 0.0, 1.0)
     pixels[..., :3] = to_srgb(pixels[..., :3])
     kind = np.uint8 if bits == 8 else np.uint16
-    levels = np.floor(pixels * np.iinfo(kind).max + 0.5).astype(kind)
-    _write(path, levels, {"oiio:UnassociatedAlpha": 1, "oiio:ColorSpace": "sRGB"})
+    return np.asarray(np.floor(pixels * np.iinfo(kind).max + 0.5).astype(kind))
 
 
 def write_exr(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import Background, from_srgb, mapped, over, straight, to_srgb
-from resample.files.images import write_frame
+from resample.colors import Background, from_srgb, mapped
+from resample.files.images import screen_levels, write_frame
 from resample.types import Floats, Frame, Statistics
 
 if TYPE_CHECKING:
@@ -31,13 +31,9 @@ def save(result: Any, path: str | Path, *, bits: int, background: Background | N
 def levels_of(result: Any, of: str, *, background: Background | None = None) -> NDArray[np.uint8]:
     """Levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
     if of != "color":
-        return _encoded(_false_colors(result, of))
-    light = light_of(result)
-    if background is not None:
-        return _encoded(over(light, background))
-    seen = straight(light)
-    alpha = np.rint(255 * np.clip(seen[..., 3:], 0, 1)).astype(np.uint8)
-    return np.concatenate([_encoded(seen[..., :3]), alpha], axis=2)
+        light = _false_colors(result, of)
+        return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
+    return screen_levels(light_of(result), background=background)
 
 
 def image_of(result: Any, of: str, *, background: Background | None = None) -> "Image":
@@ -132,10 +128,6 @@ def _false_colors(result: Any, of: str) -> Floats:
     share = np.clip((np.where(finite, values, low) - low) / max(high - low, 1e-30), 0, 1)
     colors = mapped(COLORMAP, share.ravel()).reshape(*values.shape, 3)
     return np.where(finite[..., None], colors, np.float32(0))
-
-
-def _encoded(light: Floats) -> NDArray[np.uint8]:
-    return np.floor(255 * to_srgb(np.clip(light, 0, 1)) + np.float32(0.5)).astype(np.uint8)
 
 
 def _covered(result: Any) -> str:

@@ -38,7 +38,8 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     from resample.engine.rays.splines import PAD
 
     given, base = _native(values)
-    low, span = _range(given)
+    low, high = _range(given)
+    span = high - low if high > low else 1.0
     shape = given.shape
     depth, height, width = (count + 2 * PAD for count in shape)
     is_short = given.dtype in SHORT
@@ -49,7 +50,7 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     bounds = Bounds(np.empty(size, np.float32), np.empty(size, np.float32))
     find_bounds(flat, shape, bounds)
     bounds = Bounds(*(zero + scale * bound.astype(np.float64) for bound in bounds))
-    floor, ceiling = (base + end for end in _ends(given))
+    floor, ceiling = (base + end for end in _ends(given, low, high))
     return Spline(flat, width, height * width, scale, zero, shape, floor, ceiling), bounds
 
 
@@ -75,23 +76,24 @@ def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
 
 
 def _range(values: NDArray[np.generic]) -> tuple[float, float]:
-    """Least value, and how far the greatest is above it; 1 where all are alike."""
+    """Least and greatest value."""
     low, high = float(values.min()), float(values.max())
     if not max(abs(low), abs(high)) < LARGEST:
         raise ValueError(
             f"values from {low:g} to {high:g}; a field's must be below {LARGEST:g} in size"
         )
-    return low, high - low if high > low else 1.0
+    return low, high
 
 
-def _ends(values: NDArray[np.generic]) -> tuple[float, float]:
+def _ends(values: NDArray[np.generic], low: float, high: float) -> tuple[float, float]:
     """Least and greatest sample where many are alike, such as air and what is overexposed.
 
     Elsewhere the field may well go beyond its samples: peaks lie between these.
     """
-    low, high, many = values.min(), values.max(), PLATEAU * values.size
-    floor = float(low) if np.count_nonzero(values == low) > many else -np.inf
-    ceiling = float(high) if np.count_nonzero(values == high) > many else np.inf
+    least, greatest = np.array([low, high]).astype(values.dtype)
+    many = PLATEAU * values.size
+    floor = low if np.count_nonzero(values == least) > many else -np.inf
+    ceiling = high if np.count_nonzero(values == greatest) > many else np.inf
     return floor, ceiling
 
 

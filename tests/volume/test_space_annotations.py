@@ -11,9 +11,10 @@ from resample_volume import Annotations, annotate, open_volume
 from resample_volume.command.cli import app
 from resample_volume.files.writing import write_volume
 from resample_volume.rendering import Appearance, Subject, as_volume, render
-from resample_volume.space.annotations import corners, round_length
+from resample_volume.space.annotations import round_length
 from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines
+from resample_volume.voxels.framing import corners
 
 SIZE = (60, 80)
 WHITE = (1.0, 1.0, 1.0)

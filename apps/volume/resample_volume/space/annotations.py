@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -15,8 +14,7 @@ from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.space.text import letters, put_mask, type_size
 from resample_volume.types import Volume
-from resample_volume.voxels.framing import Shifted, centered
-from resample_volume.voxels.visible import lattice_of
+from resample_volume.voxels.framing import Shifted, centered, corners
 
 COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
 GRAY = (0.4, 0.4, 0.4)  # of the box, on black as on white
@@ -98,15 +96,6 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     if given.scale_bar:
         _put_bar(rgba, _per_unit(frame, view, corner.mean(axis=0)), volume, given)
     return drawn._replace(rgba=rgba)
-
-
-def corners(volume: Volume) -> Doubles:
-    """Corners (8, 3) of the box around a volume's voxels, scene units; x changes slowest."""
-    ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
-    index = np.array(
-        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
-    )
-    return np.asarray(volume.origin + index @ lattice_of(volume).T)
 
 
 def _box(corner: Doubles, width: float) -> list[Stroke]:

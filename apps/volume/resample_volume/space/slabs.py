@@ -11,7 +11,7 @@ from resample.files.deep import Slab, write_deep
 from resample.resampler import MEASURING, Resampler
 from resample.types import Doubles, Frame, View
 from resample_volume.rendering import Medium, Subject
-from resample_volume.space.annotations import corners
+from resample_volume.voxels.framing import corners
 
 Painter = Callable[[AnyCamera], Frame]
 

@@ -1,6 +1,7 @@
 """Volumes around the scene's origin, and the ball around what of them is visible."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -77,14 +78,20 @@ def shown_by(
     return shown._replace(position=shown.position[kept])
 
 
+def corners(volume: Volume) -> Doubles:
+    """Corners (8, 3) of the box around a volume's voxels, scene units; x changes slowest."""
+    ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
+    index = np.array(
+        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
+    )
+    return np.asarray(volume.origin + index @ lattice_of(volume).T)
+
+
 def ball_around(volume: Volume) -> Sphere:
     """Ball around a volume's voxels, whatever is seen of them."""
-    last = np.array(volume.values.shape[::-1]) - 1.0
-    across = lattice_of(volume)
-    ends = np.stack(np.meshgrid(*[(-0.5, end + 0.5) for end in last]), axis=-1).reshape(-1, 3)
-    center = volume.origin + across @ last / 2
-    away = np.linalg.norm(volume.origin + ends @ across.T - center, axis=1)
-    return Sphere(np.asarray(center), float(away.max()))
+    corner = corners(volume)
+    center = corner.mean(axis=0)
+    return Sphere(center, float(np.linalg.norm(corner - center, axis=1).max()))
 
 
 def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
