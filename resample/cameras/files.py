@@ -24,7 +24,7 @@ from resample.cameras.trajectories import (
     read_matrices,
     read_tum,
 )
-from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
+from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint
 from resample.types import Doubles
 
 KINDS: Mapping[str, Callable[[Path], list[Entry]]] = {
@@ -205,14 +205,15 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
             return Spot.of(shot.pose, fov)
         return shot.camera if shot.shape is None else Calibrated(shot.camera, shot.shape)
     try:
-        azimuth, elevation, *others = [float(part) for part in text.split("/")]
-        (zoom,) = others or [Orbit.zoom]
+        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
+        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
     except ValueError:
         raise ValueError(
             f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5, of which the zoom "
-            "may be left out, or a file of cameras: .toml, or poses of NeRF, COLMAP, TUM, Open3D"
+            f"may be left out, or with /right/up of a pan; one of {', '.join(NAMED)}; or a file of "
+            "cameras: .toml, or poses of NeRF, COLMAP, TUM, Open3D"
         ) from None
-    return Orbit(azimuth, elevation, zoom, fov, up)
+    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
 
 
 def _recognised(path: Path) -> str:

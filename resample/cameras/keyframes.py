@@ -190,14 +190,17 @@ def _check_alike(cameras: Sequence[Any]) -> None:
 def _orbits(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     cameras = keyframes.camera
     numbers = [
-        (camera.azimuth, camera.elevation, np.log(camera.zoom), camera.fov) for camera in cameras
+        (camera.azimuth, camera.elevation, np.log(camera.zoom), camera.fov, *camera.pan)
+        for camera in cameras
     ]
     zooms = [camera.zoom for camera in cameras]
-    azimuth, elevation, scale, fov = keyframes.curve(numbers, wanted).T
+    course = keyframes.curve(numbers, wanted)
+    scale = course[:, 2]
     zoom = np.clip(np.exp(scale), min(zooms), max(zooms))  # against rounding alone
+    views = zip(course.tolist(), zoom.tolist(), strict=True)
     return [
-        Orbit(float(azimuth[n]), float(elevation[n]), float(zoom[n]), float(fov[n]), cameras[0].up)
-        for n in range(wanted.size)
+        Orbit(azimuth, elevation, zoom, fov, cameras[0].up, (right, above))
+        for (azimuth, elevation, _, fov, right, above), zoom in views
     ]
 
 

@@ -28,6 +28,7 @@ class _Angles(_Strict):
     zoom: float = Orbit.zoom
     fov: float = Orbit.fov
     up: str = Orbit.up
+    pan: tuple[float, float] = Orbit.pan
 
     def camera(self) -> Orbit:
         return Orbit(**self.model_dump())
@@ -84,7 +85,7 @@ class _Intrinsics(_Strict):
 def read_viewpoint(path: Path) -> Viewpoint:
     """Camera from a TOML file.
 
-    It has either `azimuth`, `elevation`, `zoom`, `fov` and `up` (all may be left out), or `eye`,
+    It has either `azimuth`, `elevation`, `zoom`, `fov`, `up` and `pan` (see `Orbit`), or `eye`,
     `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` is that of the
     picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`, `near`, the rows
     of `world_to_camera`, and the `width` and `height` that these are for (without them, the

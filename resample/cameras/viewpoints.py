@@ -21,8 +21,8 @@ NAMED = {
     "corner": (45.0, 35.264389682754654),  # all axes alike
 }
 FORM = (
-    "a camera, azimuth and elevation with or without a zoom, such as (30, 20) or (30, 20, 1.5), "
-    f"or one of {', '.join(NAMED)}"
+    "a camera; azimuth and elevation, with or without a zoom and a pan, such as (30, 20), "
+    f"(30, 20, 1.5) or (30, 20, 1.5, 0.1, -0.2); or one of {', '.join(NAMED)}"
 )
 
 
@@ -48,12 +48,15 @@ class Orbit:
         Degrees along the picture's shorter side; 0 is parallel projection.
     up
         Axis that points upwards: x, y, z, -x, -y or -z.
+    pan
+        How far what is in the middle is moved to the right and upwards, in shares of the picture's
+        shorter side.
 
     Raises
     ------
     ValueError
         The zoom is not between 1e-6 and 1e6, the field of view is not in 0 to 180, an angle is not
-        finite, or `up` is no axis.
+        finite, `up` is no axis, or the pan is not two numbers up to 1e6.
     """
 
     azimuth: float = 30.0
@@ -61,6 +64,7 @@ class Orbit:
     zoom: float = 1.0
     fov: float = 30.0
     up: str = "z"
+    pan: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not 1e-6 <= self.zoom <= 1e6:  # beyond, float32 has no digits left
@@ -73,17 +77,27 @@ class Orbit:
             )
         if self.up not in AXES:
             raise ValueError(f"up is {self.up!r}; it can be {', '.join(AXES)}")
+        if len(self.pan) != 2 or not max(map(abs, self.pan)) <= 1e6:
+            raise ValueError(f"a pan of {self.pan}; it must be two numbers up to 1e+06")
 
     def around(self, sphere: Sphere, height: int, width: int) -> Camera | Orthographic:
         """Camera for a picture of that size in px."""
         center, radius = sphere
         if self.fov == 0:
             scale = min(height, width) / (2 * radius) * self.zoom
-            pose = orbit(center, 2 * radius, self.azimuth, self.elevation, self.up)
+            pose = self._pose(center, 2 * radius, 2 * radius / self.zoom)
             return Orthographic(scale, scale, width / 2, height / 2, pose)
-        distance = radius / np.sin(np.radians(self.fov) / 2) / self.zoom
-        pose = orbit(center, distance, self.azimuth, self.elevation, self.up)
+        half = np.radians(self.fov) / 2
+        distance = radius / np.sin(half) / self.zoom
+        pose = self._pose(center, distance, 2 * distance * np.tan(half))
         return Camera.from_fov(self.fov, height, width, pose)
+
+    def _pose(self, center: Doubles, distance: float, side: float) -> Doubles:
+        """Pose (4, 4) at a distance of the center, where the picture's side is so long."""
+        pose = orbit(center, distance, self.azimuth, self.elevation, self.up)
+        right, up = self.pan
+        pose[:2, 3] += side * right, -side * up
+        return pose
 
 
 @dataclass(frozen=True)
@@ -92,9 +106,9 @@ class Spot:
 
     eye: Sequence[float]  # (3,) scene units
     target: Sequence[float]  # (3,) scene units
-    up: Sequence[float]  # (3,)
-    fov: float  # degrees along the picture's shorter side
-    near: float  # scene units
+    up: Sequence[float] = (0.0, 0.0, 1.0)  # (3,)
+    fov: float = 30.0  # degrees along the picture's shorter side
+    near: float = 0.0  # scene units
 
     def sized(self, height: int, width: int) -> Camera:
         """Camera for a picture of that size in px."""
@@ -154,8 +168,9 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     Parameters
     ----------
     given
-        A camera or viewpoint as it is; (azimuth, elevation) or (azimuth, elevation, zoom) in
-        degrees, also as a text `30/20/1.5`; a name of `NAMED`; None is `Orbit()`.
+        A camera or viewpoint as it is; (azimuth, elevation), both in degrees, with or without a
+        zoom and a pan to the right and upwards, also as a text `30/20/1.5`; a name of `NAMED`; None
+        is `Orbit()`.
 
     Raises
     ------
@@ -191,7 +206,8 @@ def _orbit(parts: Sequence[object], given: object) -> Orbit:
         numbers = [float(part) for part in parts]  # type: ignore[arg-type]
     except (TypeError, ValueError):
         numbers = []
-    if len(numbers) not in (2, 3):
+    if len(numbers) not in (2, 3, 5):
         raise ValueError(f"the camera {given!r}; give {FORM}")
     azimuth, elevation, zoom = (*numbers, 1.0)[:3]
-    return Orbit(azimuth, elevation, zoom)
+    right, up = numbers[3:] or (0.0, 0.0)
+    return Orbit(azimuth, elevation, zoom, pan=(right, up))

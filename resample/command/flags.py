@@ -42,7 +42,11 @@ Resume = Annotated[
 Viewed = Annotated[
     str,
     Hyphen,
-    Parameter(help="Where from: azimuth/elevation/zoom, such as 30/20/1.5, or a file of cameras."),
+    Parameter(
+        help="Where from: azimuth/elevation/zoom, such as 30/20/1.5, also with /right/up, by which "
+        "the middle is moved in shares of the picture; front, back, left, right, top, bottom or "
+        "corner; or a file of cameras."
+    ),
 ]
 FieldOfView = Annotated[
     float, Parameter(help="Degrees along the shorter side; 0 is parallel projection.")

@@ -181,7 +181,7 @@ def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
     seen = frame(subject, cameras_of(subject, Flight("orbit", 4, Orbit(30)), SIZE)[1], SKY)
     write_png(
         tmp_path / "a.png",
-        render(volume, look, Orbit(120), height=24, width=32).rgba,
+        render(volume, look, Orbit(120), size=(32, 24)).rgba,
         background=SKY.background,
     )
     assert np.array_equal(seen, np.asarray(Image.open(tmp_path / "a.png")))

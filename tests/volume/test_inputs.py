@@ -49,9 +49,9 @@ class Delayed:
     ids=["swapped", "fortran", "strided", "views", "read-only", "lists", "delayed", "masked"],
 )
 def test_the_same_values_are_the_same_picture(given: Any) -> None:
-    truth = render(PLAIN, _look(), height=24, width=24).rgba
+    truth = render(PLAIN, _look(), size=(24, 24)).rgba
     assert truth.any()
-    np.testing.assert_array_equal(render(given, _look(), height=24, width=24).rgba, truth)
+    np.testing.assert_array_equal(render(given, _look(), size=(24, 24)).rgba, truth)
 
 
 def _look() -> Any:
@@ -186,14 +186,15 @@ def test_what_is_no_volume_is_said_in_a_line(
         ([40, 10, 2], Orbit(40, 10, 2)),
         (np.array([40.0, 10.0]), Orbit(40, 10)),
         ("40/10/2", Orbit(40, 10, 2)),
+        ("40/10/2/0.1/-0.2", Orbit(40, 10, 2, pan=(0.1, -0.2))),
         ("top", Orbit(0, 90)),
         ("front", Orbit(0, 0)),
         (None, Orbit()),
     ],
 )
 def test_cameras_are_numbers_names_or_texts(given: Any, orbit: Orbit) -> None:
-    seen = render(PLAIN, _look(), given, height=16, width=16).rgba
-    np.testing.assert_array_equal(seen, render(PLAIN, _look(), orbit, height=16, width=16).rgba)
+    seen = render(PLAIN, _look(), given, size=(16, 16)).rgba
+    np.testing.assert_array_equal(seen, render(PLAIN, _look(), orbit, size=(16, 16)).rgba)
 
 
 @pytest.mark.parametrize(
@@ -201,5 +202,5 @@ def test_cameras_are_numbers_names_or_texts(given: Any, orbit: Orbit) -> None:
     [("above", ValueError), ((1, 2, 3, 4), ValueError), ((1, "a"), ValueError), (5, TypeError)],
 )
 def test_cameras_that_are_none_are_refused(given: Any, error: type[Exception]) -> None:
-    with pytest.raises(error, match=r"give a camera, azimuth and elevation .*front, back"):
+    with pytest.raises(error, match=r"give a camera; azimuth and elevation.*front, back"):
         render(PLAIN, _look(), given)

@@ -264,10 +264,10 @@ def test_a_look_does_not_depend_on_the_lattice_of_others():
 
 def test_a_list_of_volumes_is_rendered_each_with_its_look():
     other = TREE._replace(origin=TREE.origin + np.array([4.0, 0, 0]))
-    frame = render([(TREE, "vessels"), (other, Appearance("gray"))], height=24, width=24)
+    frame = render([(TREE, "vessels"), (other, Appearance("gray"))], size=(24, 24))
     assert frame.rgba[..., 3].max() > 0.5
-    one = render([(TREE, "vessels")], height=24, width=24).rgba
-    assert np.array_equal(one, render(TREE, "vessels", height=24, width=24).rgba)
+    one = render([(TREE, "vessels")], size=(24, 24)).rgba
+    assert np.array_equal(one, render(TREE, "vessels", size=(24, 24)).rgba)
 
 
 def test_what_several_volumes_cannot_be_is_refused(monkeypatch):

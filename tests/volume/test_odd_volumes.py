@@ -104,7 +104,7 @@ def test_a_ball_is_seen_whatever_else_is_in_the_volume(name):
 
 @pytest.mark.parametrize("name", ["outlier", "padding ring", "padding above", "padding 1e20"])
 def test_the_library_shows_it_too(name):
-    frame = render(as_volume(ODD[name]()), height=SIDE, width=SIDE)
+    frame = render(as_volume(ODD[name]()), size=(SIDE, SIDE))
     assert fills_the_picture(frame.rgba[..., :3].mean(axis=2))
 
 

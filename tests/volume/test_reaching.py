@@ -104,7 +104,7 @@ def test_light_is_all_there_where_it_is_not_asked_for() -> None:
 
 def lamps(light: Light, volume: NDArray[np.generic], **choices: object) -> NDArray[np.float32]:
     look = Appearance(LOOK, light=light, framing=LOOK, **choices)  # type: ignore[arg-type]
-    return render(volume, look, Orbit(0, 35, 1), height=120, width=120).rgba
+    return render(volume, look, Orbit(0, 35, 1), size=(120, 120)).rgba
 
 
 def table_and_block() -> NDArray[np.float32]:
@@ -148,7 +148,7 @@ def test_surfaces_take_shadows_and_gaps_cast_none() -> None:
 
     def seen(light: Light, volume: NDArray[np.generic]) -> NDArray[np.float32]:
         look = Appearance(LOOK, light=light)
-        return render(volume, look, Orbit(0, 35), height=90, width=90, resampler=paint).rgba
+        return render(volume, look, Orbit(0, 35), size=(90, 90), resampler=paint).rgba
 
     def darkness(volume: NDArray[np.generic]) -> float:
         bright = seen(Light((0, 0, 1), specular=0.0), volume)

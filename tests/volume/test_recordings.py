@@ -30,6 +30,7 @@ FORMS = {"a.nrrd": Nrrd, "a.mha": MetaImage, "a.nii": Nifti, "a.nii.gz": Nifti}
 ALL = from_points([(0, (1, 1, 1), 0.5)])
 RAYS = Resampler(order=Rays())
 SIZE = {"height": 24, "width": 24}
+SQUARE = (24, 24)
 
 
 @pytest.fixture
@@ -200,7 +201,7 @@ def test_arrays_of_colors_are_volumes(colors, tmp_path):
 def test_opacities_of_colors_are_those_of_voxels():
     values = np.zeros((6, 6, 6, 4), np.uint8)
     values[2:4, 2:4, 2:4] = (200, 30, 60, 128)
-    frame = render(values, Appearance(light=None), Orbit(fov=0), **SIZE)
+    frame = render(values, Appearance(light=None), Orbit(fov=0), size=SQUARE)
     seen = frame.rgba[frame.rgba[..., 3] > 0.3]
     shown = seen[:, :3] / seen[:, 3:]
     np.testing.assert_allclose(

@@ -19,15 +19,16 @@ from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 
 SIZE = {"height": 48, "width": 48}
-BIG = {"height": 96, "width": 96}
+SQUARE = (48, 48)
+BIG = (96, 96)
 TREE = vessel_tree(24)
 LIT = Appearance(load_transfer("gray"))
 PLAIN = Appearance(load_transfer("gray"), light=None)
 PRIMITIVES = list(Primitive)
 
 
-def picture(*arguments, primitive=Primitive.HYBRID, size=SIZE):
-    return render(*arguments, resampler=Resampler(primitive), **size)
+def picture(*arguments, primitive=Primitive.HYBRID, size=SQUARE):
+    return render(*arguments, resampler=Resampler(primitive), size=size)
 
 
 # As a library
@@ -43,8 +44,7 @@ def test_arrays_go_in_and_arrays_come_out():
         ball,
         Appearance("bone", light=Light(specular=0.4)),
         Orbit(azimuth=30, elevation=20, zoom=1.2),
-        height=40,
-        width=60,
+        size=(60, 40),
         resampler=Resampler(),
     )
     assert frame.rgba.shape == (40, 60, 4)
@@ -99,17 +99,17 @@ def test_every_preset_renders(name):
 @pytest.mark.parametrize("shape", [(4, 4), (4,), (4, 4, 4, 2), (0, 4, 4), (0, 4, 4, 3)])
 def test_what_is_no_volume_is_refused(shape):
     with pytest.raises(ValueError, match=r"a volume is an array \(Z, Y, X\) with voxels in it"):
-        render(np.zeros(shape), **SIZE)
+        render(np.zeros(shape), size=SQUARE)
 
 
 def test_a_size_that_is_none_is_refused():
     with pytest.raises(ValueError, match="both sides must be at least 1"):
-        render(TREE, camera=Camera.from_intrinsics(9, 9, 5, 5), height=0, width=10)
+        render(TREE, camera=Camera.from_intrinsics(9, 9, 5, 5), size=(10, 0))
 
 
 def test_progress_is_told_to_the_end_and_may_stop_the_work():
     shares = []
-    render(TREE, progress=shares.append, **SIZE)
+    render(TREE, progress=shares.append, size=SQUARE)
     assert shares[-1] == 1
     assert shares == sorted(shares)
 
@@ -117,7 +117,7 @@ def test_progress_is_told_to_the_end_and_may_stop_the_work():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render(TREE, progress=stop, **SIZE)
+        render(TREE, progress=stop, size=SQUARE)
 
 
 # Values that are missing
@@ -270,7 +270,7 @@ def test_a_camera_that_looks_away_sees_nothing(primitive):
 
 
 def test_an_invisible_volume_is_an_empty_picture():
-    frame = render(TREE, Appearance(from_points([(0, (1, 1, 1), 0)])), **SIZE)
+    frame = render(TREE, Appearance(from_points([(0, (1, 1, 1), 0)])), size=SQUARE)
     assert not frame.rgba.any()
     assert frame.statistics.samples == 0
 
@@ -297,7 +297,7 @@ def test_a_volume_far_from_the_origin_looks_as_it_does_near_it():
     """At 5,000,000 m, float32 positions of voxels 0.5 m apart would coincide."""
     near = checker_box(16)._replace(spacing=np.full(3, 0.5))
     far = near._replace(origin=np.array([5e6, -4e6, 3e3]))
-    here, there = (render(volume, "checker", height=32, width=32) for volume in (near, far))
+    here, there = (render(volume, "checker", size=(32, 32)) for volume in (near, far))
     np.testing.assert_allclose(there.rgba, here.rgba, atol=1e-4)  # the middle is float64 at 5e6
     eye, target = np.array([-20.0, -20, 12]), np.array([4.0, 4, 4])
     here, there = (
@@ -307,8 +307,7 @@ def test_a_volume_far_from_the_origin_looks_as_it_does_near_it():
             Camera.from_intrinsics(
                 40, 40, 16, 16, look_at(volume.origin + eye, volume.origin + target)
             ),
-            height=32,
-            width=32,
+            size=(32, 32),
         )
         for volume in (near, far)
     )

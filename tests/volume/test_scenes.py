@@ -8,15 +8,17 @@ import pytest
 from numpy.typing import NDArray
 
 from resample import Cancel, CancelledError
+from resample.cameras.models import Camera
+from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.measuring.quality import psnr
 from resample_volume import Appearance, Scene, render
 from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
+from resample_volume.previews import merged
 from resample_volume.rendering import Classification
-from resample_volume.scenes import merged
 from resample_volume.types import Volume
-from resample_volume.voxels import visible
+from resample_volume.voxels import gathered, visible
 
 LOOK = from_points([(60.0, (0.9, 0.4, 0.1), 0.0), (140.0, (0.2, 0.6, 1.0), 0.2)])
 PRE = Appearance(LOOK)
@@ -36,7 +38,7 @@ def test_final_pictures_have_the_bits_of_a_call(look: Appearance) -> None:
     for camera in ((30, 20), (120, -10)):
         seen = scene.render(look, camera, size=(60, 40), fit="visible")
         assert seen.rgba.shape == (40, 60, 4)
-        alone = render(blob(), look, camera, height=40, width=60)
+        alone = render(blob(), look, camera, size=(60, 40))
         np.testing.assert_array_equal(seen.rgba, alone.rgba)
         assert not seen.statistics.is_preview
 
@@ -125,3 +127,51 @@ def test_choices_that_are_none_are_refused() -> None:
     with pytest.raises(TypeError, match="a volume of int"):
         Scene(3)
     assert Scene(blob(8)).render(camera=Orbit(10, 10, 2.0), size=(8, 8)).rgba.any()
+
+
+def test_new_looks_find_nothing_of_the_values_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(blob())
+    before = scene.render(POST, size=(40, 30)).rgba
+
+    def refused(*_: object) -> None:
+        raise AssertionError("it was found before")
+
+    for name in ("spline_of", "_without_gaps"):
+        monkeypatch.setattr(gathered, name, refused)
+    other = Appearance("bone", classification=Classification.POST)
+    assert scene.render(other, size=(40, 30)).rgba.any()
+    np.testing.assert_array_equal(scene.render(POST, size=(40, 30)).rgba, before)
+    with pytest.raises(AssertionError, match="found before"):
+        Scene(blob()).render(POST, size=(40, 30))
+
+
+def test_previews_have_the_size_and_view_of_final_pictures() -> None:
+    scene, eye = Scene(blob(64)), Camera.from_fov(30, 41, 57, look_at((-150, 20, 60), (31, 31, 31)))
+    for camera in (eye, (30, 20, 1.5, 0.2, -0.1)):
+        final, preview = (
+            scene.render(POST, camera, size=(57, 41), quality=quality)
+            for quality in ("final", "preview")
+        )
+        assert preview.rgba.shape == (41, 57, 4)
+        assert preview.depth.shape == preview.coverage.shape == (41, 57)
+        assert preview.rgba.flags.c_contiguous
+        assert psnr(preview.rgba[..., :3], final.rgba[..., :3]) > 24
+        both = np.isfinite(preview.depth) & np.isfinite(final.depth)
+        assert np.median(np.abs(preview.depth[both] - final.depth[both])) < 1.5
+
+
+def test_a_pan_moves_the_picture() -> None:
+    scene = Scene(blob())
+    for fov in (0.0, 40.0):
+        here = scene.render(PRE, Orbit(30, 20, 0.4, fov), size=(80, 60)).rgba
+        there = scene.render(PRE, Orbit(30, 20, 0.4, fov, pan=(0.2, 0.1)), size=(80, 60)).rgba
+        moved = np.roll(here, (-6, 12), axis=(0, 1))
+        assert psnr(there[..., :3], moved[..., :3]) > (80 if fov == 0 else 24)
+
+
+def test_choices_may_be_given_by_name() -> None:
+    assert Appearance(classification="post") == Appearance(  # type: ignore[arg-type]
+        classification=Classification.POST
+    )
+    with pytest.raises(ValueError, match="sideways"):
+        Appearance(classification="sideways")  # type: ignore[arg-type]

@@ -143,7 +143,7 @@ def blob():
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 def test_an_orbit_and_its_camera_draw_the_same(fov):
     volume, orbit = blob()._replace(origin=np.array([100.0, -30.0, 5.0])), Orbit(30, 20, 0.6, fov)
-    frame = render(volume, "gray", orbit, height=80, width=90)
+    frame = render(volume, "gray", orbit, size=(90, 80))
     one = annotate(frame, orbit, volume, appearance="gray")
     subject = Subject.of(volume, Appearance("gray"))
     there = subject.camera(orbit, 80, 90)
@@ -164,7 +164,7 @@ def test_an_orbit_and_its_camera_draw_the_same(fov):
 @pytest.mark.parametrize("name", ["axes", "box", "cube", "scale_bar"])
 def test_each_is_drawn_by_itself_and_keeps_what_it_was_given(name):
     volume = blob()
-    frame = render(volume, "gray", Orbit(30, 20, 0.6), height=80, width=90)
+    frame = render(volume, "gray", Orbit(30, 20, 0.6), size=(90, 80))
     kept = frame.rgba.copy()
     none = {"axes": False, "box": False, "cube": False, "scale_bar": False}
     drawn = annotate(
@@ -182,7 +182,7 @@ def test_each_is_drawn_by_itself_and_keeps_what_it_was_given(name):
 def test_the_box_is_behind_what_is_opaque():
     volume = as_volume(np.full((20, 20, 20), 200, np.uint8))
     orbit = Orbit(30, 20, 0.6, 0)
-    frame = render(volume, "gray", orbit, height=100, width=100)
+    frame = render(volume, "gray", orbit, size=(100, 100))
     box = Annotations(axes=False, cube=False, scale_bar=False)
     drawn = annotate(frame, orbit, volume, box, appearance="gray")
     changed = np.abs(drawn.rgba - frame.rgba).max(axis=2) > 0.02

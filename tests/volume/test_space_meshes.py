@@ -58,7 +58,7 @@ def seen(meshes, volume=EVEN, look=None, camera=None, size=64, light=None, **cho
     )
     made = Resampler(order=Rays(), **choices)
     eye = ahead() if camera is None else camera
-    return render(volume, appearance, eye, height=size, width=size, resampler=made)
+    return render(volume, appearance, eye, size=(size, size), resampler=made)
 
 
 def test_a_sphere_in_fog_is_dimmed_by_the_way_to_it():

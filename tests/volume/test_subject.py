@@ -22,6 +22,7 @@ PLAIN = Appearance()
 POST = Appearance(classification=Classification.POST)
 SLABS = Resampler(order=ImageSheets(0.5))
 SIZE = {"height": 32, "width": 32}
+SQUARE = (32, 32)
 PROJECTIONS = [
     replace(SLABS, projection=Projection.MAXIMUM),
     replace(SLABS, projection=Projection.AVERAGE),
@@ -85,8 +86,8 @@ def test_facts_change_with_all_that_changes_the_picture(look, change):
     assert there.facts() == Subject.of(TREE, look, SLABS).facts()
     assert there.facts() != other.facts()
     pictures = [
-        render(TREE, look, Orbit(30, 20), resampler=SLABS, **SIZE).rgba,
-        render(TREE, replace(look, **change), Orbit(30, 20), resampler=SLABS, **SIZE).rgba,
+        render(TREE, look, Orbit(30, 20), resampler=SLABS, size=SQUARE).rgba,
+        render(TREE, replace(look, **change), Orbit(30, 20), resampler=SLABS, size=SQUARE).rgba,
     ]
     assert np.abs(pictures[0] - pictures[1]).max() > 1e-3
 
@@ -116,7 +117,7 @@ def test_planes_are_carried_to_the_renderer():
 def test_cameras_of_the_users_own_are_in_the_volumes_scene():
     box = checker_box(16, 4)
     front = np.array([[1.0, 0, 0, -7.5], [0, 0, -1, 7.5], [0, 1, 0, 30], [0, 0, 0, 1]])
-    own = render(box, PLAIN, Orthographic(1.0, 1.0, 16, 16, front), **SIZE).rgba[..., 3]
+    own = render(box, PLAIN, Orthographic(1.0, 1.0, 16, 16, front), size=SQUARE).rgba[..., 3]
     assert np.allclose(own, own[:, ::-1], atol=1e-2)
     assert np.allclose(own, own[::-1], atol=1e-2)  # in the middle of the picture
 
@@ -124,7 +125,7 @@ def test_cameras_of_the_users_own_are_in_the_volumes_scene():
 def test_a_dimmed_surface_is_darker_the_farther_it_is():
     for look, resampler in ((PLAIN, SLABS), (POST, SLABS), (PLAIN, PROJECTIONS[3])):
         bright, dim = (
-            render(TREE, replace(look, cue=cue), resampler=resampler, **SIZE)
+            render(TREE, replace(look, cue=cue), resampler=resampler, size=SQUARE)
             for cue in (None, DepthCue(0.9))
         )
         assert np.allclose(dim.rgba[..., 3], bright.rgba[..., 3], atol=1e-6)
@@ -139,7 +140,7 @@ def test_a_dimmed_surface_is_darker_the_farther_it_is():
 
 @pytest.mark.parametrize("resampler", PROJECTIONS)
 def test_arrays_can_be_projected(resampler):
-    frame = render(TREE.values, "gray", resampler=resampler, **SIZE)
+    frame = render(TREE.values, "gray", resampler=resampler, size=SQUARE)
     assert np.isfinite(frame.rgba).all()
     assert frame.rgba[..., 3].max() > 0.1
     measured = resampler.projection is not Projection.FIRST_HIT
@@ -150,7 +151,8 @@ def test_what_is_measured_is_in_data_units():
     values = np.full((12, 12, 12), 7.0, np.float32)
     values[6, 6, 6] = 8.0
     largest, mean = (
-        render(values, camera=Orbit(fov=0), resampler=one, **SIZE).value for one in PROJECTIONS[:2]
+        render(values, camera=Orbit(fov=0), resampler=one, size=SQUARE).value
+        for one in PROJECTIONS[:2]
     )
     assert 7 < np.nanmax(largest) < 8
     inside = np.s_[14:18, 14:18]
@@ -160,7 +162,7 @@ def test_what_is_measured_is_in_data_units():
 def test_colors_after_reconstruction_make_narrower_surfaces():
     """Of a smooth edge, pre shows the kernels of all voxels beyond it, post the edge itself."""
     before, after = (
-        render(TREE, look, Orbit(30, 20), resampler=SLABS, **SIZE).rgba[..., 3]
+        render(TREE, look, Orbit(30, 20), resampler=SLABS, size=SQUARE).rgba[..., 3]
         for look in (PLAIN, POST)
     )
     assert 0 < after.sum() < 0.9 * before.sum()

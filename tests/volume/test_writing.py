@@ -77,7 +77,7 @@ TREE = vessel_tree(16)
 
 @pytest.mark.parametrize("resampler", [Resampler(), XRAY])
 def test_a_bar_leaves_the_picture_as_it_is(resampler):
-    frame = render(TREE, resampler=resampler, height=96, width=40)
+    frame = render(TREE, resampler=resampler, size=(40, 96))
     drawn = with_bar(frame, TREE, Appearance(), resampler, None)
     assert np.array_equal(drawn.rgba[:, :40], frame.rgba)
     assert drawn.rgba.shape[1] > 60
@@ -85,7 +85,7 @@ def test_a_bar_leaves_the_picture_as_it_is(resampler):
 
 
 def test_an_x_rays_bar_is_the_light_of_its_sums():
-    frame = render(TREE, resampler=XRAY, height=96, width=40)
+    frame = render(TREE, resampler=XRAY, size=(40, 96))
     bar = with_bar(frame, TREE, Appearance(), XRAY, None).rgba[:, 40:]
     column = bar[24:74, 12, 0]  # within the bar, from the top down
     assert np.abs(np.diff(column, 2)).max() < 0.01  # light falls evenly, as the sums do

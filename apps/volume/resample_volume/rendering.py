@@ -1,6 +1,6 @@
 """From a volume to a picture: classify, shade, resample."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
@@ -22,6 +22,7 @@ from resample.types import (
     Triangles,
     View,
 )
+from resample.watching import Progress
 from resample_volume.inputs import as_volume
 from resample_volume.looks.automatic import levels
 from resample_volume.looks.materials import Windowed
@@ -35,7 +36,14 @@ from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
-from resample_volume.voxels.framing import Placed, Shifted, centered, shown_by, sphere_around
+from resample_volume.voxels.framing import (
+    Placed,
+    Shifted,
+    ball_around,
+    centered,
+    shown_by,
+    sphere_around,
+)
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
@@ -44,6 +52,8 @@ from resample_volume.voxels.visible import Voxels, classify, finite_range, latti
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
+
+BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())  # each keeps tables of its own
 
 Visible = Voxels | FieldVoxels | Gathered | Mixed
 
@@ -70,6 +80,9 @@ class Appearance:
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
     meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; planes do not cut them
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "classification", Classification(self.classification))
 
     @property
     def extras(self) -> list[str]:
@@ -181,9 +194,7 @@ def _check_meshes(resampler: Resampler, classification: Classification) -> None:
 
 def resampler_for(appearance: Appearance) -> Resampler:
     """Renderer by default: along rays where colors are given to the field."""
-    if appearance.classification is Classification.POST:
-        return Resampler(order=Rays())
-    return Resampler()
+    return ALONG_RAYS if appearance.classification is Classification.POST else BY_DEFAULT
 
 
 def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
@@ -304,9 +315,26 @@ class Subject:
 
     @classmethod
     def of(
-        cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None
+        cls,
+        volume: Volume,
+        appearance: Appearance,
+        resampler: Resampler | None = None,
+        *,
+        around: Volume | None = None,
     ) -> "Subject":
-        """Volume as it appears, as far as a renderer needs it; None is `resampler_for` it.
+        """Volume as it appears, as far as a renderer needs it.
+
+        Parameters
+        ----------
+        volume
+            Without padding.
+        appearance
+            Its look.
+        resampler
+            Renderer; None is `resampler_for` the look.
+        around
+            Cameras are placed around the whole of it, as it lies in the scene; None: around what
+            is seen.
 
         Raises
         ------
@@ -329,13 +357,16 @@ class Subject:
             voxels = faced(keep(voxels, clip, radius), clip)
         if appearance.light is not None and appearance.light.is_blocked:
             voxels = _reached(voxels, scene, resampler, clip, appearance.light)
+        mesh = placed(appearance.meshes, middle)
+        if around is not None:
+            ball = ball_around(around._replace(origin=around.origin - middle))
+            return cls(voxels, appearance, ball, middle, clip, mesh)
         shown: Placed
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
             look = named_or_own(appearance.framing or appearance.transfer, scene)
             shown = shown_by(scene, look, clip, radius, resampler.iso)
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
-        mesh = placed(appearance.meshes, middle)
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip, mesh)
 
     @classmethod
@@ -428,10 +459,9 @@ def render(
     appearance: Appearance | str = "auto",
     camera: Spelled = None,
     *,
-    height: int = 400,
-    width: int = 400,
+    size: tuple[int, int] = (400, 400),
     resampler: Resampler | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Frame:
     """Picture of a volume.
 
@@ -444,11 +474,11 @@ def render(
     appearance
         What voxels look like; a name stands for a transfer function. Of several, each has its own.
     camera
-        Any camera; or where one is to be placed around the volume: an `Orbit`, (azimuth,
-        elevation) with or without a zoom, a name such as `front`, `top` or `corner`; None is
-        `Orbit()`.
-    height, width
-        Of the picture, px.
+        Any camera; a `Spot` with an eye and a target; or where one is to be placed around the
+        volume: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a name such as
+        `front`, `top` or `corner`; None is `Orbit()`.
+    size
+        Width and height, px.
     resampler
         Renderer; None is the default `Resampler()`, along rays for the classification post.
     progress
@@ -466,6 +496,7 @@ def render(
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])
     subject = Subject.of_several(media, paint)
+    width, height = size
     eye = subject.camera(viewpoint_of(camera), height, width)
     return paint(
         subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip

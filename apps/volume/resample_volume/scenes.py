@@ -3,18 +3,16 @@
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from resample.cameras.viewpoints import Spelled, Sphere, viewpoint_of
+from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.inputs import as_volume
+from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.previews import PER, Shrunk, enlarged, merged
 from resample_volume.rendering import Appearance, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
-from resample_volume.voxels.framing import ball_around
 
 KEPT = 4  # looks whose samples are kept
 MERGED = 2  # voxels each way that are one in a preview
@@ -22,6 +20,7 @@ LARGE = 256**3  # voxels from which on twice as many are
 FINEST = 1  # sub-pixels per side of a preview along rays
 
 Quality = Literal["final", "preview"]
+Fit = Literal["volume", "visible"]
 
 
 @dataclass(eq=False)
@@ -57,6 +56,8 @@ class Scene:
         self.volume = without_padding(whole, survey(whole))
         self._coarse: Volume | None = None
         self._subjects: dict[tuple[Any, ...], Subject] = {}
+        self._quick: dict[Resampler, Resampler] = {}  # renderers of previews
+        self._found: Kept = {}
 
     def render(  # noqa: PLR0913 - what a user may say about a picture
         self,
@@ -66,7 +67,7 @@ class Scene:
         size: tuple[int, int] = (400, 400),
         resampler: Resampler | None = None,
         quality: Quality = "final",
-        fit: Literal["volume", "visible"] = "volume",
+        fit: Fit = "volume",
         cancel: Cancel | None = None,
         progress: Progress | None = None,
     ) -> Frame:
@@ -83,8 +84,8 @@ class Scene:
         resampler
             Renderer; None is the one that suits the look.
         quality
-            `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and keeps the opacity of
-            lengths. Its statistics say `is_preview`.
+            `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and 2 × 2 pixels, and
+            keeps the opacity of lengths. Its statistics say `is_preview`.
         fit
             What a camera that is placed around something looks at: the whole volume, or what the
             look shows of it.
@@ -106,32 +107,37 @@ class Scene:
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         is_preview = quality == "preview"
-        if is_preview and paint.subpixels is None:
-            paint = replace(paint, subpixels=FINEST)
-        with cancellable(cancel):
-            subject = self._subject(appearance, paint, is_preview=is_preview)
-            if fit == "volume":
-                subject = replace(subject, sphere=self._sphere(subject))
+        if is_preview:
+            paint = self._quickly(paint)
+        with cancellable(cancel), keeping(self._found):
+            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
             eye = subject.camera(viewpoint_of(camera), height, width)
+            per = PER if is_preview else 1
             frame = paint(
                 subject.seen_by(eye),
-                eye,
-                height=height,
-                width=width,
+                Shrunk(eye, per) if is_preview else eye,
+                height=-(-height // per),
+                width=-(-width // per),
                 progress=progress,
                 clip=subject.clip,
             )
+        if is_preview:
+            frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
-    def _subject(self, look: Appearance, paint: Resampler, *, is_preview: bool) -> Subject:
+    def _subject(
+        self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool
+    ) -> Subject:
         """Volume as it appears, which is kept."""
-        key = (look, paint.order, paint.projection, paint.iso, paint.reconstruction, is_preview)
+        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+        key = (look, *parts, fit, is_preview)
         found = self._subjects.pop(key, None)
         if found is None:
             shown, kept = self.volume, look
             if is_preview:
                 shown, kept = self._preview(), kept_look(self.volume, look)
-            found = Subject.of(shown, kept, paint)
+            around = self.volume if fit == "volume" else None
+            found = Subject.of(shown, kept, paint, around=around)
         while len(self._subjects) >= KEPT:
             del self._subjects[next(iter(self._subjects))]
         self._subjects[key] = found
@@ -144,39 +150,8 @@ class Scene:
             self._coarse = merged(self.volume, per)
         return self._coarse
 
-    def _sphere(self, subject: Subject) -> Sphere:
-        """Ball around the volume, in the subject's scene."""
-        return ball_around(subject.placed(self.volume))
-
-
-def merged(volume: Volume, per: int) -> Volume:
-    """Volume of means over so many voxels each way; what is missing takes no part in them.
-
-    Parameters
-    ----------
-    volume
-        Of values or of colors.
-    per
-        Voxels along each axis that become one; the last take what is left.
-    """
-    shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
-    colors = None if volume.colors is None else _means(volume.colors, per)
-    return volume._replace(
-        values=_means(volume.values, per),
-        colors=colors,
-        spacing=per * volume.spacing,
-        origin=volume.origin + shift,
-    )
-
-
-def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
-    """Means of so many along the first three axes, of the same type."""
-    total: NDArray[Any] = np.asarray(values, np.float32)
-    known: NDArray[Any] = np.isfinite(total).astype(np.float32)
-    total = np.where(known > 0, total, 0)
-    for axis in range(3):
-        starts = np.arange(0, values.shape[axis], per)
-        total, known = (np.add.reduceat(part, starts, axis) for part in (total, known))
-    with np.errstate(invalid="ignore"):
-        mean = total / known
-    return np.asarray(np.rint(mean).astype(values.dtype) if values.dtype.kind in "iu" else mean)
+    def _quickly(self, paint: Resampler) -> Resampler:
+        """Renderer of previews, which keeps its tables."""
+        if paint.subpixels is not None:
+            return paint
+        return self._quick.setdefault(paint, replace(paint, subpixels=FINEST))

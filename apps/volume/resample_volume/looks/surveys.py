@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
+from resample_volume.keeping import found_once
 from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
 from resample_volume.looks.thresholds import Counts, Levels
 from resample_volume.looks.tissues import METAL
@@ -59,6 +60,7 @@ class Survey(NamedTuple):
         return self.span == self.whole
 
 
+@found_once(lambda volume: volume.values)
 def survey(volume: Volume) -> Survey:
     """Look at all values of a volume.
 
@@ -218,8 +220,8 @@ def _is_padding(levels: Levels, end: int, most: int) -> bool:
 
 def _levels(values: NDArray[Any]) -> tuple[Levels, int]:
     """Distribution of finite values, exact at its ends, and how many are infinite."""
-    if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
-        return _counted(values), 0
+    if are_countable(values):
+        return counted(values), 0
     step = max(1, int(np.cbrt(values.size / SAMPLED)))
     some = np.asarray(values[::step, ::step, ::step], np.float64)
     some = some[np.isfinite(some)]
@@ -237,7 +239,13 @@ def _levels(values: NDArray[Any]) -> tuple[Levels, int]:
     return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
 
 
-def _counted(values: NDArray[Any]) -> Levels:
+def are_countable(values: NDArray[Any]) -> bool:
+    """Whether there are few possible values, for `counted`."""
+    return values.dtype.kind in "iu" and values.dtype.itemsize <= 2
+
+
+@found_once(lambda values: values)
+def counted(values: NDArray[Any]) -> Levels:
     """How often each of few possible values occurs."""
     import cv2
 

@@ -116,9 +116,7 @@ def _taken(shelf: Shelf, side: int) -> Iterator[Taken]:
 def _picture(shot: Shot, subject: Subject, side: int) -> Frame:
     transfer = TRANSFERS.get(subject.name, TRANSFERS[shot.subject])
     look = Appearance(transfer, shot.light())
-    return render(
-        subject.volume, look, shot.orbit, height=side, width=side, resampler=shot.resampler
-    )
+    return render(subject.volume, look, shot.orbit, size=(side, side), resampler=shot.resampler)
 
 
 def _title(picture: Taken) -> str:

@@ -1,7 +1,7 @@
 """Volumes as fields that rays go through."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from resample.types import (
     Spline,
 )
 from resample_volume.files.memory import require_memory
+from resample_volume.keeping import found_once
+from resample_volume.looks.surveys import are_countable, counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
@@ -81,17 +83,18 @@ def gathered(
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
     require_memory(bytes_of_spline(volume.values), f"{volume.name} as a field")
-    values, known = _without_gaps(volume.values)
-    spline, bounds = spline_of(values, sharpness)
-    seen = _seen(volume, transfer, data_range, resampler)
+    spline, bounds, known = _on_lattice(volume.values, sharpness)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
-        shape = (64, shape[1])
+        seen = _seen(volume, transfer, data_range, resampler)
+        shape, count = (64, shape[1]), seen.size
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
+    else:
+        count = _number_seen(volume, transfer, data_range, resampler)
     looks = tabulated(transfer, data_range, steep, unit, shape)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
     origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, seen.size)
+    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count)
 
 
 def lit_lattice(
@@ -162,6 +165,13 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
         first += chunk.size
 
 
+@found_once(lambda values: values)
+def _on_lattice(values: NDArray[np.generic], sharpness: float) -> tuple[Spline, Bounds, Flags]:
+    """Field of values, its bounds, and which are known, if not all."""
+    filled, known = _without_gaps(values)
+    return *spline_of(filled, sharpness), known
+
+
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
     """Values with the nearest known one where they are missing; and which are known, if not all."""
     if values.dtype.kind != "f":
@@ -178,20 +188,38 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
     return values[tuple(nearest)], flags
 
 
+def _number_seen(
+    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
+) -> int:
+    """How many voxels can be seen themselves, whatever their gradients."""
+    if not are_countable(volume.values):
+        return _seen(volume, transfer, data_range, resampler).size
+    levels = counted(volume.values)
+    value = levels.value.astype(volume.values.dtype)
+    return int(levels.number[_places_seen(value, transfer, data_range, resampler)].sum())
+
+
 def _seen(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> NDArray[np.int64]:
     """Flat indices of the voxels that can be seen themselves, not just around them."""
     found, start = [], 0
-    is_of_all = resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        if resampler.iso is not None:
-            place = np.flatnonzero(value >= resampler.iso)
-        elif is_of_all:
-            place = np.flatnonzero(np.isfinite(value))
-        else:
-            place = places_seen(transfer, value, data_range)
-        found.append(place + start)
+        found.append(_places_seen(value, transfer, data_range, resampler) + start)
         start += value.size
     return np.concatenate(found)
+
+
+def _places_seen(
+    value: NDArray[Any],
+    transfer: Transfer,
+    data_range: tuple[float, float],
+    resampler: Resampler,
+) -> NDArray[np.int64]:
+    """Which of values (N,) can be seen."""
+    if resampler.iso is not None:
+        return np.flatnonzero(value >= resampler.iso)
+    if resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM:
+        return np.flatnonzero(np.isfinite(value))
+    return places_seen(transfer, value, data_range)

@@ -7,8 +7,16 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.files.memory import require_memory
+from resample_volume.keeping import found_once
 from resample_volume.looks.regions import Faded
-from resample_volume.looks.transfer import DataRange, Looks, Transfer, extinction, places_seen
+from resample_volume.looks.transfer import (
+    DataRange,
+    Looks,
+    Transfer,
+    evaluated,
+    extinction,
+    places_seen,
+)
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
 from resample_volume.voxels.parts import slabs
@@ -98,8 +106,24 @@ def classify(
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
     lattice = lattice_of(volume)
-    thickness = extinction(opacity, unit_of(transfer, lattice))
+    unit = unit_of(transfer, lattice)
+    if whole.needs_gradient or labels is not None:
+        thickness = extinction(opacity, unit)
+    else:
+        value = seen.value if kept.size == seen.value.size else seen.value[kept]
+        thickness = _extinctions(whole, value, data_range, unit)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
+
+
+def _extinctions(
+    transfer: Transfer, value: NDArray[Any], data_range: DataRange, unit: float
+) -> Floats:
+    """Optical depths (N,) per scene unit of values, whose slopes make no difference."""
+
+    def thickness(values: NDArray[Any], data_range: DataRange) -> Floats:
+        return extinction(transfer.looks(values, None, data_range, 0.0)[1], unit)
+
+    return evaluated(thickness, value, data_range)
 
 
 def steepness(length: Floats | None) -> float:
@@ -119,6 +143,7 @@ def unit_of(transfer: Transfer, lattice: Doubles) -> float:
     return transfer.opacity_unit or float(np.cbrt(abs(np.linalg.det(lattice))))
 
 
+@found_once(lambda values: values)
 def finite_range(values: NDArray[Any]) -> DataRange:
     """Least and greatest value that is neither NaN nor infinite; (0, 1) where there is none."""
     low, high = np.inf, -np.inf

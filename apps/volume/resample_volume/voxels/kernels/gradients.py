@@ -26,6 +26,15 @@ def _place_of(index: int, size: Step) -> Step:
 
 
 @kernel
+def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
+    """Voxel of a flat index, where that of the index before is known: mostly in the same row."""
+    x = at[2] + index - before
+    if 0 <= x < size[2]:
+        return at[0], at[1], x
+    return _place_of(index, size)
+
+
+@kernel
 def brick_order(index: Indices, size: Step, order: Indices) -> None:
     """Numbers (N,) that put voxels, by their flat index into (Z, Y, X), brick after brick.
 
@@ -35,8 +44,11 @@ def brick_order(index: Indices, size: Step, order: Indices) -> None:
     layers = (size[0] + BRICK - 1) // BRICK
     start = np.zeros(layers * rows * columns + 1, np.int64)
     brick = np.empty(index.size, np.int32)
+    before, at = 0, (0, 0, 0)
     for n in range(index.size):
-        z, y, x = _place_of(index[n], size)
+        at = _next_place(index[n], before, at, size)
+        before = index[n]
+        z, y, x = at
         brick[n] = (z // BRICK * rows + y // BRICK) * columns + x // BRICK
         start[brick[n] + 1] += 1
     for b in range(start.size - 1):
@@ -50,8 +62,11 @@ def brick_order(index: Indices, size: Step, order: Indices) -> None:
 def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, position: Floats) -> None:
     """Scene positions (N, 3) of voxels that are given by their flat index into (Z, Y, X)."""
     steps = matrix_of(lattice)
+    before, at = 0, (0, 0, 0)
     for n in range(index.size):
-        z, y, x = _place_of(index[n], size)
+        at = _next_place(index[n], before, at, size)
+        before = index[n]
+        z, y, x = at
         moved = multiply(steps, (float(x), float(y), float(z)))
         for c in range(3):
             position[n, c] = origin[c] + moved[c]
@@ -82,7 +97,15 @@ def _value(values: NDArray[Any], place: Step) -> float:
 def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
     """Slopes along x, y and z from a voxel's neighbours; NaN where none is known."""
     z, y, x = place
+    depth, height, width = values.shape
     here = _value(values, place)
+    if 0 < z < depth - 1 and 0 < y < height - 1 and 0 < x < width - 1:
+        left, right = here - float(values[z, y, x - 1]), float(values[z, y, x + 1]) - here
+        above, below = here - float(values[z, y - 1, x]), float(values[z, y + 1, x]) - here
+        before, after = here - float(values[z - 1, y, x]), float(values[z + 1, y, x]) - here
+        slope = (0.5 * (right + left), 0.5 * (below + above), 0.5 * (after + before))
+        if math.isfinite(slope[0] + slope[1] + slope[2]):
+            return slope
     left, right = here - _value(values, (z, y, x - 1)), _value(values, (z, y, x + 1)) - here
     above, below = here - _value(values, (z, y - 1, x)), _value(values, (z, y + 1, x)) - here
     before, after = here - _value(values, (z - 1, y, x)), _value(values, (z + 1, y, x)) - here
@@ -106,8 +129,11 @@ def central_gradients(
     slopes per scene unit.
     """
     turn = matrix_of(to_scene)
+    before, at = 0, (0, 0, 0)
     for n in range(index.size):
-        x, y, z = _central_slopes(values, _place_of(index[n], values.shape))
+        at = _next_place(index[n], before, at, values.shape)
+        before = index[n]
+        x, y, z = _central_slopes(values, at)
         known = (
             x if math.isfinite(x) else 0.0,
             y if math.isfinite(y) else 0.0,

@@ -1,0 +1,88 @@
+"""Quick pictures of a volume: fewer voxels, fewer pixels, the same view and thickness."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import AnyCamera
+from resample.types import Frame, View
+from resample_volume.types import Volume
+
+PER = 2  # pixels each way of a picture that are one of its preview
+
+
+@dataclass(frozen=True, eq=False)
+class Shrunk:
+    """A camera for a picture of fewer pixels."""
+
+    camera: AnyCamera
+    per: int  # px each way that become one
+
+    def view(self) -> View:
+        view = self.camera.view()
+        return view._replace(focal=view.focal / self.per, principal=view.principal / self.per)
+
+
+def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
+    """Picture with more pixels: light is interpolated, depths and values are not.
+
+    Parameters
+    ----------
+    frame
+        Of at least the size, divided and rounded up.
+    per
+        Pixels each way that one becomes.
+    height, width
+        Of the result, px; what is beyond is cut off.
+    """
+    import cv2
+
+    def smooth(part: NDArray[Any]) -> NDArray[Any]:
+        large = cv2.resize(part, None, fx=per, fy=per, interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(large[:height, :width])
+
+    def alike(part: NDArray[Any]) -> NDArray[Any]:
+        return part.repeat(per, axis=0).repeat(per, axis=1)[:height, :width]
+
+    return frame._replace(
+        rgba=smooth(frame.rgba),
+        coverage=smooth(frame.coverage),
+        depth=alike(frame.depth),
+        first_depth=alike(frame.first_depth),
+        value=None if frame.value is None else alike(frame.value),
+    )
+
+
+def merged(volume: Volume, per: int) -> Volume:
+    """Volume of means over so many voxels each way; what is missing takes no part in them.
+
+    Parameters
+    ----------
+    volume
+        Of values or of colors.
+    per
+        Voxels along each axis that become one; the last take what is left.
+    """
+    shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
+    colors = None if volume.colors is None else _means(volume.colors, per)
+    return volume._replace(
+        values=_means(volume.values, per),
+        colors=colors,
+        spacing=per * volume.spacing,
+        origin=volume.origin + shift,
+    )
+
+
+def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
+    """Means of so many along the first three axes, of the same type."""
+    total: NDArray[Any] = np.asarray(values, np.float32)
+    known: NDArray[Any] = np.isfinite(total).astype(np.float32)
+    total = np.where(known > 0, total, 0)
+    for axis in range(3):
+        starts = np.arange(0, values.shape[axis], per)
+        total, known = (np.add.reduceat(part, starts, axis) for part in (total, known))
+    with np.errstate(invalid="ignore"):
+        mean = total / known
+    return np.asarray(np.rint(mean).astype(values.dtype) if values.dtype.kind in "iu" else mean)
