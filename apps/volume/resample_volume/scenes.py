@@ -1,7 +1,11 @@
 """A volume that is opened once and seen often: what does not depend on the view is kept."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.resampler import Resampler
@@ -10,6 +14,7 @@ from resample.watching import Cancel, Progress, cancellable
 from resample_volume.inputs import as_volume
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, merged
 from resample_volume.rendering import Appearance, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
@@ -124,6 +129,90 @@ class Scene:
         if is_preview:
             frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
+
+    def sample_ids(
+        self,
+        look: Appearance | str = "auto",
+        camera: Spelled = None,
+        *,
+        size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None,
+        fit: Fit = "volume",
+    ) -> NDArray[np.int32]:
+        """Voxels that carry the opacity of pixels past one half.
+
+        Parameters
+        ----------
+        look, camera, size, resampler, fit
+            As of `render`.
+
+        Returns
+        -------
+        (H, W, 3) indices into the values, z, y and x, of the voxel behind each pixel's center with
+        which more than half of the light from behind is gone: voxels take their parts by their
+        depth, one after the other. Of a field along rays it is the voxel around the place where
+        this happens, and where the surface, the maximum or the minimum is. -1: there is none.
+
+        Raises
+        ------
+        ValueError
+            The projection shows no one voxel, or a choice is not allowed.
+        """
+        width, height = size
+        row, column = np.indices((height, width)) + 0.5
+        pixels = np.column_stack([column.ravel(), row.ravel()])
+        found, _ = self._behind(look, camera, size, resampler, fit)(pixels)
+        index = np.stack(np.unravel_index(np.maximum(found, 0), self.volume.values.shape), axis=-1)
+        index[found < 0] = -1
+        return index.reshape(height, width, 3).astype(np.int32)
+
+    def pick(
+        self,
+        x: float,
+        y: float,
+        look: Appearance | str = "auto",
+        camera: Spelled = None,
+        *,
+        size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None,
+        fit: Fit = "volume",
+    ) -> Picked | None:
+        """Voxel that is seen at a place of the picture; None where there is nothing.
+
+        Parameters
+        ----------
+        x, y
+            Right and down, px; centers of pixels are at halves.
+        look, camera, size, resampler, fit
+            As of `render`. Where less than half of the light from behind is gone, it is the voxel
+            with which half of that is gone.
+
+        Raises
+        ------
+        ValueError
+            As of `sample_ids`.
+        """
+        pixel, behind = np.array([[x, y]]), self._behind(look, camera, size, resampler, fit)
+        (found,), (kept,) = behind(pixel)
+        if found < 0 and kept < 1:
+            (found,), _ = behind(pixel, (1 - kept) / 2)
+        return None if found < 0 else picked(self.volume, int(found))
+
+    def _behind(
+        self,
+        look: Appearance | str,
+        camera: Spelled,
+        size: tuple[int, int],
+        resampler: Resampler | None,
+        fit: Fit,
+    ) -> Behind:
+        """Voxels behind places of a picture; see `voxels_at`."""
+        appearance = look if isinstance(look, Appearance) else Appearance(look)
+        paint = resampler or resampler_for(appearance)
+        with keeping(self._found):
+            subject = self._subject(appearance, paint, fit, is_preview=False)
+        eye = subject.camera(viewpoint_of(camera), size[1], size[0])
+        return partial(voxels_at, subject, self.volume, eye, paint)
 
     def _subject(
         self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool

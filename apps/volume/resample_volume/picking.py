@@ -1,0 +1,175 @@
+"""Which voxel a pixel shows: what a pointer on a picture is on."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import AnyCamera
+from resample.profiles.reconstruction import footprint_table
+from resample.resampler import Projection, Resampler
+from resample.types import Doubles, View
+from resample_volume.rendering import Subject
+from resample_volume.types import Volume
+from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.visible import Voxels, lattice_of
+
+if TYPE_CHECKING:
+    from resample_volume.voxels.kernels.picking import Looked, Rays, Splatted
+
+HALF = 0.5  # of the light from behind, that is gone behind the voxel that is seen
+
+Indices = NDArray[np.int64]
+Behind = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
+Wanted = {
+    Projection.COMPOSITE: 0,
+    Projection.MAXIMUM: 1,
+    Projection.MINIMUM: 2,
+    Projection.FIRST_HIT: 3,
+}
+
+
+class Picked(NamedTuple):
+    """A voxel that is seen."""
+
+    voxel: tuple[int, int, int]  # index into the values: z, y, x
+    value: float  # data units
+    position: Doubles  # (3,) scene units
+
+
+def voxels_at(
+    subject: Subject,
+    volume: Volume,
+    camera: AnyCamera,
+    resampler: Resampler,
+    pixels: Doubles,
+    level: float = HALF,
+) -> tuple[Indices, Doubles]:
+    """Voxels behind places of a picture.
+
+    Parameters
+    ----------
+    subject
+        The volume as it appears.
+    volume
+        It, wherever it is.
+    camera
+        As from `Subject.camera`.
+    resampler
+        Whose projection and kernel the picture has.
+    pixels
+        (N, 2) right and down, px; centers of pixels are at halves.
+    level
+        Share of the light from behind.
+
+    Returns
+    -------
+    Flat indices (N,) of the voxels with which more than that share is gone on the way from the
+    eye, voxel after voxel by their depth, or the one around which a field's ray has lost it, meets
+    the surface or has its extreme; -1 where there is none. And the share (N,) that comes through.
+
+    Raises
+    ------
+    ValueError
+        The projection shows no one voxel, or several volumes do.
+    """
+    from resample_volume.voxels.kernels.picking import find_among_voxels, find_in_field
+
+    voxels, projection = subject.voxels, resampler.projection
+    if projection not in Wanted or not isinstance(voxels, Voxels | Gathered):
+        raise ValueError(
+            f"the projection {projection} of {volume.name} shows no one voxel; take composite, "
+            "maximum, minimum or first-hit, the last three along rays"
+        )
+    scene = subject.placed(volume)
+    reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
+    rays = _rays(camera.view(), scene, pixels, subject.clip, reach)
+    voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
+    if isinstance(voxels, Voxels):
+        splatted = _splatted(voxels, scene, camera.view(), resampler)
+        find_among_voxels(splatted, rays, level, voxel, kept)
+    else:
+        find_in_field(_looked(voxels, resampler), rays, level, voxel, kept)
+    return voxel, kept
+
+
+def picked(volume: Volume, voxel: int) -> Picked:
+    """What is known of a voxel, by its flat index."""
+    place = np.unravel_index(voxel, volume.values.shape)
+    index = np.array(place[::-1], np.float64)
+    return Picked(
+        (int(place[0]), int(place[1]), int(place[2])),
+        float(volume.values[place]),
+        np.asarray(volume.origin + lattice_of(volume) @ index),
+    )
+
+
+def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "Rays":
+    """Rays of pixels, as far as they are near a volume, by voxels, and planes keep them."""
+    from resample_volume.voxels.kernels.picking import Rays
+
+    on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.zeros(len(pixels))])
+    ahead = np.array([0.0, 0.0, 1.0])
+    start = np.zeros_like(on_plane) if view.perspective else on_plane
+    along = on_plane + ahead if view.perspective else np.broadcast_to(ahead, on_plane.shape)
+    eye, direction = (start - view.translation) @ view.rotation, along @ view.rotation
+    to_lattice = np.linalg.inv(lattice_of(scene)).T
+    origin, speed = (eye - scene.origin) @ to_lattice, direction @ to_lattice
+    first = np.full(len(pixels), view.near if view.perspective else -np.inf)
+    last = np.full(len(pixels), view.far)
+    size = np.array(scene.values.shape[::-1])
+    for axis in range(3):  # what is inside is positive
+        _cut(first, last, origin[:, axis] + reach, speed[:, axis])
+        _cut(first, last, size[axis] - 1 + reach - origin[:, axis], -speed[:, axis])
+    for plane in clip:
+        _cut(first, last, eye @ plane[:3] + plane[3], direction @ plane[:3])
+    length = np.linalg.norm(direction, axis=1)
+    arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
+    return Rays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+
+
+def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
+    """Shorten rays to where a number, which grows with their depth by so much, is positive."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = -at / per
+    np.maximum(first, where, out=first, where=per > 0)
+    np.minimum(last, where, out=last, where=per < 0)
+    last[(per == 0) & (at < 0)] = -np.inf
+
+
+def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -> "Splatted":
+    from resample_volume.voxels.kernels.picking import Splatted
+
+    lattice, size = lattice_of(scene), scene.values.shape[::-1]
+    place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
+    x, y, z = np.rint(place).astype(np.int64).T
+    thickness = np.zeros(scene.values.size, np.float32)
+    thickness[(z * size[1] + y) * size[0] + x] = voxels.extinction
+    toward = view.rotation[2]
+    x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
+    kernel = resampler.reconstruction
+    return Splatted(
+        thickness,
+        (size[0], size[1], size[2]),
+        float(toward @ scene.origin + view.translation[2]),
+        (x_deeper, y_deeper, z_deeper),
+        footprint_table(kernel).values,
+        float(kernel.radius),
+    )
+
+
+def _looked(field: Gathered, resampler: Resampler) -> "Looked":
+    from resample_volume.voxels.kernels.picking import Looked
+
+    looks = field.looks
+    return Looked(
+        field.spline,
+        looks.table,
+        looks.low,
+        looks.high,
+        looks.steep,
+        np.ascontiguousarray(np.linalg.inv(field.lattice).T),
+        Wanted[resampler.projection],
+        float(resampler.iso or 0.0),
+    )

@@ -1,0 +1,248 @@
+"""Which voxel a ray ends at: the one with which a share of the light from behind is gone."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.rays.splines import value_and_slope_at
+from resample.engine.vectors import Vector, dot, matrix_of, multiply
+from resample.types import Doubles, Floats, Spline
+
+CHUNK = 64  # rays that a thread takes at a time
+STEPS = 4  # of a ray through a field, per voxel
+MOST = 1 << 14  # voxels that wait for others before them
+NONE = -1  # no voxel
+COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # what is looked for in a field
+
+Indices = NDArray[np.int64]
+Size = tuple[int, int, int]
+Found = tuple[int, float]  # flat index of a voxel, and the share of light that comes past it
+
+
+class Rays(NamedTuple):
+    """Rays through a lattice, by their depth along the view axis in scene units."""
+
+    origin: Doubles  # (N, 3) voxels along x, y and z, at depth 0
+    direction: Doubles  # (N, 3) voxels per depth
+    length: Doubles  # (N,) scene units per depth
+    first: Doubles  # (N,) depths between which something is seen
+    last: Doubles  # (N,)
+
+
+class Splatted(NamedTuple):
+    """Voxels with kernels around them."""
+
+    extinction: Floats  # (N,) optical depth per scene unit, z slowest; 0: nothing is seen
+    size: Size  # voxels along x, y and z
+    nearest: float  # depth of the first voxel
+    deeper: Vector  # by which depth grows along x, y and z
+    footprint: Floats  # (K,) line integrals over the squared distance, in radii
+    radius: float  # voxels
+
+
+class Looked(NamedTuple):
+    """A field, and what is looked for in it."""
+
+    spline: Spline
+    table: Floats  # (G, K, 4) as of `Looks`
+    low: float
+    high: float
+    steep: float
+    to_scene: Doubles  # (3, 3) takes slopes per voxel to slopes per scene unit
+    wanted: int
+    iso: float
+
+
+class Waiting(NamedTuple):
+    """Voxels that a ray has met, by their depth, while others may still come before them."""
+
+    depth: Doubles
+    voxel: Indices
+    thickness: Doubles
+
+
+@kernel
+def _vector(rows: Doubles, n: int) -> Vector:
+    return rows[n, 0], rows[n, 1], rows[n, 2]
+
+
+@kernel
+def _integral(footprint: Floats, squared: float) -> float:
+    """Line integral at a squared distance of the center, radii², below 1."""
+    place = squared * (footprint.size - 1)
+    k = min(int(place), footprint.size - 2)
+    low, high = float(footprint[k]), float(footprint[k + 1])
+    return low + (place - k) * (high - low)
+
+
+@kernel
+def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: float) -> int:
+    """Add a voxel where it belongs; of equal depths the first of the volume comes first."""
+    n = min(count, MOST - 1)
+    while n > 0 and (
+        waiting.depth[n - 1] > depth
+        or (waiting.depth[n - 1] == depth and waiting.voxel[n - 1] > voxel)
+    ):
+        waiting.depth[n] = waiting.depth[n - 1]
+        waiting.voxel[n] = waiting.voxel[n - 1]
+        waiting.thickness[n] = waiting.thickness[n - 1]
+        n -= 1
+    waiting.depth[n], waiting.voxel[n], waiting.thickness[n] = depth, voxel, thickness
+    return min(count + 1, MOST)
+
+
+@kernel
+def _axis_of(direction: Vector) -> int:
+    """Axis that a ray goes along the most."""
+    x, y, z = abs(direction[0]), abs(direction[1]), abs(direction[2])
+    return 2 if z >= max(x, y) else 1 if y >= x else 0
+
+
+@kernel
+def _meet(
+    splatted: Splatted, rays: Rays, n: int, axis: int, k: int, waiting: Waiting, count: int
+) -> int:
+    """Add the voxels of slice k across an axis that ray n meets."""
+    origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    strides = (1, size[0], size[0] * size[1])
+    depth = (k - origin[axis]) / direction[axis]
+    u, v = origin[one] + depth * direction[one], origin[two] + depth * direction[two]
+    speed = math.sqrt(dot(direction, direction))
+    reach = splatted.radius * speed / abs(direction[axis])
+    per = rays.length[n] / (speed * splatted.radius**2)
+    for b in range(max(0, math.ceil(u - reach)), min(size[one], math.floor(u + reach) + 1)):
+        for c in range(max(0, math.ceil(v - reach)), min(size[two], math.floor(v + reach) + 1)):
+            voxel = k * strides[axis] + b * strides[one] + c * strides[two]
+            along = ((b - u) * direction[one] + (c - v) * direction[two]) / speed
+            away = ((b - u) ** 2 + (c - v) ** 2 - along**2) / splatted.radius**2
+            at = depth + along / speed
+            if splatted.extinction[voxel] > 0 and away < 1 and rays.first[n] <= at <= rays.last[n]:
+                deeper = splatted.deeper
+                own = splatted.nearest + k * deeper[axis] + b * deeper[one] + c * deeper[two]
+                integral = _integral(splatted.footprint, max(away, 0.0))
+                thickness = splatted.extinction[voxel] * per * integral
+                count = _put(waiting, count, own, voxel, thickness)
+    return count
+
+
+@kernel
+def _pass(
+    waiting: Waiting, count: int, until: float, kept: float, level: float
+) -> tuple[int, float, int]:
+    """Let light through the voxels in front of a depth.
+
+    Gives how many still wait, the share of light that is kept, and the voxel with which more than
+    the level is gone.
+    """
+    n = 0
+    while n < count and waiting.depth[n] < until:
+        kept *= math.exp(-waiting.thickness[n])
+        if 1 - kept > level:
+            return 0, kept, waiting.voxel[n]
+        n += 1
+    if n:
+        for m in range(n, count):
+            waiting.depth[m - n] = waiting.depth[m]
+            waiting.voxel[m - n] = waiting.voxel[m]
+            waiting.thickness[m - n] = waiting.thickness[m]
+    return count - n, kept, NONE
+
+
+@kernel
+def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting: Waiting) -> Found:
+    """Voxel with which more than a share of light is gone from ray n."""
+    origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
+    axis = _axis_of(direction)
+    speed, fastest = math.sqrt(dot(direction, direction)), abs(direction[axis])
+    beyond = splatted.radius * speed / fastest
+    one, two = splatted.deeper[(axis + 1) % 3], splatted.deeper[(axis + 2) % 3]
+    before = beyond * (abs(one) + abs(two))  # that voxels of a slice may be nearer than the ray
+    kept, count = 1.0, 0
+    for s in range(splatted.size[axis]):
+        k = s if direction[axis] > 0 else splatted.size[axis] - 1 - s
+        depth = (k - origin[axis]) / direction[axis]
+        if depth + 2 * beyond / speed < rays.first[n] or depth - 2 * beyond / speed > rays.last[n]:
+            continue
+        count = _meet(splatted, rays, n, axis, k, waiting, count)
+        count, kept, found = _pass(waiting, count, depth + 1 / fastest - before, kept, level)
+        if found != NONE:
+            return found, kept
+    count, kept, found = _pass(waiting, count, math.inf, kept, level)
+    return found, kept
+
+
+@parallel_kernel
+def find_among_voxels(
+    counter: Counter, splatted: Splatted, rays: Rays, level: float, voxel: Indices, kept: Doubles
+) -> None:
+    """Voxels (N,) with which more than a share of light is gone, and the share that is kept."""
+    waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
+    for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
+        for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
+            voxel[n], kept[n] = _among_voxels(splatted, rays, n, level, waiting)
+
+
+@kernel
+def _extinction(looked: Looked, value: float, slope: Vector) -> float:
+    """Optical depth per scene unit of a value and its slope per voxel."""
+    rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] - 1
+    place = (value - looked.low) / (looked.high - looked.low) * columns
+    place = min(max(place, 0.0), float(columns))
+    row = 0
+    if rows > 0:
+        turned = multiply(matrix_of(looked.to_scene), slope)
+        share = math.sqrt(dot(turned, turned)) / looked.steep
+        row = min(int(share * rows + 0.5), rows)
+    k = min(int(place), columns - 1)
+    low, high = float(looked.table[row, k, 3]), float(looked.table[row, k + 1, 3])
+    return low + float(place - k) * (high - low)
+
+
+@kernel
+def _voxel_at(place: Vector, shape: Size) -> int:
+    """Flat index of the voxel that a place is in; its first is at (1, 1, 1)."""
+    x = min(max(int(place[0] - 0.5), 0), shape[2] - 1)
+    y = min(max(int(place[1] - 0.5), 0), shape[1] - 1)
+    z = min(max(int(place[2] - 0.5), 0), shape[0] - 1)
+    return (z * shape[1] + y) * shape[2] + x
+
+
+@kernel
+def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
+    """Voxel around which what is looked for is on ray n."""
+    origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
+    step = 1 / (STEPS * math.sqrt(dot(direction, direction)))
+    kept, best, found, wanted = 1.0, -math.inf, NONE, looked.wanted
+    for s in range(math.ceil((rays.last[n] - rays.first[n]) / step)):
+        depth = min(rays.first[n] + (s + 0.5) * step, rays.last[n])
+        place = (
+            origin[0] + depth * direction[0] + 1,
+            origin[1] + depth * direction[1] + 1,
+            origin[2] + depth * direction[2] + 1,
+        )
+        value, slope = value_and_slope_at(looked.spline, place)
+        if wanted == COMPOSITE:
+            kept *= math.exp(-_extinction(looked, value, slope) * step * rays.length[n])
+            if 1 - kept > level:
+                return _voxel_at(place, looked.spline.shape), kept
+        elif wanted == FIRST_HIT:
+            if value >= looked.iso:
+                return _voxel_at(place, looked.spline.shape), 0.0
+        elif (value if wanted == MAXIMUM else -value) > best:
+            best = value if wanted == MAXIMUM else -value
+            found, kept = _voxel_at(place, looked.spline.shape), 0.0
+    return found, kept
+
+
+@parallel_kernel
+def find_in_field(
+    counter: Counter, looked: Looked, rays: Rays, level: float, voxel: Indices, kept: Doubles
+) -> None:
+    """Like `find_among_voxels`, of a field: voxels around which it is found."""
+    for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
+        for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
+            voxel[n], kept[n] = _in_field(looked, rays, n, level)
