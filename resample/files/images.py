@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, from_srgb, over, straight, to_srgb
+from resample.files.facts.origin import state
 from resample.files.writing import replacing
 from resample.types import Floats, Frame
 
@@ -402,6 +403,7 @@ def _put(path: Path, spec: Any, data: NDArray[Any]) -> str:
     target = OpenImageIO.ImageOutput.create(str(path))
     if target is None:
         return _first_line(OpenImageIO.geterror())
+    state(spec, path)
     went_well = [target.open(str(path), spec), target.write_image(data), target.close()]
     complaint = target.geterror()
     if complaint or not all(went_well):

@@ -29,6 +29,7 @@ from resample.files.facts.metadata import (
     turn,
     upright,
 )
+from resample.files.facts.origin import state
 from resample.files.images import check_pixels, read_image, read_levels, read_numbers, shown
 from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
 from resample.files.writing import replacing
@@ -408,6 +409,7 @@ def opened(
     if target is None:
         raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")
     spec = spec_of(path.suffix.lower(), page, height)
+    state(spec, path)
     if not target.open(str(temporary), spec, "AppendSubimage" if is_next else "Create"):
         raise OSError(f"{path} cannot be written: {complaint_of(target)}")
     return target

@@ -10,6 +10,7 @@ import pytest
 
 from resample import registry
 from resample.cli import app
+from resample.files.facts.origin import settings_in
 from resample.files.facts.settings import as_toml, options_of, read_settings
 from tests import commands
 
@@ -57,6 +58,37 @@ def test_a_picture_of_kept_settings_has_the_same_bits(command):
     assert ended(*made, "--settings", "view.toml", *again) == 0
     assert Path(first[1]).read_bytes() == Path(again[1]).read_bytes()
     assert not Path("holes.png").exists()  # what else was written is not kept
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+@pytest.mark.parametrize("command", ["volume render", "texture warp", "warp3d render"])
+def test_pictures_hold_the_settings_they_were_made_with(command, suffix):
+    inputs, words = KEPT[command]
+    made = [*command.split(), *inputs]
+    words = [word for word in words if suffix == "png" or word not in ("--bits", "16", 16)]
+    assert ended(*made, *words, "-o", f"first.{suffix}", "--save-settings", "view.toml") == 0
+    kept = tomllib.loads(settings_in(Path(f"first.{suffix}")))
+    assert kept == tomllib.loads(Path("view.toml").read_text())
+    assert ended(*made, "--settings", f"first.{suffix}", "-o", f"again.{suffix}") == 0
+    assert Path(f"first.{suffix}").read_bytes() == Path(f"again.{suffix}").read_bytes()
+
+
+def test_settings_in_pictures_are_of_any_letters():
+    Path("façade.toml").write_text("azimuth = 40\n")
+    assert ended(*RENDER, "--camera", "façade.toml", "-o", "box.png") == 0
+    assert tomllib.loads(settings_in(Path("box.png")))["camera"] == "façade.toml"
+
+
+def test_other_pictures_hold_no_settings(capsys):
+    told = refused(capsys, *RENDER, "--settings", "color.png", "-o", "box.png")
+    assert told.strip().endswith(
+        "give a PNG or EXR that these commands have written, or a .toml file"
+    )
+    Path("cut.exr").write_bytes(b"no picture")
+    assert "cut.exr is not a picture" in refused(
+        capsys, *RENDER, "--settings", "cut.exr", "-o", "box.png"
+    )
+    assert "no such file" in refused(capsys, *RENDER, "--settings", "none.png", "-o", "box.png")
 
 
 def test_what_differs_from_the_defaults_is_kept():
@@ -112,7 +144,8 @@ def test_files_that_are_no_settings_of_a_command_are_refused(capsys, text, said)
 def test_a_file_that_is_missing_or_no_text_is_refused(capsys):
     words = [*RENDER, "-o", "box.png", "--settings"]
     assert "none.toml: No such file" in refused(capsys, *words, "none.toml")
-    assert "color.png is not a text" in refused(capsys, *words, "color.png")
+    Path("bytes.toml").write_bytes(b"\x89PNG\xff")
+    assert "bytes.toml is not a text" in refused(capsys, *words, "bytes.toml")
 
 
 def test_settings_are_kept_in_a_file_of_their_own(capsys):

@@ -537,7 +537,7 @@ def test_every_choice_changes_the_meshs_picture(words):
         ("none.obj", [], "none.obj: there is no such file"),
         ("photo.png", [], "photo.png"),
         ("bare.obj", [], "texture"),
-        ("square.obj", ["--camera", "left"], "give azimuth/elevation/zoom"),
+        ("square.obj", ["--camera", "leftish"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
         ("square.obj", ["--camera", "0/0/0"], "a zoom of 0; it must be above 0"),
         ("square.obj", ["--fov", "180"], "view of 180.0 degrees; 0 to below 180"),

@@ -294,7 +294,7 @@ def test_a_volume_of_one_value_is_seen():
         (["--filter", "gaussian:width=2"], "there is no parameter 'width'"),
         (["--order", "every-sample:thickness=0"], "must be above 0 voxels"),
         (["--kernel", "gaussian:radius=0"], "must be above 0"),
-        (["--camera", "left"], "give azimuth/elevation/zoom"),
+        (["--camera", "leftish"], "give azimuth/elevation/zoom"),
         (["--camera", "1/2/3/4"], "give azimuth/elevation/zoom"),
         (["--camera", "nan/0"], "must be finite"),
         (["--camera", "30/20/0"], "a zoom of 0; it must be above 0"),

@@ -14,6 +14,8 @@ from cyclopts.argument import Argument
 from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
+from resample.files.facts.origin import SUFFIXES as PICTURES
+from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
 from resample.words import naming, text_of
 
@@ -26,7 +28,10 @@ TARGETS = {"output", "stats", "holes", "coverage", "depth-output", "export", "re
 OWN = ("settings", "save-settings")
 Given = Annotated[
     Path | None,
-    Parameter(help="Options from a file (.toml); those of the command line go before them."),
+    Parameter(
+        help="Options from a file: .toml, or a PNG or EXR that was made with them; those of the "
+        "command line go before them."
+    ),
 ]
 Saved = Annotated[
     Path | None,
@@ -89,7 +94,7 @@ def read_settings(path: Path, name: str, options: Mapping[str, Argument]) -> Set
     ValueError
         It is no TOML, of another command, or an option is unknown or of another type.
     """
-    text = text_of(path)
+    text = settings_in(path) if path.suffix.lower() in PICTURES else text_of(path)
     with naming(str(path)):
         content = tomllib.loads(text)
         owner = content.pop(COMMAND, name)
@@ -156,13 +161,14 @@ def _keeping(name: str, command: Command) -> Command:
         save_settings: Path | None = None,
         **options: Any,
     ) -> Any:
-        if save_settings is None:
-            return command(*inputs, **options)
-        text = as_toml(name, dict(_chosen(signature, options))).encode()
-        check_targets(save_settings, settings, options.get("output"))
-        result = command(*inputs, **options)
+        text = as_toml(name, dict(_chosen(signature, options)))
+        with stating(text):
+            if save_settings is None:
+                return command(*inputs, **options)
+            check_targets(save_settings, settings, options.get("output"))
+            result = command(*inputs, **options)
         with replacing(save_settings) as temporary:
-            temporary.write_bytes(text)
+            temporary.write_bytes(text.encode())
         return result
 
     keyword = inspect.Parameter.KEYWORD_ONLY
@@ -180,7 +186,8 @@ def _chosen(signature: inspect.Signature, options: Settings) -> Iterator[tuple[s
         values = {name: value}
         usual = {name: default}
         if isinstance(value, BaseModel):  # what was given is set, also where others differ
-            values = {field: getattr(value, field) for field in value.model_fields_set}
+            given = [field for field in type(value).model_fields if field in value.model_fields_set]
+            values = {field: getattr(value, field) for field in given}
             usual = _usual(type(value), default)
         for field, chosen in values.items():
             key = "json" if field == "as_json" else field.replace("_", "-")

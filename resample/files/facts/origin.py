@@ -1,0 +1,62 @@
+"""Where a picture comes from: the command that made it and its options, kept in its file."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+KEY = "resample:settings"  # of the text in PNG and EXR
+SUFFIXES = (".png", ".exr")  # of files that have room for it
+
+_settings: ContextVar[str] = ContextVar("settings", default="")
+
+
+@contextmanager
+def stating(settings: str) -> Iterator[None]:
+    """Let pictures that are written here tell the settings they are made with, as TOML."""
+    token = _settings.set(_ascii(settings))
+    try:
+        yield
+    finally:
+        _settings.reset(token)
+
+
+def state(spec: Any, path: Path) -> None:
+    """Put the settings, if there are any and the file has room, into a header of OpenImageIO's."""
+    text = _settings.get()
+    if text and path.suffix.lower() in SUFFIXES:
+        spec.attribute(KEY, text)
+
+
+def settings_in(path: Path) -> str:
+    """Settings that a picture was made with, as TOML.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It holds none.
+    """
+    import OpenImageIO
+
+    if not path.is_file():
+        raise FileNotFoundError(2, "there is no such file", str(path))
+    source = OpenImageIO.ImageInput.open(str(path))
+    if source is None:
+        reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
+        raise OSError(f"{path} is not a picture that can be read: {reason}")
+    text = str(source.spec().get_string_attribute(KEY))
+    source.close()
+    if not text:
+        raise ValueError(
+            f"{path} holds no settings; give a PNG or EXR that these commands have written, or a "
+            ".toml file"
+        )
+    return text
+
+
+def _ascii(text: str) -> str:
+    """TOML without letters that PNG's texts have no room for."""
+    return "".join(c if ord(c) < 128 else f"\\U{ord(c):08x}" for c in text)
