@@ -22,6 +22,7 @@ app = App(
     help="Hybrid forward resampling: points where samples shrink, splats where they grow.",
     version=lambda: version("hybrid-resample"),
 )
+app.register_install_completion_command()
 
 
 @app.command

@@ -3,9 +3,15 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from resample.command.settings import SIZE
+from resample.command.settings import CAMERA, HEADINGS, SIZE
+
+
+def under(heading: str) -> Parameter:
+    """Option that the help shows under one of `HEADINGS`."""
+    return Parameter(group=Group(heading, sort_key=HEADINGS.index(heading)))
+
 
 Flat = Parameter(name="*")  # a model's fields are flags of their own
 Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
@@ -42,6 +48,7 @@ Resume = Annotated[
 Viewed = Annotated[
     str,
     Hyphen,
+    under(CAMERA),
     Parameter(
         help="Where from: azimuth/elevation/zoom, such as 30/20/1.5, also with /right/up, by which "
         "the middle is moved in shares of the picture; front, back, left, right, top, bottom or "
@@ -49,8 +56,13 @@ Viewed = Annotated[
     ),
 ]
 FieldOfView = Annotated[
-    float, Parameter(help="Degrees along the shorter side; 0 is parallel projection.")
+    float,
+    under(CAMERA),
+    Parameter(help="Degrees along the shorter side; 0 is parallel projection."),
 ]
 Up = Annotated[
-    Literal["x", "y", "z", "-x", "-y", "-z"], Hyphen, Parameter(help="Axis that points upwards.")
+    Literal["x", "y", "z", "-x", "-y", "-z"],
+    Hyphen,
+    under(CAMERA),
+    Parameter(help="Axis that points upwards."),
 ]

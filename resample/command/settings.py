@@ -5,7 +5,7 @@ stays quick.
 """
 
 import re
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -25,6 +25,21 @@ CALIBRATED = (
 )
 COUNTED = "Opencv counts from the first pixel's center: in"
 
+CAMERA, LIGHT, SETTINGS = "Camera", "Light", "Settings"  # headings of options that many have
+HEADINGS = (  # in the order of a command's help
+    *(
+        "Input",
+        "Source's camera",
+        "Several sources",
+        "Also in the scene",
+        "Target",
+        "Look",
+        LIGHT,
+        CAMERA,
+        "Eyes",
+    ),
+    *("Projection", "Method", "Picture", "Beside the volume", "Beside the picture", SETTINGS),
+)
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
     int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
@@ -52,11 +67,15 @@ def _number(given: object) -> object:
 class Choices(BaseModel):
     """What a user chooses. It stays as it was made; names that it does not know are refused."""
 
+    heading: ClassVar[str]  # over these options in a command's help
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Resampling(Choices):
     """How samples become a picture."""
+
+    heading: ClassVar[str] = "Method"
 
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
@@ -135,6 +154,8 @@ class Resampling(Choices):
 class PictureFormat(Choices):
     """What kind of picture is written."""
 
+    heading: ClassVar[str] = "Picture"
+
     size: Annotated[str, Field(description=SIZE)] = "400"
     background: Annotated[
         str | None,
@@ -170,6 +191,8 @@ class PictureFormat(Choices):
 
 class Written(Choices):
     """How a picture of any kind is written."""
+
+    heading: ClassVar[str] = "Picture"
 
     background: Annotated[
         str | None,

@@ -71,6 +71,20 @@ def test_help_imports_nothing_heavy(application, words):
     assert imported(f"resample_{application}.command.cli", *words) & HEAVY == set()
 
 
+@pytest.mark.parametrize("application", HELP)
+def test_help_has_headings_and_completion_is_installed(application, folder, capsys, monkeypatch):
+    app = app_of(application)
+    assert not ended(app, PAINT[application][0], "--help")
+    told = capsys.readouterr().out
+    for heading in ("Method", "Picture", "Settings"):
+        assert f"─ {heading} ─" in told
+    monkeypatch.setenv("HOME", str(folder))
+    monkeypatch.setenv("SHELL", "/bin/bash")
+    assert not ended(app, "--install-completion")
+    (script,) = folder.glob(f".local/share/bash-completion/completions/resample-{application}")
+    assert f"complete -F _resample_{application}" in script.read_text()
+
+
 @pytest.mark.parametrize(
     ("application", "mistyped", "command", "first"),
     [

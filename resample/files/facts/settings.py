@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import partial, wraps
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, get_args, get_origin, get_type_hints
 
 from cyclopts import App, ArgumentCollection, Parameter
 from cyclopts.argument import Argument
 from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
+from resample.command.flags import under
+from resample.command.settings import SETTINGS, Choices
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
@@ -28,6 +30,7 @@ TARGETS = {"output", "stats", "holes", "coverage", "depth-output", "export", "re
 OWN = ("settings", "save-settings")
 Given = Annotated[
     Path | None,
+    under(SETTINGS),
     Parameter(
         help="Options from a file: .toml, or a PNG or EXR that was made with them; those of the "
         "command line go before them."
@@ -35,6 +38,7 @@ Given = Annotated[
 ]
 Saved = Annotated[
     Path | None,
+    under(SETTINGS),
     Parameter(help="Also write the options, but not what is read and written (.toml)."),
 ]
 
@@ -172,11 +176,22 @@ def _keeping(name: str, command: Command) -> Command:
         return result
 
     keyword = inspect.Parameter.KEYWORD_ONLY
+    hints = get_type_hints(command, include_extras=True)
+    kinds = {name: _headed(kind) for name, kind in hints.items()}
+    run.__annotations__ = {**kinds, **own}
+    given = [part.replace(annotation=kinds[name]) for name, part in signature.parameters.items()]
     more = [inspect.Parameter(key, keyword, default=None, annotation=own[key]) for key in own]
-    run.__annotations__ = {**command.__annotations__, **own}
-    changed = signature.replace(parameters=[*signature.parameters.values(), *more])
+    changed = signature.replace(parameters=[*given, *more])
     vars(run)["__signature__"] = changed
     return run
+
+
+def _headed(kind: Any) -> Any:
+    """Kind of an argument; what is of a model has its heading in the help."""
+    model = get_origin(kind) is Annotated and get_args(kind)[0]
+    if isinstance(model, type) and issubclass(model, Choices):
+        return Annotated[kind, under(model.heading)]
+    return kind
 
 
 def _chosen(signature: inspect.Signature, options: Settings) -> Iterator[tuple[str, Any]]:

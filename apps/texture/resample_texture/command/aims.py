@@ -2,7 +2,7 @@
 
 import math
 import re
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -20,6 +20,8 @@ SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
 
 class NewSize(Choices):
     """How large a picture becomes."""
+
+    heading: ClassVar[str] = "Target"
 
     size: Annotated[
         str | None,
@@ -74,6 +76,8 @@ class NewSize(Choices):
 class Factor(Choices):
     """By what a picture is scaled."""
 
+    heading: ClassVar[str] = "Target"
+
     factor: Annotated[
         str, Hyphen, Field(description="Of both sides, such as 0.5; or of x,y, such as 0.5,0.25.")
     ]
@@ -108,6 +112,8 @@ class Factor(Choices):
 class Turn(Choices):
     """How a picture is turned."""
 
+    heading: ClassVar[str] = "Target"
+
     degrees: Annotated[
         float,
         Hyphen,
@@ -130,6 +136,8 @@ class Turn(Choices):
 
 class Undistortion(Choices):
     """Which lens is taken out, and what is seen then."""
+
+    heading: ClassVar[str] = "Target"
 
     lens: Annotated[str, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is taken out.")]
     fisheye: Annotated[

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -28,6 +28,8 @@ Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 class Place(Choices):
     """Where the picture's pixels go: one of matrix, corners, map, flow and lens."""
+
+    heading: ClassVar[str] = "Target"
 
     matrix: Annotated[
         str | None,
@@ -100,6 +102,8 @@ class Place(Choices):
 class Warping(Choices):
     """How a picture is warped."""
 
+    heading: ClassVar[str] = "Method"
+
     method: Annotated[
         str,
         Field(description="How: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
@@ -155,6 +159,8 @@ class Filling(Warping):
 class Besides(Choices):
     """What is written of a warp, and besides it."""
 
+    heading: ClassVar[str] = "Beside the picture"
+
     roi: Annotated[
         str | None,
         Field(description="Write only this part of the target: left,top,width,height in px."),
@@ -170,6 +176,8 @@ class Besides(Choices):
 
 class MeshView(Choices):
     """How a mesh is seen."""
+
+    heading: ClassVar[str] = "Look"
 
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0

@@ -21,6 +21,7 @@ app = App(
     "'0,0 400,60 400,240 0,300' -o out.png",
     version=lambda: version("hybrid-resample"),
 )
+app.register_install_completion_command()
 
 PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
 BESIDES = Besides()

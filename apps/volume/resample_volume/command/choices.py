@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
-from resample.command.settings import Choices, Color, Iso, Resampling, Shown
+from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
+from resample.command.settings import LIGHT, Choices, Color, Iso, Resampling, Shown
 from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
     from resample_volume.types import Volume
 
 Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
+Lit = under(LIGHT)
 
 
 class Source(Choices):
     """What is read, where the file alone does not say it."""
+
+    heading: ClassVar[str] = "Input"
 
     reader: Annotated[
         str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
@@ -66,6 +69,8 @@ class Source(Choices):
 class Added(Choices):
     """What is shown in the same scene."""
 
+    heading: ClassVar[str] = "Also in the scene"
+
     also: Annotated[
         tuple[str, ...],
         Several,
@@ -86,6 +91,8 @@ class Added(Choices):
 
 class Look(Choices):
     """What voxels look like and from where."""
+
+    heading: ClassVar[str] = "Look"
 
     transfer: Annotated[
         str,
@@ -118,29 +125,36 @@ class Look(Choices):
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
     up: Up = "z"
-    shading: Annotated[bool, Field(description="Light surfaces: from where light says.")] = True
+    shading: Annotated[bool, Lit, Field(description="Light surfaces: from where light says.")] = (
+        True
+    )
     light: Annotated[
         str,
         Hyphen,
+        Lit,
         Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     ambient: Annotated[
-        float, Field(ge=0, allow_inf_nan=False, description="Light that is everywhere.")
+        float, Lit, Field(ge=0, allow_inf_nan=False, description="Light that is everywhere.")
     ] = 0.3
     diffuse: Annotated[
-        float, Field(ge=0, allow_inf_nan=False, description="Light by its angle to surfaces.")
+        float, Lit, Field(ge=0, allow_inf_nan=False, description="Light by its angle to surfaces.")
     ] = 0.7
     specular: Annotated[
-        float, Field(ge=0, allow_inf_nan=False, description="Strength of the white highlights.")
+        float,
+        Lit,
+        Field(ge=0, allow_inf_nan=False, description="Strength of the white highlights."),
     ] = 0.2
     shininess: Annotated[
-        float, Field(gt=0, allow_inf_nan=False, description="The greater, the smaller highlights.")
+        float,
+        Lit,
+        Field(gt=0, allow_inf_nan=False, description="The greater, the smaller highlights."),
     ] = 32.0
     shadows: Annotated[
-        bool, Field(description="What lies toward the light takes of it; light must be given.")
+        bool, Lit, Field(description="What lies toward the light takes of it; light must be given.")
     ] = False
     ambient_occlusion: Annotated[
-        bool, Field(description="Ambient light is less where much is near.")
+        bool, Lit, Field(description="Ambient light is less where much is near.")
     ] = False
     gradient: Annotated[
         Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
@@ -279,6 +293,8 @@ class Look(Choices):
 class Beside(Choices):
     """What else is seen in the volume's scene."""
 
+    heading: ClassVar[str] = "Beside the volume"
+
     axes: Annotated[
         bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
     ] = False
@@ -378,6 +394,8 @@ class BesidePicture(Beside):
 
 class Projecting(Choices):
     """What a pixel shows."""
+
+    heading: ClassVar[str] = "Projection"
 
     projection: Shown = "composite"
     iso: Iso = None

@@ -42,6 +42,7 @@ app = App(
     "Example: resample-volume render checker-box -o box.png",
     version=lambda: version("hybrid-resample"),
 )
+app.register_install_completion_command()
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING, ADDED = Projecting(), Added()

@@ -2,7 +2,7 @@
 
 from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -28,6 +28,8 @@ UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the colo
 
 class Depth(Choices):
     """What the numbers of the depth file mean."""
+
+    heading: ClassVar[str] = "Input"
 
     depth_kind: Annotated[
         Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
@@ -171,6 +173,8 @@ class PairDepth(Depth):
 class Parallax(Choices):
     """How two eyes see a picture of any depth."""
 
+    heading: ClassVar[str] = "Eyes"
+
     eyes: Annotated[
         float | None,
         Field(
@@ -210,6 +214,8 @@ class Parallax(Choices):
 
 class Warping(Choices):
     """How pictures are warped."""
+
+    heading: ClassVar[str] = "Method"
 
     method: Annotated[
         str,
@@ -288,6 +294,8 @@ class Warping(Choices):
 class Joint(Choices):
     """How several views become one."""
 
+    heading: ClassVar[str] = "Several sources"
+
     blend: Annotated[
         Literal["feathered", "confident", "best"],
         Field(
@@ -328,6 +336,8 @@ class Joint(Choices):
 class Extras(Choices):
     """What is written beside the picture."""
 
+    heading: ClassVar[str] = "Beside the picture"
+
     holes: Annotated[
         Path | None,
         Field(
@@ -359,6 +369,8 @@ class Extras(Choices):
 
 class Travel(Choices):
     """How the camera of an animation moves."""
+
+    heading: ClassVar[str] = "Camera"
 
     path: Annotated[
         str,

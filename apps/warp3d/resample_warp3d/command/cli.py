@@ -32,6 +32,7 @@ app = App(
     "--depth-scale 1000 --fov 60 --move 0.1,0,0 -o moved.png",
     version=lambda: version("hybrid-resample"),
 )
+app.register_install_completion_command()
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -31,6 +31,8 @@ SWAY = 20.0  # degrees to either side
 
 class CloudLook(Choices):
     """How a cloud is drawn."""
+
+    heading: ClassVar[str] = "Look"
 
     color_by: Annotated[
         str | None,

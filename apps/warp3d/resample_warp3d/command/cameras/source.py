@@ -1,6 +1,6 @@
 """The camera that took a picture."""
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -24,6 +24,8 @@ FOV = 60.0  # degrees along the shorter side that are taken where nothing is kno
 
 class SourceCamera(Choices):
     """The camera that took the picture."""
+
+    heading: ClassVar[str] = "Source's camera"
 
     intrinsics: Annotated[
         str | None,

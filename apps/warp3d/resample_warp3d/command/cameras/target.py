@@ -1,6 +1,6 @@
 """The camera of a new picture: from where and with what it is seen."""
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 class TargetCamera(Choices):
     """With what the new picture is seen."""
+
+    heading: ClassVar[str] = "Camera"
 
     target_intrinsics: Annotated[
         str | None,
