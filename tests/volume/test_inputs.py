@@ -138,6 +138,14 @@ def test_xarray_itself() -> None:
     xarray = pytest.importorskip("xarray")
     given = xarray.DataArray(PLAIN, dims=("z", "y", "x"), coords={"z": 2.0 * np.arange(6)})
     np.testing.assert_allclose(as_volume(given).spacing, [1, 1, 2])
+    turned = given.transpose("x", "z", "y")
+    np.testing.assert_array_equal(as_volume(turned).values, PLAIN)
+
+
+def test_dask_itself() -> None:
+    array = pytest.importorskip("dask.array")
+    delayed = array.from_array(PLAIN, chunks=(2, 4, 3)) * 2
+    np.testing.assert_array_equal(as_volume(delayed).values, 2 * PLAIN)
 
 
 def test_images_of_simple_itk_keep_their_place() -> None:
