@@ -1,7 +1,8 @@
 """Hybrid forward resampling: classify, order, paint (paper, section 2, on one page)."""
 
 import math
-from collections.abc import Iterator
+import operator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
@@ -480,6 +481,22 @@ def _kernels(threads: int | None) -> Iterator[None]:
 
     with limited(threads):
         yield
+
+
+def shape_of(size: Sequence[int]) -> tuple[int, int]:
+    """Height and width of a picture's size, which is its width and height, px.
+
+    Raises
+    ------
+    ValueError
+        It is not two whole numbers of 1 or more, or of more than a picture can hold.
+    """
+    try:
+        width, height = (operator.index(number) for number in size)
+    except (TypeError, ValueError):
+        raise ValueError(f"size {size!r}; give width and height, two whole numbers of px") from None
+    check_size(height, width)
+    return height, width
 
 
 def check_size(height: int, width: int) -> None:

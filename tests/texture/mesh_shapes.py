@@ -61,7 +61,7 @@ def oblique(distance, size):
 
 
 def picture(mesh, camera, size, **style):
-    return render_mesh(mesh, camera, height=size, width=size, style=MeshStyle(**style))
+    return render_mesh(mesh, camera, size=(size, size), style=MeshStyle(**style))
 
 
 def decibels(found, truth):

@@ -50,7 +50,7 @@ def _camera(scale: float, *, eye=(0.0, 0.0, -100.0), size=SIZE) -> Camera:
 
 
 def _render(cloud, camera, size=SIZE, **style) -> Frame:
-    return render_cloud(cloud, camera, size=size, style=CloudStyle(**style))
+    return render_cloud(cloud, camera, size=size[::-1], style=CloudStyle(**style))
 
 
 def _ball(count: int) -> np.ndarray:
@@ -321,7 +321,7 @@ def test_points_before_the_cameras_near_plane_are_left_out(pixel_filter):
     cloud, camera = _cloud(_grid(50)), _camera(1.0)
     for near, is_seen in ((99.0, True), (101.0, False)):
         eye = replace(camera, near=near)
-        frame = render_cloud(cloud, eye, size=SMALL, filter=pixel_filter)
+        frame = render_cloud(cloud, eye, size=SMALL[::-1], filter=pixel_filter)
         assert frame.rgba.any() == is_seen
 
 
@@ -380,7 +380,7 @@ def test_a_sparse_surface_beside_a_dense_one_keeps_its_discs():
     size = (60, 40)
     pose = look_at((12.0, 0, -50), (12.0, 0, 0), (0, -1, 0))
     camera = Camera(np.array([[100.0, 0, 20], [0, 100, 30], [0, 0, 1]]), pose)
-    frame = render_cloud(cloud, camera, size=size)  # from the seam at 0 to the right
+    frame = render_cloud(cloud, camera, size=size[::-1])  # from the seam at 0 to the right
     assert frame.coverage[:, 1:].mean() > 0.99
 
 
@@ -395,7 +395,9 @@ def test_rows_far_apart_get_long_discs():
 def test_a_frame_holds_all_of_a_cloud():
     size = (60, 80)
     cloud = _cloud(_ball(4000) * 3 + (5, 6, 7))
-    frame = render_cloud(cloud, framed(cloud, size=size, azimuth=30, elevation=20), size=size)
+    frame = render_cloud(
+        cloud, framed(cloud, size=size[::-1], azimuth=30, elevation=20), size=size[::-1]
+    )
     assert frame.coverage[30, 40] == 1
     border = [frame.coverage[[0, -1]].max(), frame.coverage[:, [0, -1]].max()]
     assert max(border) == 0
@@ -404,7 +406,10 @@ def test_a_frame_holds_all_of_a_cloud():
 def _filled(cloud, size, **camera) -> tuple[float, float]:
     """Share of the frame's width and height between the first and the last covered pixel."""
     surfels = prepare_cloud(cloud)
-    covered = render_cloud(surfels, framed(surfels, size=size, **camera), size=size).coverage > 0.5
+    covered = (
+        render_cloud(surfels, framed(surfels, size=size[::-1], **camera), size=size[::-1]).coverage
+        > 0.5
+    )
     return covered.any(axis=0).mean(), covered.any(axis=1).mean()
 
 
@@ -432,7 +437,7 @@ def test_strays_in_many_clumps_do_not_either(rng):
 
 def test_a_thin_pole_is_no_stray():
     pole = np.c_[np.zeros((30, 2)), np.linspace(1.0, 3.0, 30)]
-    camera = framed(_cloud(np.concatenate([_ball(20000), pole])), size=(80, 60))
+    camera = framed(_cloud(np.concatenate([_ball(20000), pole])), size=(60, 80))
     top = camera.world_to_camera @ (0, 0, 3.0, 1)
     row = (camera.matrix @ top[:3])[1] / top[2]
     assert 0 < row < 4
@@ -440,7 +445,7 @@ def test_a_thin_pole_is_no_stray():
 
 def test_few_points_are_all_framed(rng):
     position = rng.normal(size=(60, 3)) * 10
-    camera = framed(_cloud(position), size=(60, 80))
+    camera = framed(_cloud(position), size=(80, 60))
     seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
     x, y = (seen @ camera.matrix.T)[:, :2].T / seen[:, 2]
     assert (x > 0).all()
@@ -458,13 +463,13 @@ def test_a_lone_disc_fills_its_frame():
 @pytest.mark.parametrize("fov", [0.0, 180.0, math.nan])
 def test_fields_of_view_that_are_none_are_refused(fov):
     with pytest.raises(ValueError, match="a field of view of"):
-        framed(_cloud(_grid(4)), size=SIZE, fov=fov)
+        framed(_cloud(_grid(4)), size=SIZE[::-1], fov=fov)
 
 
 def test_all_cameras_of_an_orbit_see_all_of_a_cloud_from_one_distance():
     size, position = (60, 80), _ball(1500) * (5, 1, 1) + (50, 6, 7)
     angles = [(azimuth, 10.0) for azimuth in range(0, 360, 15)]
-    cameras = framed_together(prepare_cloud(_cloud(position)), size=size, angles=angles)
+    cameras = framed_together(prepare_cloud(_cloud(position)), size=size[::-1], angles=angles)
     filled, away = [], set()
     for camera in cameras:
         seen = position @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
@@ -492,7 +497,7 @@ def test_choices_out_of_range_are_refused(choice, message):
 
 def test_a_picture_has_at_least_one_pixel():
     with pytest.raises(ValueError, match="0 x 4 pixels"):
-        render_cloud(_cloud(_grid(4)), _camera(1.0), size=(4, 0))
+        render_cloud(_cloud(_grid(4)), _camera(1.0), size=(0, 4))
 
 
 def test_a_lens_is_refused():
@@ -521,7 +526,7 @@ def test_none_is_refused_in_words(name, use):
 
 def test_a_frame_of_none_is_refused_in_words():
     with pytest.raises(ValueError, match="position of a cloud is None"):
-        framed(_cloud(_grid(4))._replace(position=None), size=SIZE)
+        framed(_cloud(_grid(4))._replace(position=None), size=SIZE[::-1])
 
 
 @pytest.mark.parametrize("count", [1, 2, None])
@@ -543,7 +548,7 @@ def test_threads_are_limited_by_an_argument(monkeypatch):
     limits = []
     monkeypatch.setattr(spacing, "_measured", lambda *_: limits.append(workers()))
     prepare_cloud(_cloud(_grid(20)), threads=1)
-    render_cloud(_cloud(_grid(20)), _camera(1.0), size=SMALL, threads=1)
+    render_cloud(_cloud(_grid(20)), _camera(1.0), size=SMALL[::-1], threads=1)
     assert limits == [1, 1]
 
 
@@ -554,7 +559,7 @@ def test_absurd_coordinates_are_refused():
 
 def test_the_scan_fills_the_frame_from_near_and_not_from_far():
     surfels = prepare_cloud(read_cloud(real("meshes/pointclouds/frag_115.ply")))
-    near = framed(surfels, size=SIZE, up="-y", distance=0.5)
-    far = framed(surfels, size=SIZE, up="-y", distance=30.0)
-    assert render_cloud(surfels, near, size=SIZE).coverage[:, :40].min() == 1
-    assert 0 < render_cloud(surfels, far, size=SIZE).coverage.mean() < 0.02
+    near = framed(surfels, size=SIZE[::-1], up="-y", distance=0.5)
+    far = framed(surfels, size=SIZE[::-1], up="-y", distance=30.0)
+    assert render_cloud(surfels, near, size=SIZE[::-1]).coverage[:, :40].min() == 1
+    assert 0 < render_cloud(surfels, far, size=SIZE[::-1]).coverage.mean() < 0.02

@@ -104,7 +104,7 @@ def test_an_equation_of_zeros_is_refused():
 @pytest.mark.parametrize("size", [(3.5, 4), (4,), "ab", (4, 5, 6)])
 def test_a_size_that_is_none_is_refused(size):
     with pytest.raises(ValueError, match="size"):
-        warp(np.ones(SHAPE), WALL, SOURCE, SOURCE, size=size)
+        warp(np.ones(SHAPE), WALL, SOURCE, SOURCE, size=size[::-1])
 
 
 @pytest.mark.parametrize(

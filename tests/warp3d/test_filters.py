@@ -239,7 +239,7 @@ def cloud_seen(pixel_filter=None, n=1, margin=0, **style):
     matrix = np.array(
         [[45.0 * n, 0, (20 + margin) * n], [0, 45.0 * n, (16 + margin) * n], [0, 0, 1]]
     )
-    size = (SHAPE[0] + 2 * margin) * n, (SHAPE[1] + 2 * margin) * n
+    size = (SHAPE[1] + 2 * margin) * n, (SHAPE[0] + 2 * margin) * n
     camera = Camera(matrix, np.eye(4))
     return render_cloud(ball(), camera, size=size, style=CloudStyle(**style), filter=pixel_filter)
 
@@ -262,7 +262,7 @@ def test_a_cloud_under_every_filter_is_the_truth_filtered(name):
 def test_a_cloud_of_one_color_keeps_it(name):
     one = ball()._replace(color=np.full((4000, 3), 0.6, np.float32))
     camera = Camera(np.array([[45.0, 0, 20], [0, 45, 16], [0, 0, 1.0]]), np.eye(4))
-    frame = render_cloud(one, camera, size=SHAPE, filter=name)
+    frame = render_cloud(one, camera, size=SHAPE[::-1], filter=name)
     there = frame.coverage > 1e-3
     color = frame.rgba[there][:, :3] / frame.coverage[there][:, None]
     np.testing.assert_allclose(color, 0.6, rtol=1e-3)  # sums of float32 with both signs
@@ -282,7 +282,7 @@ def test_a_filtered_cloud_is_the_same_for_any_threads_and_order():
         cloud = Cloud(*(part[order] for part in ball()[:4]))
         camera = Camera(np.array([[45.0, 0, 20], [0, 45, 16], [0, 0, 1.0]]), np.eye(4))
         with threads(count):
-            pictures.append(render_cloud(cloud, camera, size=SHAPE, filter="mitchell"))
+            pictures.append(render_cloud(cloud, camera, size=SHAPE[::-1], filter="mitchell"))
     np.testing.assert_array_equal(pictures[0].rgba, pictures[1].rgba)
     np.testing.assert_array_equal(pictures[0].depth, pictures[1].depth)
 

@@ -57,7 +57,7 @@ def size_of(camera):
 
 
 def warped(name, target, **choices):
-    choices = {"noise": 0.0, "refine": "none", "size": size_of(target), **choices}
+    choices = {"noise": 0.0, "refine": "none", "size": size_of(target)[::-1], **choices}
     return warp(*source(name), SOURCES[name], target, **choices)
 
 
@@ -125,7 +125,7 @@ def test_a_panorama_is_wrapped_without_a_step():
     first = warped("pinhole", Equirectangular(NEARBY))
     steps = 77
     yaw = -steps * np.pi / HEIGHT
-    other = warped("pinhole", Equirectangular(turn(yaw, 0.0) @ NEARBY), size=shape)
+    other = warped("pinhole", Equirectangular(turn(yaw, 0.0) @ NEARBY), size=shape[::-1])
     np.testing.assert_allclose(np.roll(first.image, steps, axis=1), other.image, atol=2e-4)
     np.testing.assert_allclose(np.roll(first.coverage, steps, axis=1), other.coverage, atol=2e-4)
 
@@ -168,7 +168,7 @@ def test_names_stay_names_whatever_sees_them(target):
     target = TARGETS[target]
     from resample_warp3d import Hybrid
 
-    made = warp(names, depth, camera, target, Hybrid(labels=True), size=size_of(target))
+    made = warp(names, depth, camera, target, Hybrid(labels=True), size=size_of(target)[::-1])
     shown = made.coverage > 0
     value = made.image[..., 0][shown] / made.coverage[shown]
     np.testing.assert_allclose(value, np.rint(value), atol=1e-5)
@@ -188,7 +188,7 @@ def test_methods_of_the_equation_refuse_other_targets(method):
 
 def test_a_panorama_of_another_shape_is_refused():
     with pytest.raises(ValueError, match="twice as wide as high, not 128 x 96 px"):
-        warped("pinhole", TARGETS["equirectangular"], size=SHAPE)
+        warped("pinhole", TARGETS["equirectangular"], size=SHAPE[::-1])
 
 
 def test_a_panorama_is_no_source_by_itself():

@@ -89,7 +89,7 @@ def test_every_method_takes_pictures_of_one_pixel_and_one_line(method, shape):
     given = warp(np.ones((*shape, 3), np.float32), np.ones(shape), camera, target, method)
     assert_whole(given, shape, 3)
     larger = warp(
-        np.ones((*shape, 3), np.float32), np.ones(shape), camera, target, method, size=(9, 7)
+        np.ones((*shape, 3), np.float32), np.ones(shape), camera, target, method, size=(7, 9)
     )
     assert_whole(larger, (9, 7), 3)
 
@@ -135,7 +135,7 @@ def test_every_method_can_be_filled(method):
 def test_the_targets_size_and_intrinsics_are_its_own():
     color, depth = scene()
     zoomed = TARGET.resized(SHAPE, (48, 64))
-    given = warp(color, depth, SOURCE, zoomed, size=(48, 64))
+    given = warp(color, depth, SOURCE, zoomed, size=(64, 48))
     assert_whole(given, (48, 64), 3)
     means = given.image.reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
     expected = warp(color, depth, SOURCE, TARGET)
@@ -318,8 +318,8 @@ BAD = {
     "an unknown method": ({"method": "hybird"}, LookupError, "did you mean 'hybrid'"),
     "a bad choice": ({"method": "hybrid:quality=99"}, ValueError, r"0\.25 to 8 parts"),
     "an unknown choice": ({"method": "hybrid:sharp=1"}, ValueError, "no parameter 'sharp'"),
-    "no height": ({"size": (0, 5)}, ValueError, "a target of 5 × 0 px; give 1 px or more"),
-    "a negative width": ({"size": (5, -1)}, ValueError, "a target of -1 × 5 px"),
+    "no height": ({"size": (5, 0)}, ValueError, "a target of 5 × 0 px; give 1 px or more"),
+    "a negative width": ({"size": (-1, 5)}, ValueError, "a target of -1 × 5 px"),
     "a huge target": ({"size": (1 << 20, 1 << 20)}, ValueError, "together at most 268435456 px"),
     "another size": ({"depth": np.ones((10, 32))}, ValueError, "32 × 24 px does not .* 32 × 10 px"),
     "no depth": ({"depth": np.zeros(SHAPE)}, ValueError, "no pixel has a depth"),

@@ -104,7 +104,7 @@ def test_a_fisheye_shows_what_rays_see(source, name):
 def shown_and_true(name, color, z, camera):
     """A picture with depth as a target sees it, and what that really sees."""
     target, shape = TARGETS[name], (64, 72)
-    shown = warp(color, z, camera, target, size=shape, refine="none")
+    shown = warp(color, z, camera, target, size=shape[::-1], refine="none")
     return shown, see(THINGS, target, shape, rays=8)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
 from resample.profiles.orders import Rays, Summing
-from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler
+from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler, shape_of
 from resample.types import (
     NO_TRIANGLES,
     Doubles,
@@ -496,7 +496,7 @@ def render(
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])
     subject = Subject.of_several(media, paint)
-    width, height = size
+    height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
     return paint(
         subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Spelled, viewpoint_of
-from resample.resampler import Resampler
+from resample.resampler import Resampler, shape_of
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.inputs import as_volume
@@ -108,7 +108,7 @@ class Scene:
         """
         if quality not in ("final", "preview"):
             raise ValueError(f"quality {quality!r}; it can be final or preview")
-        width, height = size
+        height, width = shape_of(size)
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         is_preview = quality == "preview"
@@ -158,7 +158,7 @@ class Scene:
         ValueError
             The projection shows no one voxel, or a choice is not allowed.
         """
-        width, height = size
+        height, width = shape_of(size)
         row, column = np.indices((height, width)) + 0.5
         pixels = np.column_stack([column.ravel(), row.ravel()])
         found, _ = self._behind(look, camera, size, resampler, fit)(pixels)
@@ -211,7 +211,7 @@ class Scene:
         paint = resampler or resampler_for(appearance)
         with keeping(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=False)
-        eye = subject.camera(viewpoint_of(camera), size[1], size[0])
+        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         return partial(voxels_at, subject, self.volume, eye, paint)
 
     def _subject(

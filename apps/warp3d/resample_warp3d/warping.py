@@ -66,7 +66,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The
         method's own, which is the mean over a pixel's square.
     size
-        Height and width of the target, px. The source's.
+        Width and height of the target, px. The source's.
     noise
         Standard deviation of the depth, relative to it; measured if left out.
     step
@@ -96,7 +96,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     height, width = light.shape[:2]
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
     prepared = prepare(image, noise=noise, step=step, refine=refine)
-    shape = (height, width) if size is None else size
+    shape = (height, width) if size is None else _shape_of(size)
     equation = way_between(source, target, shape)
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
     return _filled(prepared, partial(seen, filter=filter), fill)
@@ -260,11 +260,19 @@ def render(
     )  # fmt: skip
 
 
+def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = (operator.index(number) for number in size)
+    except (TypeError, ValueError):
+        raise ValueError(f"size {size!r}; give width and height, two whole numbers") from None
+    return height, width
+
+
 def _height_and_width(shape: tuple[int, int]) -> tuple[int, int]:
     try:
         height, width = (operator.index(number) for number in shape)
     except (TypeError, ValueError):
-        raise ValueError(f"size {shape!r}; give height and width, two whole numbers") from None
+        raise ValueError(f"shape {shape!r}; give height and width, two whole numbers") from None
     return height, width
 
 

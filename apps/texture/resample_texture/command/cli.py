@@ -178,7 +178,7 @@ def mesh(
     camera = view.placed(shape, (height, width))
     announce_compilation(paint)
     with Session().stage("paint", bar="painting"):
-        frame = render_mesh(shape, camera, height=height, width=width, style=style)
+        frame = render_mesh(shape, camera, size=(width, height), style=style)
     write_frame(output, frame, bits=bits, background=behind)
 
 

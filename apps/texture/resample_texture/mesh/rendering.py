@@ -17,6 +17,7 @@ from resample.engine.jit import threads
 from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
+from resample.resampler import shape_of
 from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
@@ -123,14 +124,15 @@ def fitted_camera(
     fov
         Degrees along the picture's shorter side; 0 is parallel projection.
     size
-        Height and width of the picture, px.
+        Width and height of the picture, px.
 
     Raises
     ------
     ValueError
         A number is out of range.
     """
-    return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *_checked_size(*size))
+    shape = _shape_of(size)
+    return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *shape)
 
 
 def ball_around(mesh: Mesh) -> Sphere:
@@ -142,7 +144,7 @@ def ball_around(mesh: Mesh) -> Sphere:
 
 
 def render_mesh(
-    mesh: Mesh, camera: AnyCamera, *, height: int, width: int, style: MeshStyle | None = None
+    mesh: Mesh, camera: AnyCamera, *, size: tuple[int, int], style: MeshStyle | None = None
 ) -> Frame[MeshStatistics]:
     """Picture of a mesh.
 
@@ -152,8 +154,8 @@ def render_mesh(
         Triangles with textures or vertex colors; both sides are seen.
     camera
         Any camera.
-    height, width
-        Of the picture, px.
+    size
+        Width and height of the picture, px.
     style
         Choices; None is the default `MeshStyle()`.
 
@@ -168,7 +170,7 @@ def render_mesh(
         The size is not allowed.
     """
     begin = time.perf_counter()
-    height, width = _checked_size(height, width)
+    height, width = _shape_of(size)
     look = style or MeshStyle()
     view = camera.view()
     point, depth = _projected(mesh.position, view)
@@ -216,12 +218,13 @@ def _grid(taps: int, look: MeshStyle) -> Grid:
     return Grid(look.samples, (taps // look.samples - 1) // 2, look.quality)
 
 
-def _checked_size(height: int, width: int) -> tuple[int, int]:
-    if not (1 <= height <= LARGEST and 1 <= width <= LARGEST):
+def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
+    height, width = shape_of(size)
+    if max(height, width) > LARGEST:
         raise ValueError(
             f"a picture of {width} x {height} pixels; 1 to {LARGEST} along a side are allowed"
         )
-    return int(height), int(width)
+    return height, width
 
 
 def _in_camera(vector: Doubles, view: View) -> tuple[Doubles, Doubles, Doubles]:

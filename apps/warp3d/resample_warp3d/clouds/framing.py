@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
+from resample.resampler import shape_of
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, places
 from resample_warp3d.clouds.spacing import Surfels
@@ -59,7 +60,7 @@ def framed(
     cloud
         What is looked at.
     size
-        (height, width) px.
+        Width and height of the picture, px.
     azimuth, elevation, up
         Where the camera stands, degrees, and which axis points upward, as
         `resample.cameras.poses.orbit` takes them.
@@ -127,12 +128,12 @@ def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 def _camera(size: tuple[int, int], fov: float) -> Camera:
     if not 0 < fov < 180:
         raise ValueError(f"a field of view of {fov:g} degrees; clouds are seen in perspective")
-    return Camera.from_fov(fov, *size)
+    return Camera.from_fov(fov, *shape_of(size))
 
 
 def _slopes(camera: Camera, size: tuple[int, int]) -> Doubles:
     """Tangents (2,) of half the angles, across and down, that points should be seen within."""
-    return 0.5 * FILLED * np.array([size[1] / camera.fx, size[0] / camera.fy], np.float64)
+    return 0.5 * FILLED * np.array([size[0] / camera.fx, size[1] / camera.fy], np.float64)
 
 
 def _sides(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:

@@ -1,7 +1,7 @@
 """Rendering of point clouds: points where they shrink, splats where they grow.
 
 cloud = prepare_cloud(read_cloud("scan.ply"))
-frame = render_cloud(cloud, framed(cloud, size=(480, 640), azimuth=30), size=(480, 640))
+frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(640, 480))
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
-from resample.resampler import check_size
+from resample.resampler import shape_of
 from resample.types import Floats, Frame, Screen, Statistics
 from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
@@ -96,7 +96,7 @@ def render_cloud(
     camera
         In perspective, without distortion. What lies before its near plane is left out.
     size
-        (height, width) px.
+        Width and height, px.
     style
         How it is drawn.
     filter
@@ -119,7 +119,7 @@ def render_cloud(
     from resample.engine import jit
 
     chosen = CloudStyle() if style is None else style
-    check_size(*size)
+    shape = shape_of(size)
     _check_camera(camera)
     with jit.threads(jit.workers() if threads is None else threads):
         start = perf_counter()
@@ -127,7 +127,7 @@ def render_cloud(
         if chosen.cull and len(surfels.position) and not surfels.is_oriented:
             raise ValueError("backs cannot be left out: the cloud's file gives no normals")
         prepared = perf_counter() - start
-        painted = _drawn(surfels, camera, size, chosen, filter)
+        painted = _drawn(surfels, camera, shape, chosen, filter)
     seen = painted.seen
     statistics = Statistics(
         len(seen),
@@ -144,15 +144,15 @@ def render_cloud(
 def _drawn(
     surfels: Surfels,
     camera: Camera,
-    size: tuple[int, int],
+    shape: tuple[int, int],
     style: CloudStyle,
     filter: str | PixelFilter | None,  # noqa: A002
 ) -> "Painted":
     pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
     if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
-        return _painted(surfels, camera, size, style, TILE)
+        return _painted(surfels, camera, shape, style, TILE)
     parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
-    return _filtered(surfels, camera, size, style, parts)
+    return _filtered(surfels, camera, shape, style, parts)
 
 
 class Painted(NamedTuple):
@@ -167,7 +167,7 @@ class Painted(NamedTuple):
 
 
 def _painted(
-    surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle, tile: int
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> Painted:
     """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
     from resample_warp3d.clouds.kernels.discs import SURFEL, see
@@ -176,15 +176,15 @@ def _painted(
     times = [perf_counter()]
     color = surfels.color if len(surfels.color) else np.full_like(surfels.position, GRAY)
     records = np.zeros(len(surfels.position), SURFEL)
-    see(surfels.position, surfels.axes, color, eye_of(surfels, camera, size, style), records)
+    see(surfels.position, surfels.axes, color, eye_of(surfels, camera, shape, style), records)
     times.append(perf_counter())
-    screen = Screen(size[1], size[0], 0.0, np.zeros((4, 4)))
+    screen = Screen(shape[1], shape[0], 0.0, np.zeros((4, 4)))
     tiles = dealt_to_tiles(records, screen, tile)
     times.append(perf_counter())
     picture = CloudPicture(
-        np.zeros((*size, 4), np.float32),
-        np.full(size, np.inf, np.float32),
-        np.full(size, np.inf, np.float32),
+        np.zeros((*shape, 4), np.float32),
+        np.full(shape, np.inf, np.float32),
+        np.full(shape, np.inf, np.float32),
     )
     discs = Discs(records, np.zeros(len(records), np.uint8))
     paint(discs, tiles, style.subpixels, picture)
@@ -197,15 +197,15 @@ def _painted(
 
 
 def _filtered(
-    surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle, parts: Subpixels
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
 ) -> Painted:
     """Cloud painted on parts of pixels, strip by strip, which are filtered last."""
     from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
 
     n = parts.count
-    sums, first = np.zeros((*size, 5), np.float32), np.full(size, np.inf, np.float32)
+    sums, first = np.zeros((*shape, 5), np.float32), np.full(shape, np.inf, np.float32)
     seen, seconds = np.zeros(len(surfels.position), np.uint8), dict.fromkeys(STAGES, 0.0)
-    for strip in parts.strips(size):
+    for strip in parts.strips(shape):
         moved = replace(camera, matrix=strip.matrix @ camera.matrix)
         fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
         seen |= fine.seen
@@ -220,12 +220,12 @@ def _filtered(
     covered = sums[..., 3:4] > 0
     rgba = np.where(covered, sums[..., :4], np.float32(0))
     rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # light goes with the coverage
-    depth = np.full(size, np.inf, np.float32)
+    depth = np.full(shape, np.inf, np.float32)
     np.divide(sums[..., 4], sums[..., 3], out=depth, where=covered[..., 0])
     return Painted(rgba, depth, first, seen, n, seconds)
 
 
-def eye_of(surfels: Surfels, camera: Camera, size: tuple[int, int], style: CloudStyle) -> "Eye":
+def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle) -> "Eye":
     """Camera as the kernels see it, in the discs' own coordinates."""
     from resample_warp3d.clouds.kernels.discs import Eye
 
@@ -238,7 +238,7 @@ def eye_of(surfels: Surfels, camera: Camera, size: tuple[int, int], style: Cloud
     return Eye(
         np.ascontiguousarray(matrix @ np.column_stack([pose[:3, :3], shift])),
         -pose[:3, :3].T @ shift,
-        *size,
+        *shape,
         float(np.sqrt(abs(matrix[0, 0] * matrix[1, 1]))),
         float(max(style.near, camera.near)),
         style.subpixels,

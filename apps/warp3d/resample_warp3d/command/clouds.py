@@ -129,7 +129,7 @@ class CloudScene(NamedTuple):
         return render_cloud(
             self.surfels,
             _sized(camera, shape),
-            size=shape,
+            size=shape[::-1],
             style=look.style(),
             filter=look.filter,
             threads=look.threads,
@@ -227,7 +227,7 @@ def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
         return _sized(viewpoint, shape)
     camera = framed(
         surfels,
-        size=shape,
+        size=shape[::-1],
         azimuth=viewpoint.azimuth,
         elevation=viewpoint.elevation,
         up=viewpoint.up,
@@ -301,7 +301,7 @@ def cameras_of(surfels: "Surfels", viewpoints: "Sequence[Viewpoint]", shape: Sha
     first = around[0]
     cameras = framed_together(
         surfels,
-        size=shape,
+        size=shape[::-1],
         angles=[(each.azimuth, each.elevation) for each in around],
         up=first.up,
         fov=first.fov,
