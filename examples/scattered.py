@@ -40,7 +40,7 @@ def measurements():
 def gridded():
     """The field on a grid, and the area that readings cover in each pixel, px²."""
     position, reading, jacobian = measurements()
-    return Scatter()(position, reading, jacobian=jacobian, size=(HEIGHT, WIDTH))
+    return Scatter()(position, reading, jacobian=jacobian, shape=(HEIGHT, WIDTH))
 
 
 def main(path: Path) -> None:

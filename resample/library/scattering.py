@@ -80,7 +80,7 @@ class Scatter:
         position: ArrayLike,
         value: ArrayLike,
         *,
-        size: tuple[int, int],
+        shape: tuple[int, int],
         jacobian: ArrayLike | None = None,
         radius: ArrayLike | None = None,
         plane: ArrayLike | None = None,
@@ -95,7 +95,7 @@ class Scatter:
             coordinates of `plane`. Samples beyond the grid leave there what reaches into it.
         value
             (N,) or (N, C). A sample with a value that is not finite is missing: it has no weight.
-        size
+        shape
             Height and width of the grid, px.
         jacobian
             (2, 2) or (N, 2, 2), px or units of the plane, up to 1e6: its columns are the sides of
@@ -115,18 +115,18 @@ class Scatter:
         """
         from resample.engine.jit import threads as limited
 
-        check_size(*size)
+        check_size(*shape)
         place, values = _samples(position, value)
         sides = _jacobians(jacobian, radius, len(place))
         place, sides = _on_screen(place, sides, plane)
-        seen = self._seen(place, sides, values, size)
-        sums = np.zeros((*size, values.shape[0] + 1), np.float32)
+        seen = self._seen(place, sides, values, shape)
+        sums = np.zeros((*shape, values.shape[0] + 1), np.float32)
         if seen.place.size:
             with limited(threads):
                 self._add(_in_order(seen), sums)
         coverage = sums[..., -1].copy()
         filled = coverage > 0
-        mean = np.full((*size, values.shape[0]), np.nan, np.float32)
+        mean = np.full((*shape, values.shape[0]), np.nan, np.float32)
         np.divide(sums[..., :-1], coverage[..., None], out=mean, where=filled[..., None])
         return Scattering(mean[..., 0] if np.ndim(value) == 1 else mean, coverage)
 
@@ -142,7 +142,7 @@ class Scatter:
         return 0 if is_area else max(1, math.ceil(2.0 * self._filter.radius))
 
     def _seen(
-        self, place: Doubles, jacobian: Doubles, value: Floats, size: tuple[int, int]
+        self, place: Doubles, jacobian: Doubles, value: Floats, shape: tuple[int, int]
     ) -> _Seen:
         """Samples that have a weight and may reach into the grid (height, width)."""
         from resample.engine.surfaces.stamps import RIM
@@ -157,7 +157,7 @@ class Scatter:
         splat_reach = np.sqrt(RIM * (SIGMA**2 * squared + FILTER_SIGMA**2))
         reach = np.where(is_splat[:, None], splat_reach, max(1.0, 0.5 * self._taps))
         low, high = place - reach, place + reach
-        kept = (low < np.array(size[::-1])).all(axis=1) & (high > 0).all(axis=1)
+        kept = (low < np.array(shape[::-1])).all(axis=1) & (high > 0).all(axis=1)
         kept &= (area > 0) & np.isfinite(value).all(axis=0)
         return _Seen(
             place[kept], jacobian[kept], value[:, kept], is_splat[kept], low[kept], high[kept]
@@ -266,9 +266,9 @@ def _parts(place: Doubles) -> NDArray[np.int64]:
     return np.append(np.flatnonzero(within % MOST == 0), len(place))
 
 
-def _bounds(seen: _Seen, first: NDArray[np.int64], size: tuple[int, int]) -> NDArray[np.int64]:
+def _bounds(seen: _Seen, first: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
     """Pixels (B, 4) that the marks of parts meet; splats end where the grid does, points beyond."""
-    limit = np.array(size[::-1], np.float64)
+    limit = np.array(shape[::-1], np.float64)
     is_splat = seen.is_splat[:, None]
     low = np.where(is_splat, np.maximum(seen.low, 0.0), seen.low)
     high = np.where(is_splat, np.minimum(seen.high, limit), seen.high + 2.0)
