@@ -18,7 +18,7 @@ Behind = Sequence[float] | None  # 3 values of linear light
 
 
 def _results() -> Any:
-    return import_module("resample.files.results")
+    return import_module("resample.files.exchange.results")
 
 
 class Showable:

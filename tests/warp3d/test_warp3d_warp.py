@@ -325,12 +325,12 @@ BAD = {
     "no depth": ({"depth": np.zeros(SHAPE)}, ValueError, "no pixel has a depth"),
     "depth in channels": ({"depth": np.ones((*SHAPE, 1))}, ValueError, r"give \(H, W\) of at"),
     "an empty depth": ({"depth": np.ones((0, 32))}, ValueError, r"depth of shape \(0, 32\)"),
-    "a depth of words": ({"depth": [["near", "far"]]}, ValueError, "could not convert"),
+    "a depth of words": ({"depth": [["near", "far"]]}, TypeError, "must be real numbers"),
     "a row of color": ({"color": np.ones(5)}, ValueError, r"color of shape \(5,\); give \(H, W\)"),
     "an animation": ({"color": np.ones((2, *SHAPE, 3))}, ValueError, "color of shape"),
     "signed color": ({"color": np.ones(SHAPE, np.int32)}, ValueError, "color of type int32; give"),
-    "a mask": ({"color": np.ones(SHAPE, bool)}, ValueError, "color of type bool; give"),
-    "complex color": ({"color": np.ones(SHAPE, complex)}, ValueError, "color of type complex128"),
+    "signed levels": ({"color": np.ones(SHAPE, np.int16)}, ValueError, "color of type int16; give"),
+    "complex color": ({"color": np.ones(SHAPE, complex)}, TypeError, "a picture of complex128"),
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
     from resample_texture.planning import Plan
+    from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
 
@@ -25,6 +26,7 @@ _HOMES = {
     "Paper": "methods.forward",
     "Plan": "planning",
     "Points": "methods.forward",
+    "PictureScene": "scenes",
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
@@ -42,6 +44,7 @@ __all__ = [
     "Homography",
     "Hybrid",
     "Paper",
+    "PictureScene",
     "Plan",
     "Points",
     "Splats",

@@ -13,8 +13,14 @@ from resample_texture.asking import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
 from resample_texture.geometry.windows import PictureWindow, between, windows_of
-from resample_texture.texels.encoding import check_picture, decoded, encoded, is_together
-from resample_texture.texels.gaps import added, masked, mended, missing_in, unmasked
+from resample_texture.texels.encoding import (
+    Encoding,
+    check_picture,
+    decoded,
+    encoded,
+    is_together,
+)
+from resample_texture.texels.gaps import Mended, added, masked, mended, missing_in, unmasked
 from resample_texture.types import Edge, Method, Warped
 
 MOST_AT_ONCE = 1 << 24  # values of source and target that are drawn in one go
@@ -63,8 +69,16 @@ def _drawn_whole(
         mean = dataclasses.replace(drawing.method, total=False)  # type: ignore[type-var]
         there = np.ascontiguousarray(texels[..., -encoding.gaps :])
         plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
-    else:
-        plain = mended(warped, encoding.gaps)
+        return _as_stored(plain, encoding)
+    return finished(warped, encoding)
+
+
+def finished(warped: Warped, encoding: Encoding) -> Warped:
+    """Warped texels as a picture of the source's type."""
+    return _as_stored(mended(warped, encoding.gaps), encoding)
+
+
+def _as_stored(plain: Mended, encoding: Encoding) -> Warped:
     result = encoded(plain.image, plain.coverage, encoding, missing=plain.missing)
     return Warped(result, plain.coverage)
 

@@ -36,6 +36,8 @@ class Warped(Showable, _Warped):
 
     __slots__ = ()
 
+    is_preview = False  # whether it is of fewer texels and pixels than there are
+
     @property
     def mean(self) -> NDArray[Any]:
         """Mean of what covers each pixel; not a number where nothing does.
@@ -50,6 +52,14 @@ class Warped(Showable, _Warped):
         np.divide(image, coverage, out=empty, where=coverage > 0.0)
         empty[np.ma.getmaskarray(self.image)] = np.nan
         return empty
+
+
+class Previewed(Warped):
+    """A warped picture that was made quickly, of fewer texels and pixels than there are."""
+
+    __slots__ = ()
+
+    is_preview = True
 
 
 class Method(Protocol):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.files.exchange.inputs import as_picture
 from resample_texture.asking import (
     Places,
     check_shape,
@@ -21,7 +22,7 @@ from resample_texture.types import Method, Warped
 
 
 def warp(  # noqa: PLR0913 - what a user may say about a warp
-    image: NDArray[Any],
+    image: Any,
     matrix: ArrayLike | Geometry | Places,
     shape: tuple[int, int],
     method: str | Method = "hybrid",
@@ -44,8 +45,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     Parameters
     ----------
     image
-        (H, W) or (H, W, C), or a batch (N, H, W, C); in any layout, masked or not. Light of uint8
-        or uint16; values, which are never encoded or limited to 0..1, of bool, other integers of 8
+        An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or what
+        else `resample.files.exchange.inputs.as_picture` takes, such as a path. Light of uint8 or
+        uint16; values, which are never encoded or limited to 0..1, of bool, other integers of 8
         to 64 bits and floats of 16 to 64. What is masked or not finite is missing, channel by
         channel: it weighs nothing.
     matrix
@@ -102,7 +104,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     LookupError
         A name is unknown.
     """
-    image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
+    image = as_picture(image)
     border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")
     chosen = method_named(

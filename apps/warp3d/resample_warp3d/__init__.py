@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.refining.registering import registered
     from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
@@ -33,6 +34,7 @@ _HOMES = {
     "Cloud": "clouds.cloud",
     "CloudStyle": "clouds.rendering",
     "DepthImage": "types",
+    "DepthScene": "scenes",
     "Equation": "types",
     "Equirectangular": "resample.cameras.panoramic",
     "Hole": "types",
@@ -70,6 +72,7 @@ __all__ = [
     "Cloud",
     "CloudStyle",
     "DepthImage",
+    "DepthScene",
     "Equation",
     "Equirectangular",
     "Hole",

@@ -116,6 +116,16 @@ class Warped(Showable, _Warped):
 
     __slots__ = ()
 
+    is_preview = False  # whether it is of fewer samples and pixels than there are
+
+
+class Previewed(Warped):
+    """A warped depth image that was made quickly, of fewer samples and pixels than there are."""
+
+    __slots__ = ()
+
+    is_preview = True
+
 
 class Method(Protocol):
     """Role of a way to warp.

@@ -3,13 +3,14 @@
 import operator
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
+from resample.files.exchange.inputs import as_picture
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import of_rectified
@@ -32,8 +33,8 @@ LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
 
 
 def warp(  # noqa: PLR0913 - what a user may say about a warp
-    color: NDArray[np.number],
-    depth: ArrayLike,
+    color: Any,
+    depth: Any,
     source: Camera | Orthographic,
     target: Sight,
     method: str | Method = "hybrid",
@@ -52,7 +53,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     ----------
     color
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied where one is
-        opacity. Integers are taken as shares of their largest value.
+        opacity; or what else `resample.files.exchange.inputs.as_picture` takes. Integers are taken
+        as shares of their largest value.
     depth
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
         of another size that shows the same frame is brought to the picture's.
@@ -96,15 +98,15 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     height, width = light.shape[:2]
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
     prepared = prepare(image, noise=noise, step=step, refine=refine)
-    shape = (height, width) if size is None else _shape_of(size)
+    shape = (height, width) if size is None else shape_of(size)
     equation = way_between(source, target, shape)
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
-    return _filled(prepared, partial(seen, filter=filter), fill)
+    return filled(prepared, partial(seen, filter=filter), fill)
 
 
 def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
-    color: NDArray[np.number],
-    disparity: ArrayLike,
+    color: Any,
+    disparity: Any,
     fraction: float = 1.0,
     method: str | Method = "hybrid",
     *,
@@ -141,10 +143,10 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     prepared = prepare(image, refine=refine)
     equation = of_rectified(fraction)
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
-    return _filled(prepared, partial(seen, filter=filter), fill)
+    return filled(prepared, partial(seen, filter=filter), fill)
 
 
-def _filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Filling) -> Warped:
+def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Filling) -> Warped:
     """Source as it is seen, and filled as it is asked for."""
     if fill not in (False, True, *FILLINGS):
         raise ValueError(f"unknown filling {fill!r}; known: {', '.join(FILLINGS)}, True and False")
@@ -155,7 +157,7 @@ def _filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Filli
     return fill_holes(warped) if fill else warped
 
 
-def nearness_of(depth: ArrayLike) -> Floats:
+def nearness_of(depth: Any) -> Floats:
     """1 / depth, 0 where the depth is unknown.
 
     Raises
@@ -163,7 +165,7 @@ def nearness_of(depth: ArrayLike) -> Floats:
     ValueError
         It is not of the shape (H, W).
     """
-    given = two_dimensional(depth, "depth")
+    given = two_dimensional(as_picture(depth, "depth map"), "depth")
     nearness = np.zeros(given.shape, np.float64)
     np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > CLOSEST))
     return nearness.astype(np.float32)
@@ -177,7 +179,7 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
     return array
 
 
-def as_light(color: NDArray[np.number]) -> Floats:
+def as_light(color: Any) -> Floats:
     """Picture (H, W, C) in float32; integers as shares of their largest value.
 
     Raises
@@ -185,11 +187,13 @@ def as_light(color: NDArray[np.number]) -> Floats:
     ValueError
         It is no picture, or of a type that none has.
     """
-    given = np.asarray(color)
+    given = as_picture(color)
     if given.ndim == 2:
         given = given[..., None]
     if given.ndim != 3 or min(given.shape) < 1:
         raise ValueError(f"color of shape {given.shape}; give (H, W) or (H, W, C) of at least 1 px")
+    if given.dtype.kind == "b":
+        return np.ascontiguousarray(given, np.float32)
     if given.dtype.kind == "u":
         return np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
     if given.dtype.kind != "f":
@@ -260,7 +264,8 @@ def render(
     )  # fmt: skip
 
 
-def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
+def shape_of(size: tuple[int, int]) -> tuple[int, int]:
+    """Height and width of a picture's size, which is its width and height."""
     try:
         width, height = (operator.index(number) for number in size)
     except (TypeError, ValueError):

@@ -1,0 +1,244 @@
+"""A picture that is opened once and warped often: quick previews, and what pixels show."""
+
+import dataclasses
+import math
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.files.exchange.inputs import as_picture
+from resample.resampler import shape_of
+from resample.types import Doubles, Floats
+from resample.watching import Cancel, cancellable
+from resample_texture.asking import Places, check_shape, edge_named, geometry_of
+from resample_texture.drawing import Drawing, finished, run
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Geometry,
+    Homography,
+    source_coordinates,
+)
+from resample_texture.texels.encoding import Encoding, decoded
+from resample_texture.texels.pyramid import shrunk
+from resample_texture.types import Edge, Method, Previewed, Warped
+from resample_texture.warping import warp
+
+PER = 2  # px each way of a target that are one of its preview
+SMOOTH = ("uint8", "uint16", "int16", "float32", "float64")  # types that OpenCV interpolates
+GRID = 16  # places each way where it is looked at how much a picture shrinks
+
+Quality = Literal["final", "preview"]
+
+
+class PictureScene:
+    """A picture for many warps: other places, other methods, quick previews.
+
+    Parameters
+    ----------
+    given
+        What `resample.files.exchange.inputs.as_picture` takes.
+    linear_light, alpha
+        As of `warp`.
+
+    Raises
+    ------
+    TypeError, ValueError, OSError
+        See `as_picture`; or it is no picture.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> scene = PictureScene(np.zeros((30, 40, 3), np.uint8))
+    >>> scene.render(np.diag([0.5, 0.5, 1]), size=(20, 15))
+    Warped(15 × 20 × 3 uint8, 100 % covered)
+    """
+
+    def __init__(self, given: Any, *, linear_light: bool = True, alpha: str | None = None) -> None:
+        self.image = as_picture(given)
+        self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        self._levels: list[Floats] = []  # texels, and these merged 2 × 2 again and again
+        self._encoding: Encoding | None = None
+
+    def render(  # noqa: PLR0913 - what a user may say about a warp
+        self,
+        matrix: ArrayLike | Geometry | Places,
+        *,
+        size: tuple[int, int] | None = None,
+        method: str | Method = "hybrid",
+        edge: str = "transparent",
+        convention: str = "corner",
+        inverse: bool = False,
+        quality: Quality = "final",
+        cancel: Cancel | None = None,
+        **choices: Any,
+    ) -> Warped:
+        """Picture, warped.
+
+        Parameters
+        ----------
+        matrix, method, edge, convention, inverse
+            As of `warp`.
+        size
+            Width and height of the target, px. The picture's.
+        quality
+            `preview` looks up merged texels at each other pixel, whatever the method. The result
+            says `is_preview`.
+        cancel
+            Stops it from another thread.
+        choices
+            `filter`, `interpolation`, `quality` as `detail`, `total`, `roi`, `threads` of `warp`.
+
+        Raises
+        ------
+        ValueError, LookupError
+            As of `warp`.
+        resample.CancelledError
+            It was cancelled.
+        """
+        if quality not in ("final", "preview"):
+            raise ValueError(f"quality {quality!r}; it can be final or preview")
+        shape = self._shape(size)
+        place: dict[str, Any] = {"edge": edge, "convention": convention, "inverse": inverse}
+        with cancellable(cancel):
+            if quality == "preview":
+                check_shape(shape)
+                geometry = geometry_of(matrix, shape, convention, inverse)
+                return self._preview(geometry, shape, edge)
+            if "detail" in choices:
+                choices["quality"] = choices.pop("detail")
+            return warp(self.image, matrix, shape, method, **place, **self._light, **choices)
+
+    def sample_ids(
+        self,
+        matrix: ArrayLike | Geometry | Places,
+        *,
+        size: tuple[int, int] | None = None,
+        edge: str = "transparent",
+        convention: str = "corner",
+        inverse: bool = False,
+    ) -> NDArray[np.int32]:
+        """Texels at the centers of pixels.
+
+        Parameters
+        ----------
+        matrix, size, edge, convention, inverse
+            As of `render`.
+
+        Returns
+        -------
+        (H, W, 2) row and column of the source; -1 where there is none.
+
+        Raises
+        ------
+        ValueError
+            A forward map, or a choice is not allowed.
+        """
+        rows, columns = self.image.shape[:2]
+        index = np.arange(rows * columns, dtype=np.int64).reshape(rows, columns)
+        shape = self._shape(size)
+        place: dict[str, Any] = {"edge": edge, "convention": convention, "inverse": inverse}
+        found = warp(index, matrix, shape, "nearest", **place)
+        row, column = np.divmod(found.image, columns)
+        ids = np.stack([row, column], axis=-1).astype(np.int32)
+        ids[found.coverage == 0] = -1
+        return ids
+
+    def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
+        if self.image.ndim not in (2, 3):
+            raise ValueError(
+                f"a scene is of one picture, (H, W) or (H, W, C), not {self.image.shape}"
+            )
+        return (self.image.shape[0], self.image.shape[1]) if size is None else shape_of(size)
+
+    def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
+        """Merged texels at each other pixel, made as large as the target."""
+        from resample_texture.methods.forward import Hybrid
+        from resample_texture.rivals.opencv import Bilinear
+
+        border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
+        small = -(-shape[0] // PER), -(-shape[1] // PER)
+        level = self._level(geometry, shape)
+        texels, encoding = self._texels(level)
+        method: Method = Hybrid() if isinstance(geometry, ForwardMap) else Bilinear()
+        drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
+        made = finished(run(drawing, texels), encoding)
+        image, coverage = (_enlarged(np.ma.getdata(part), shape) for part in made)
+        return Previewed(image, coverage)
+
+    def _texels(self, level: int) -> tuple[Floats, Encoding]:
+        """Texels merged 2 × 2 so many times, and what they stand for."""
+        if self._encoding is None:
+            texels, self._encoding = decoded(self.image, **self._light)
+            self._levels = [texels]
+        while len(self._levels) <= level:
+            last = self._levels[-1]
+            height, width = last.shape[:2]
+            self._levels.append(shrunk(last, max(1, height // 2), max(1, width // 2)))
+        return self._levels[level], self._encoding
+
+    def _merged(self, level: int) -> tuple[float, float]:
+        """Texels along x and y that are one of a level."""
+        (height, width), texels = self.image.shape[:2], self._levels[level]
+        return width / texels.shape[1], height / texels.shape[0]
+
+    def _level(self, geometry: Geometry, shape: tuple[int, int]) -> int:
+        """How often texels are merged, so that about one is looked up for a pixel of a preview."""
+        most = int(math.log2(max(1, min(self.image.shape[:2]))))
+        if isinstance(geometry, ForwardMap):  # of the texels as they are
+            return 0
+        per = PER * _texels_per_pixel(geometry, shape, (self.image.shape[0], self.image.shape[1]))
+        return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
+
+
+def _texels_per_pixel(
+    geometry: Homography | BackwardMap, shape: tuple[int, int], source_shape: tuple[int, int]
+) -> float:
+    """Texels that a pixel is about as large as, in the middle of what is seen."""
+    if isinstance(geometry, BackwardMap):
+        rows, columns = (max(1, count // GRID) for count in shape)
+        x, y = geometry.x[::rows, ::columns], geometry.y[::rows, ::columns]
+        step = (float(rows), float(columns))
+    else:
+        per = np.diag([shape[1] / GRID, shape[0] / GRID, 1.0])
+        coarse = Homography(np.linalg.inv(per) @ geometry.matrix, geometry.is_signed)
+        x, y = source_coordinates(coarse, (GRID, GRID), source_shape)
+        step = (shape[0] / GRID, shape[1] / GRID)
+    if min(x.shape) < 2:
+        return 1.0
+    (x_down, x_across), (y_down, y_across) = (np.gradient(part, *step) for part in (x, y))
+    area = np.abs(x_across * y_down - y_across * x_down)
+    inside = np.isfinite(area) & (x > 0) & (x < source_shape[1]) & (y > 0) & (y < source_shape[0])
+    return float(np.sqrt(np.median(area[inside]))) if inside.any() else 1.0
+
+
+def _shrunk(geometry: Geometry, merged: tuple[float, float], small: tuple[int, int]) -> Geometry:
+    """Geometry between merged texels and merged pixels."""
+    across, down = merged
+    if isinstance(geometry, Homography):
+        source, target = np.diag([across, down, 1.0]), np.diag([1 / PER, 1 / PER, 1.0])
+        return dataclasses.replace(geometry, matrix=target @ geometry.matrix @ source)
+    if isinstance(geometry, BackwardMap):
+        return BackwardMap(_merged(geometry.x, small) / across, _merged(geometry.y, small) / down)
+    return ForwardMap(geometry.x / PER, geometry.y / PER)
+
+
+def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
+    """Means of a map over the pixels that become one."""
+    short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
+    whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
+    return np.asarray(whole.mean(axis=(1, 3)))
+
+
+def _enlarged(part: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """Picture (h, w) or (h, w, C) with more pixels; what is between them is interpolated."""
+    import cv2
+
+    if part.dtype.name not in SMOOTH or part[0, 0].size > 4:
+        large = part.repeat(PER, axis=0).repeat(PER, axis=1)
+    else:
+        size = (part.shape[1] * PER, part.shape[0] * PER)
+        large = cv2.resize(part, size, interpolation=cv2.INTER_LINEAR)
+    cut = large[: shape[0], : shape[1]].reshape(*shape, *part.shape[2:])
+    return np.ascontiguousarray(cut)

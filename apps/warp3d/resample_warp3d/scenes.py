@@ -1,0 +1,216 @@
+"""A depth image that is opened once and seen often: what does not depend on the target is kept."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular
+from resample.profiles.filters import PixelFilter
+from resample.watching import Cancel, cancellable
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.methods.hybrid import Hybrid, Preview
+from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
+from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
+from resample_warp3d.wide.passages import way_between
+from resample_warp3d.wide.sights import Sight, taken_by
+
+PER = 2  # px each way of a target that are one of its preview
+TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
+MOST_NAMED = 1 << 24  # samples that float32 tells apart
+
+Quality = Literal["final", "preview"]
+
+
+class DepthScene:
+    """A depth image for many targets: other cameras, other methods, quick previews.
+
+    What is known of its surfaces (noise, links, refined depth, torn edges) is found once.
+
+    Parameters
+    ----------
+    color, depth, source, noise, step, refine
+        As of `warp`.
+
+    Raises
+    ------
+    TypeError, ValueError, OSError
+        As of `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, DepthScene
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> scene = DepthScene(np.ones((24, 32, 3), np.uint8), np.full((24, 32), 2.0), camera)
+    >>> scene.render(camera).image.shape
+    (24, 32, 3)
+    """
+
+    def __init__(
+        self,
+        color: Any,
+        depth: Any,
+        source: Camera | Orthographic,
+        *,
+        noise: float | None = None,
+        step: float | None = None,
+        refine: str = "auto",
+    ) -> None:
+        light, nearness = as_light(color), nearness_of(depth)
+        self.shape = light.shape[0], light.shape[1]
+        image, self.camera = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
+        self.source = prepare(image, noise=noise, step=step, refine=refine)
+        self._methods: dict[str, Method] = {}  # that keep what they found of the source
+        self._few: Source | None = None  # for previews
+        self._quick, self._coarse_cells = Preview(), Hybrid(quality=0.5)
+
+    def render(  # noqa: PLR0913 - what a user may say about a warp
+        self,
+        target: Sight | ArrayLike,
+        *,
+        size: tuple[int, int] | None = None,
+        method: str | Method = "hybrid",
+        filter: str | PixelFilter | None = None,  # noqa: A002
+        fill: bool | Filling = False,
+        quality: Quality = "final",
+        threads: int | None = None,
+        cancel: Cancel | None = None,
+    ) -> Warped:
+        """Depth image as another camera sees it.
+
+        Parameters
+        ----------
+        target
+            Camera; or a pose (3, 4) or (4, 4) from world to camera, which the source's takes.
+        size, method, filter, fill, threads
+            As of `warp`.
+        quality
+            `preview` shows the nearest sample at each other pixel, whatever the method. The result
+            says `is_preview`.
+        cancel
+            Stops it from another thread.
+
+        Raises
+        ------
+        ValueError, LookupError
+            As of `warp`.
+        resample.CancelledError
+            It was cancelled.
+        """
+        if quality not in ("final", "preview"):
+            raise ValueError(f"quality {quality!r}; it can be final or preview")
+        shape = self.shape if size is None else shape_of(size)
+        sight = self._sight(target)
+        with cancellable(cancel):
+            if quality == "preview":
+                return self._preview(sight, shape, threads)
+            chosen = self._method(method)
+            way = way_between(self.camera, sight, shape)
+            seen = partial(render, equation=way, shape=shape, method=chosen, threads=threads)
+            return filled(self.source, partial(seen, filter=filter), fill)
+
+    def sample_ids(
+        self, target: Sight | ArrayLike, *, size: tuple[int, int] | None = None
+    ) -> NDArray[np.int32]:
+        """Samples that cover the most of pixels.
+
+        Parameters
+        ----------
+        target, size
+            As of `render`.
+
+        Returns
+        -------
+        (H, W, 2) row and column of the source; -1 where there is none.
+
+        Raises
+        ------
+        ValueError
+            There are more than 16,777,216 samples.
+        """
+        rows, columns = self.shape
+        if rows * columns > MOST_NAMED:
+            raise ValueError(f"{rows} × {columns} samples; {MOST_NAMED} at most have a name")
+        index = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns, 1)
+        shape = self.shape if size is None else shape_of(size)
+        way = way_between(self.camera, self._sight(target), shape)
+        named = render(self.source._replace(color=index), way, shape, Hybrid(labels=True))
+        is_seen = named.coverage > 0
+        share = np.where(is_seen, named.coverage, np.float32(1))
+        row, column = np.divmod(np.rint(named.image[..., 0] / share).astype(np.int64), columns)
+        ids = np.stack([row, column], axis=-1).astype(np.int32)
+        ids[~is_seen] = -1
+        return ids
+
+    def _sight(self, target: Any) -> Sight:
+        if isinstance(target, Camera | Orthographic | Equirectangular):
+            return target
+        try:
+            pose = np.asarray(target, np.float64)
+        except (TypeError, ValueError):
+            pose = np.empty(0)
+        if pose.shape not in ((3, 4), (4, 4)):
+            raise TypeError(
+                f"a target of {type(target).__name__}; give a camera, or a pose (3, 4) or (4, 4) "
+                "from world to camera"
+            )
+        return self.camera.moved(pose)
+
+    def _method(self, method: str | Method) -> str | Method:
+        """Method by its name, kept with what it found of the source."""
+        if not isinstance(method, str):
+            return method
+        from resample import registry
+
+        if method not in self._methods:
+            self._methods[method] = registry.build("warps", method)
+        return self._methods[method]
+
+    def _preview(self, sight: Sight, shape: tuple[int, int], threads: int | None) -> Previewed:
+        """Nearest samples at each other pixel, made as large as the target."""
+        small = -(-shape[0] // PER), -(-shape[1] // PER)
+        way = way_between(self.camera, sight, shape)
+        per = np.diag([1 / PER, 1 / PER, 1.0])
+        if isinstance(way, Equation):
+            source, way = self._merged(), way.in_frame(per)
+            if not source.place.size:
+                way = Equation(way.matrix @ TO_SAMPLES, way.epipole)
+            made = render(source, way, small, self._quick, threads)
+        else:
+            way = replace(way, frame=per @ way.frame)
+            made = render(self.source, way, small, self._coarse_cells, threads)
+        return Previewed(*(_enlarged(part, shape) for part in made))
+
+    def _merged(self) -> Source:
+        """Each other sample, with the mean color of those around it."""
+        if self._few is None:
+            source = self.source
+            color = source.color
+            rows, columns = color.shape[0] // PER * PER, color.shape[1] // PER * PER
+            if min(rows, columns) == 0:
+                return source
+            parts = color[:rows, :columns].reshape(rows // PER, PER, columns // PER, PER, -1)
+            image = DepthImage(
+                np.ascontiguousarray(parts.mean(axis=(1, 3)), np.float32),
+                np.ascontiguousarray(source.nearness[:rows:PER, :columns:PER]),
+                np.ascontiguousarray(source.place[:rows:PER, :columns:PER]),
+            )
+            self._few = prepare(image, noise=source.noise, step=source.step, refine="none")
+        return self._few
+
+
+def _enlarged(part: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """Picture with each pixel repeated."""
+    import cv2
+
+    height, width = part.shape[:2]
+    if part[0, 0].size <= 4:  # OpenCV is quicker
+        whole = cv2.resize(part, (width * PER, height * PER), interpolation=cv2.INTER_NEAREST)
+    else:
+        whole = part.repeat(PER, axis=0).repeat(PER, axis=1)
+    cut = whole.reshape(height * PER, width * PER, *part.shape[2:])[: shape[0], : shape[1]]
+    return np.ascontiguousarray(cut)

@@ -1,0 +1,94 @@
+"""Pictures as callers have them: arrays of any kind, files, and images of other libraries."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+TAKEN = (
+    "an array (H, W) or (H, W, C), nested lists, a path, an image of Pillow's or SimpleITK's, or "
+    "an xarray.DataArray"
+)
+ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
+MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
+
+
+def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
+    """Array of what a caller has; its values are as they are stored.
+
+    Parameters
+    ----------
+    given
+        An array of real numbers, of any layout and byte order, masked, mapped or delayed; nested
+        lists; the path of a picture; an image of Pillow's, whose palettes become colors; one of
+        SimpleITK's; or an `xarray.DataArray` with rows along y and columns along x.
+    name
+        What messages call it.
+
+    Returns
+    -------
+    Masked arrays stay masked. What is taken as it is, is not copied.
+
+    Raises
+    ------
+    TypeError
+        It is none of these, or its values are no real numbers.
+    ValueError
+        Lists are of different lengths, or dimensions are not known.
+    OSError
+        The file cannot be read.
+    """
+    if isinstance(given, str | PathLike):
+        return _read(given)
+    library = type(given).__module__.partition(".")[0]
+    if library == "PIL":
+        array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
+    elif library == "SimpleITK":
+        array = _of_itk(given, name)
+    elif hasattr(given, "dims") and hasattr(given, "coords"):
+        array = _of_labeled(given, name)
+    else:
+        array = _array(given, name)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"a {name} of {array.dtype}; its values must be real numbers")
+    return array
+
+
+def _read(path: str | PathLike[str]) -> NDArray[Any]:
+    """Levels of a picture of 8 or 16 bits, as they are stored; linear light of all others."""
+    from resample.files.pictures import has_levels, read_picture, read_picture_levels
+
+    file = Path(path)
+    return read_picture_levels(file).data if has_levels(file) else read_picture(file).data
+
+
+def _array(given: Any, name: str) -> NDArray[Any]:
+    if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
+        raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
+    try:
+        return np.asanyarray(given)
+    except ValueError:
+        raise ValueError(f"lists of different lengths are no {name}; give {TAKEN}") from None
+
+
+def _of_itk(image: Any, name: str) -> NDArray[Any]:
+    import SimpleITK
+
+    if image.GetDimension() != 2:
+        raise ValueError(f"an image of {image.GetDimension()} dimensions; a {name} has 2")
+    return np.asarray(SimpleITK.GetArrayFromImage(image))
+
+
+def _of_labeled(given: Any, name: str) -> NDArray[Any]:
+    """Array of xarray's, rows first, channels last."""
+    dims = {str(dim).lower(): dim for dim in given.dims}
+    rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
+    columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
+    if rows is None or columns is None or len(dims) > 1:
+        raise ValueError(
+            f"a {name} has the dimensions y and x, and one of channels if need be, not "
+            f"{', '.join(map(str, given.dims))}"
+        )
+    return np.asarray(given.transpose(rows, columns, *dims.values()).values)
