@@ -58,6 +58,6 @@ $(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
 	touch $@ $(VENV)/.run
 lock: | $(BIN)/uv
 	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
-	$(BIN)/uv pip compile -q pyproject.toml --extra vtk --extra peers --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+	$(BIN)/uv pip compile -q pyproject.toml --extra vtk --extra peers --extra view --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
 clean:
 	rm -rf $(VENV) dist demo

@@ -38,7 +38,15 @@ HEADINGS = (  # in the order of a command's help
         CAMERA,
         "Eyes",
     ),
-    *("Projection", "Method", "Picture", "Beside the volume", "Beside the picture", SETTINGS),
+    *(
+        "Projection",
+        "Method",
+        "Picture",
+        "Beside the volume",
+        "Beside the picture",
+        "Page",
+        SETTINGS,
+    ),
 )
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
@@ -171,6 +179,11 @@ class PictureFormat(Choices):
     ] = 8
     threads: Threads = None
 
+    def behind(self, suffix: str) -> Color | None:
+        """Linear color behind the picture in a file of a suffix; None leaves it transparent."""
+        own = "none" if suffix.lower() == ".exr" else "black"
+        return linear_color(own if self.background is None else self.background)
+
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
 
@@ -187,6 +200,18 @@ class PictureFormat(Choices):
         width, height = int(match[1]), int(match[2] or match[1])
         check_size(height, width)
         return height, width
+
+
+class Serving(Choices):
+    """Where a viewer's page is served."""
+
+    heading: ClassVar[str] = "Page"
+
+    host: Annotated[
+        str, Field(description="Address to listen at; others than this machine's are warned about.")
+    ] = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535, description="0 takes one that is free.")] = 0
+    browser: Annotated[bool, Field(description="Open the page in the browser.")] = True
 
 
 class Written(Choices):

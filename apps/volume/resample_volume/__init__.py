@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
+    from resample_volume.viewing import picture
     from resample_volume.voxels.shading import Light
 
 _HOMES = {
@@ -35,6 +36,7 @@ _HOMES = {
     "load_transfer": "looks.presets",
     "open_volume": "files.source",
     "read_mesh": "space.meshes",
+    "picture": "viewing",
     "rectilinear": "media.rectilinear",
     "render": "rendering",
     "scene_mesh": "space.meshes",
@@ -53,6 +55,7 @@ __all__ = [
     "as_volume",
     "load_transfer",
     "open_volume",
+    "picture",
     "read_mesh",
     "rectilinear",
     "render",

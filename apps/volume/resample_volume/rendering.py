@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -101,6 +101,7 @@ class Appearance:
         return None if self.light is None else self.gradient
 
 
+Fit = Literal["visible", "volume"]  # what cameras are placed around
 Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
@@ -370,11 +371,14 @@ class Subject:
         return cls(voxels, appearance, sphere_around(shown, scene), middle, clip, mesh)
 
     @classmethod
-    def of_several(cls, media: Sequence[Medium], resampler: Resampler | None = None) -> "Subject":
+    def of_several(
+        cls, media: Sequence[Medium], resampler: Resampler | None = None, fit: Fit = "visible"
+    ) -> "Subject":
         """Several volumes in one scene; extinctions add up where they overlap.
 
         Each is where its origin, spacing and direction say. Light, crop (of its voxels), clip and
         depth cue are those of the first; transfer function, gradient and labels each one's own.
+        Cameras are placed around what is visible, or around all of the volumes.
 
         Raises
         ------
@@ -383,7 +387,7 @@ class Subject:
             of a volume that has to be resampled.
         """
         if len(media) == 1:
-            return cls.of(*media[0], resampler)
+            return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
         resampler = resampler or Resampler()
         check_several(media, resampler)
         whole = common_lattice([volume for volume, _ in media])
@@ -404,7 +408,8 @@ class Subject:
         every = mixed(parts, whole)
         if appearance.light is not None and appearance.light.is_blocked:
             every = with_light(every, appearance.light)
-        return cls(every, appearance, sphere_around(every, scene), middle, clip)
+        ball = ball_around(scene) if fit == "volume" else sphere_around(every, scene)
+        return cls(every, appearance, ball, middle, clip)
 
     def placed(self, volume: Volume) -> Volume:
         """One of the volumes, where it lies around the scene's origin."""

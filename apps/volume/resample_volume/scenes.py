@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.resampler import Resampler, shape_of
 from resample.types import Frame
@@ -16,7 +17,7 @@ from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, merged
-from resample_volume.rendering import Appearance, Subject, kept_look, resampler_for
+from resample_volume.rendering import Appearance, Fit, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
 
 KEPT = 4  # looks whose samples are kept
@@ -25,7 +26,6 @@ LARGE = 256**3  # voxels from which on twice as many are
 FINEST = 1  # sub-pixels per side of a preview along rays
 
 Quality = Literal["final", "preview"]
-Fit = Literal["volume", "visible"]
 
 
 @dataclass(eq=False)
@@ -129,6 +129,30 @@ class Scene:
         if is_preview:
             frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
+
+    def standing(
+        self,
+        look: Appearance | str = "auto",
+        camera: Spelled = None,
+        *,
+        size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None,
+        fit: Fit = "volume",
+    ) -> tuple[AnyCamera, Volume]:
+        """Camera of a picture, and the volume as it stands before it.
+
+        Parameters
+        ----------
+        look, camera, size, resampler, fit
+            As of `render`.
+        """
+        appearance = look if isinstance(look, Appearance) else Appearance(look)
+        with keeping(self._found):
+            subject = self._subject(
+                appearance, resampler or resampler_for(appearance), fit, is_preview=False
+            )
+        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
+        return eye, subject.placed(self.volume)
 
     def sample_ids(
         self,

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
-from resample.command.settings import LIGHT, Choices, Color, Iso, Resampling, Shown
+from resample.command.settings import CAMERA, LIGHT, Choices, Color, Iso, Resampling, Shown
 from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -125,6 +125,11 @@ class Look(Choices):
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
     up: Up = "z"
+    fit: Annotated[
+        Literal["visible", "volume"],
+        under(CAMERA),
+        Field(description="Angles are around what is visible, or the volume whatever is."),
+    ] = "visible"
     shading: Annotated[bool, Lit, Field(description="Light surfaces: from where light says.")] = (
         True
     )

@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import PictureFormat, Resampling, linear_color, method_names
+from resample.command.settings import PictureFormat, Resampling, Serving, linear_color, method_names
 from resample.files.facts.settings import with_settings
 from resample_volume.command.choices import (
     Added,
@@ -46,7 +46,7 @@ app.register_install_completion_command()
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING, ADDED = Projecting(), Added()
-BESIDE, BESIDE_PICTURE = Beside(), BesidePicture()
+BESIDE, BESIDE_PICTURE, SERVING = Beside(), BesidePicture(), Serving()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
@@ -93,7 +93,7 @@ def render(
     from resample_volume.space.slabs import boxed, write_slabs
 
     size = picture.height_and_width()
-    background = _background(picture.background, output)
+    background = picture.behind(output.suffix)
     check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling)
     beside.check(output, resampler, size[0])
@@ -106,7 +106,7 @@ def render(
         shown = with_meshes(media(source, volume, look, added, resampler), meshes)
         if beside.color_bar:
             require_values(shown[0][0], "a color bar")
-    subject = scene_of(session, shown, resampler)
+    subject = scene_of(session, shown, resampler, look.fit)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
@@ -198,7 +198,7 @@ def compare(
     if peer is not None:
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = subject_of(Session(), scene, appearance, thickest(choice))
+    subject = subject_of(Session(), scene, appearance, thickest(choice), look.fit)
     gathered = gathered_for(choice, scene, appearance)
     contest = Contest(subject, gathered, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
@@ -273,7 +273,7 @@ def animate(
     if series is None:
         given = media(source, volume, look, added, resampler, recording=recording)
         shown = with_meshes(given, meshes)
-        subject = scene_of(Session(), shown, resampler)
+        subject = scene_of(Session(), shown, resampler, look.fit)
         drawn = animation.drawing(shown[0][0], subject, beside.annotations(behind))
         paint = replace(paint, drawing=drawn)
         made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)
@@ -286,6 +286,37 @@ def animate(
         made = animation.shots_over_time(course, cameras, paint, about)
     with progress_bar("filming") as progress:
         write_film(output, made, fps, resume=resume, progress=progress)
+
+
+@app.command
+def view(
+    volume: str,
+    /,
+    *,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    beside: Annotated[Beside, flags.Flat] = BESIDE,
+    page: Annotated[Serving, flags.Flat] = SERVING,
+) -> None:
+    """Show a volume in the browser: turn it, change its look, take the command of what you see.
+
+    Example: resample-volume view engine.nhdr
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    """
+    from resample.view.server import require_parts, serve
+    from resample.view.views import controls_of
+    from resample_volume.viewing import COMMAND, VolumeView
+
+    require_parts()
+    controls = controls_of(COMMAND, app["render"])
+    shown = VolumeView(volume, source, (look, resampling, beside), controls)
+    shown.painter().check(shown.about["settings"])
+    serve(shown, host=page.host, port=page.port, browser=page.browser)
 
 
 @app.command
@@ -421,13 +452,6 @@ with_settings(app)
 def main() -> NoReturn:
     """Run the process's command line."""
     run(app)
-
-
-def _background(name: str | None, output: Path) -> Any:
-    """Linear color behind the picture; None leaves it transparent."""
-    if name is None:
-        name = "none" if output.suffix.lower() == ".exr" else "black"
-    return linear_color(name)
 
 
 def _words(text: str) -> list[str]:

@@ -116,7 +116,7 @@ def filmed(
     announce_compilation(painter(resampler))
 
     def subject(time: int) -> Subject:
-        return Subject.of_several([(series[time], own), *further], resampler)
+        return Subject.of_several([(series[time], own), *further], resampler, look.fit)
 
     with progress_bar("looking at all times") as progress:
         return Course(len(series), subject, progress)

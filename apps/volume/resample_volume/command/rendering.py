@@ -9,27 +9,40 @@ from resample.command.session import Session, announce_compilation
 from resample.profiles.orders import Summing
 from resample.resampler import Primitive, Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
-from resample_volume.rendering import Appearance, Medium, Subject, check_several, check_together
+from resample_volume.rendering import (
+    Appearance,
+    Fit,
+    Medium,
+    Subject,
+    check_several,
+    check_together,
+)
 from resample_volume.types import Volume
 
 BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
 
 
 def subject_of(
-    session: Session, volume: Volume, appearance: Appearance, resampler: Resampler
+    session: Session,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    fit: Fit = "visible",
 ) -> Subject:
     """Volume made ready for a renderer."""
-    return scene_of(session, [(volume, appearance)], resampler)
+    return scene_of(session, [(volume, appearance)], resampler, fit)
 
 
-def scene_of(session: Session, media: Sequence[Medium], resampler: Resampler) -> Subject:
+def scene_of(
+    session: Session, media: Sequence[Medium], resampler: Resampler, fit: Fit = "visible"
+) -> Subject:
     """Volumes of a scene made ready for a renderer."""
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
     announce_compilation(painter(resampler))
     with session.stage("classify", bar="classifying"):
-        subject = Subject.of_several(media, resampler)
+        subject = Subject.of_several(media, resampler, fit)
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject

@@ -1,0 +1,238 @@
+"""Volumes in a page: what `resample-volume view` shows, and `picture` makes without a page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.command.settings import PictureFormat, Resampling
+from resample.files.exchange.results import levels_of
+from resample.files.frames import write_frame
+from resample.resampler import Resampler
+from resample.types import Frame
+from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.watching import Cancel
+from resample_volume.command.choices import Beside, Look, Source
+from resample_volume.command.inputs import prepared
+from resample_volume.keeping import Kept, keeping
+from resample_volume.looks.names import PRESETS, TISSUES
+from resample_volume.looks.surveys import survey
+from resample_volume.rendering import Appearance
+from resample_volume.scenes import Quality, Scene
+from resample_volume.space.annotations import annotated
+from resample_volume.types import Volume
+
+COMMAND = "resample-volume render"
+SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
+LEFT_OUT = (
+    *("reader", "shape", "dtype", "endian", "spacing", "units", "time", "channel"),
+    *("also", "channels", "size", "bits", "threads", "color-bar", "deep", "output", "stats"),
+    *("settings", "save-settings"),
+)
+STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
+BINS = 256
+
+
+class _Wish(NamedTuple):
+    """What options ask for."""
+
+    look: Look
+    appearance: Appearance
+    resampler: Resampler
+    beside: Beside
+    picture: PictureFormat
+
+
+@dataclass
+class VolumePainter:
+    """Pictures of a volume for one page.
+
+    Parameters
+    ----------
+    volume
+        Without padding.
+    """
+
+    volume: Volume
+    _scene: Scene = field(init=False)
+    _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
+
+    _found: Kept = field(default_factory=dict)
+    _last: tuple[Any, Appearance] | None = None  # what was asked for last, and found
+
+    def __post_init__(self) -> None:
+        self._scene = Scene(self.volume)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        wish = self._wish(settings)
+        frame = self.frame(settings, size, "preview" if quick else "final", cancel)
+        return Painting(levels_of(frame, "color", background=wish.picture.behind(".png")), quick)
+
+    def check(self, settings: Settings) -> None:
+        """Refuse options that are not allowed; errors as of `frame`."""
+        self._wish(settings)
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does."""
+        behind = self._wish(settings).picture.behind(path.suffix)
+        write_frame(path, self.frame(settings, size, suffix=path.suffix), 8, behind)
+
+    def frame(
+        self,
+        settings: Settings,
+        size: Size,
+        quality: Quality = "final",
+        cancel: Cancel | None = None,
+        suffix: str = ".png",
+    ) -> Frame:
+        """Picture as the command writes it to a file of a suffix, but for what is behind it.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            An option is not allowed, or a file of one cannot be read.
+        """
+        wish = self._wish(settings)
+        view = wish.look.viewpoint()
+        choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.look.fit}
+        frame = self._scene.render(
+            wish.appearance, view, size=size, quality=quality, cancel=cancel, **choices
+        )
+        marks = wish.beside.annotations(wish.picture.behind(suffix))
+        if not marks.is_any:
+            return frame
+        camera, volume = self._scene.standing(wish.appearance, view, size=size, **choices)
+        return annotated(frame, camera, volume, marks)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Voxel that is seen at a place, see `resample.view.views.Painter`."""
+        wish = self._wish(settings)
+        found = self._scene.pick(
+            *(x, y, wish.appearance, wish.look.viewpoint()),
+            size=size,
+            resampler=wish.resampler,
+            fit=wish.look.fit,
+        )
+        if found is None:
+            return {}
+        return {
+            "voxel": "{2}, {1}, {0}".format(*found.voxel),  # along x, y and z
+            "value": f"{found.value:.6g}",
+            "position": ", ".join(f"{part:.6g}" for part in found.position),
+        }
+
+    def _wish(self, settings: Settings) -> _Wish:
+        look, resampling, beside, picture = chosen(settings, SHOWN)
+        resampler = look.renderer(resampling)
+        resampler = self._resamplers.setdefault(resampler, resampler)
+        appearance = self._appearance(look, resampler, beside)
+        return _Wish(look, appearance, resampler, beside, picture)
+
+    def _appearance(self, look: Look, resampler: Resampler, beside: Beside) -> Appearance:
+        """Look of the voxels, found once while only the camera moves."""
+        still = {name: getattr(STILL, name) for name in STEERED}
+        key = look.model_copy(update=still), resampler, beside.mesh
+        if self._last is None or self._last[0] != key:
+            with keeping(self._found):
+                appearance = look.appearance(self.volume, resampler)
+            if meshes := beside.with_meshes(look, resampler):
+                appearance = replace(appearance, meshes=meshes)
+            self._last = key, appearance
+        return self._last[1]
+
+
+@dataclass
+class VolumeView:
+    """A volume that is looked at in pages.
+
+    Parameters
+    ----------
+    name
+        Of the volume, as the command takes it.
+    source
+        How it is read.
+    begin
+        Options to begin with.
+    controls
+        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    """
+
+    name: str
+    source: Source = field(default_factory=Source)
+    begin: Sequence[Any] = ()
+    controls: Sequence[dict[str, Any]] = ()
+
+    @cached_property
+    def volume(self) -> Volume:
+        """The volume, which all pages share."""
+        return prepared(self.source, self.name)
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What a page has to know, see `resample.view.views.View`."""
+        known = survey(self.volume)
+        size = self.volume.values.shape[::-1]
+        return {
+            "title": self.volume.name,
+            "subtitle": f"{' × '.join(map(str, size))}, {self.volume.values.dtype}",
+            "command": COMMAND,
+            "package": "resample_volume",
+            "inputs": [self.name],
+            "fixed": settings_of([self.source]),
+            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "settings": {"fit": "volume", "camera": "30/20/1", **settings_of(self.begin)},
+            "transfers": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+            "histogram": _histogram(self.volume, known.span),
+        }
+
+    def painter(self) -> VolumePainter:
+        """What paints for a page that has been opened."""
+        return VolumePainter(self.volume)
+
+    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command would write."""
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / f"picture{suffix}"
+            self.painter().save(settings, size, path)
+            return path.read_bytes()
+
+
+def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
+    """Picture that `resample-volume render` makes of a volume with these options.
+
+    Parameters
+    ----------
+    volume
+        As the command takes it.
+    settings
+        Options by name, as settings files have them: `{"transfer": "bone", "size": "640x480"}`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+
+    Examples
+    --------
+    >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
+    Frame(32 × 24 px, 42.2 % covered, depth from 46.55)
+    """
+    source_keys = Source.model_fields
+    of_source = {key: value for key, value in settings.items() if key in source_keys}
+    rest = {key: value for key, value in settings.items() if key not in source_keys}
+    (source,) = chosen(of_source, (Source,))
+    height, width = chosen(rest, SHOWN)[-1].height_and_width()
+    return VolumePainter(prepared(source, volume)).frame(rest, (width, height))
+
+
+def _histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
+    """How often values of the robust range occur."""
+    low, high = span
+    values = np.asarray(volume.values)
+    count, _ = np.histogram(values[np.isfinite(values)], BINS, (low, max(high, low + 1e-30)))
+    return {"low": low, "high": high, "counts": count.tolist()}

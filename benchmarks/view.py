@@ -1,0 +1,90 @@
+"""How quick the viewer is: pictures a second while something is dragged, and until it is whole."""
+
+import json
+import statistics
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+from benchmarks.contest import Options
+from benchmarks.tables import Row, Section
+from resample.view.server import served
+from resample_volume.viewing import VolumeView
+
+SIDE = 400  # px
+STEPS = 40  # of a drag
+WAIT = 0.05  # seconds
+
+
+def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any]:
+    """Seconds of a page that turns a volume.
+
+    Parameters
+    ----------
+    volume
+        As the command takes it.
+    side
+        Of the page's picture, px.
+    steps
+        Previews of a drag.
+
+    Returns
+    -------
+    Seconds until the first whole picture (kernels are loaded by then), pictures per second while
+    dragging, the median from a wish to its preview and to the whole picture after it, in ms.
+    """
+    start = time.perf_counter()
+    with served(VolumeView(volume)) as (host, token):
+        address = f"ws://{host}/socket?token={token}"
+        origin: Any = f"http://{host}"
+        with connect(address, origin=origin, max_size=None) as link:
+            settings = json.loads(link.recv())["settings"]
+            _drawn(link, settings, side, moving=False)
+            first = time.perf_counter() - start
+            _drawn(link, settings, side, moving=True)
+            previews, finals = [], []
+            for n in range(steps):
+                turned = settings | {"camera": f"{30 + n}/20/1"}
+                previews.append(_drawn(link, turned, side, moving=True))
+                if n % 10 == 9:
+                    time.sleep(WAIT)
+                    finals.append(_drawn(link, turned, side, moving=False))
+    return {
+        "volume": Path(volume).name,
+        "first_s": round(first, 2),
+        "previews_per_s": round(1 / statistics.mean(previews), 1),
+        "preview_ms": round(1000 * statistics.median(previews), 1),
+        "final_ms": round(1000 * statistics.median(finals), 1),
+    }
+
+
+def _drawn(link: ClientConnection, settings: dict[str, Any], side: int, *, moving: bool) -> float:
+    """Seconds from a wish until its picture is here."""
+    words = {"kind": "draw", "settings": settings, "width": side, "height": side, "number": 1}
+    start = time.perf_counter()
+    link.send(json.dumps(words | {"moving": moving}))
+    while not isinstance(link.recv(), bytes):
+        pass
+    return time.perf_counter() - start
+
+
+def sections(options: Options) -> Iterator[Section]:
+    """Table of the viewer's times."""
+    volumes = ["vessel-tree:size=64"]
+    if options.data is not None:
+        volumes += sorted(map(str, Path(options.data, "volumes").glob("engine.nhdr")))
+    sides = (100,) if options.quick else (SIDE,)
+    rows: list[Row] = [
+        {"side_px": side, **measured(volume, side, 10 if options.quick else STEPS)}
+        for volume in volumes
+        for side in sides
+    ]
+    yield Section(
+        "Viewer",
+        "A volume that is turned in a page of words alone, on this machine: seconds from nothing "
+        "to the first picture, pictures per second of a drag, medians from a wish to its picture.",
+        rows,
+    )

@@ -1,0 +1,68 @@
+"""What a page may say to the viewer, checked: kinds, sizes, and options as in settings files."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+LARGEST = 2048  # px of a side
+LONGEST = 65_536  # bytes of a message
+
+Key = Annotated[str, Field(max_length=40)]
+Text = Annotated[str, Field(max_length=1000)]
+Value = bool | int | float | Text | Annotated[list[Text], Field(max_length=32)]
+Settings = Annotated[dict[Key, Value], Field(max_length=100)]
+Side = Annotated[int, Field(ge=8, le=LARGEST)]
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    settings: Settings
+    width: Side
+    height: Side
+    number: Annotated[int, Field(ge=0)]  # which of the page's messages it is
+
+
+class Draw(_Message):
+    """Paint a picture; the latest is painted, those before it are forgotten."""
+
+    kind: Literal["draw"]
+    moving: bool  # a preview will do
+
+
+class Pick(_Message):
+    """Tell what is seen at a place."""
+
+    kind: Literal["pick"]
+    x: float  # px to the right; centers are at halves
+    y: float  # px down
+
+
+class Export(_Message):
+    """Tell how the picture is made without the viewer."""
+
+    kind: Literal["export"]
+
+
+class Save(_Message):
+    """Give the picture as a file."""
+
+    kind: Literal["save"]
+    suffix: Literal[".png", ".exr"]
+
+
+Message = Draw | Pick | Export | Save
+_adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
+
+
+def message_of(text: str) -> Message:
+    """Message of a page.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    if len(text) > LONGEST:
+        raise ValueError(f"a message of {len(text)} letters; {LONGEST} at most are read")
+    return _adapter.validate_json(text)

@@ -1,0 +1,205 @@
+"""Pages for this machine alone: an address with a token, a socket for each page."""
+
+import asyncio
+import contextlib
+import json
+import secrets
+import socket
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from resample.command.console import say
+from resample.view.messages import LONGEST, message_of
+from resample.view.sessions import Session
+from resample.view.views import Viewable
+
+if TYPE_CHECKING:
+    import uvicorn
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.websockets import WebSocket
+
+PAGE = Path(__file__).parent / "page"
+TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+LOOPBACK = "127.0.0.1"
+MOST_PAGES = 8  # at a time
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' blob:; connect-src 'self'; base-uri 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+
+
+def require_parts() -> None:
+    """Refuse to serve where the extra is not installed.
+
+    Raises
+    ------
+    ValueError
+        It is not; the message says how to install it.
+    """
+    try:
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
+    except ImportError as error:
+        raise ValueError(
+            f"the viewer needs {error.name}, which is not installed: "
+            "pip install 'hybrid-resample[view]'"
+        ) from None
+
+
+def application(view: Viewable, token: str, hosts: Sequence[str]) -> "Starlette":
+    """Pages of a view for who knows the token, from addresses of these hosts (with their port)."""
+    from starlette.applications import Starlette
+    from starlette.responses import Response
+    from starlette.routing import Route, WebSocketRoute
+
+    open_pages: set[Session] = set()
+
+    def is_known(given: str | None, host: str | None) -> bool:
+        return secrets.compare_digest(given or "", token) and host in hosts
+
+    async def page(request: "Request") -> "Response":
+        if not is_known(request.query_params.get("token"), request.headers.get("host")):
+            return Response("This page needs the address that the command printed.", 403)
+        return _file("index.html")
+
+    async def part(request: "Request") -> "Response":
+        name = request.path_params["name"]
+        if name == "favicon.ico":
+            return Response(status_code=204)
+        return _file(name) if name in ("viewer.js", "style.css") else Response("", 404)
+
+    async def talk(socket: "WebSocket") -> None:
+        origin = (socket.headers.get("origin") or "").removeprefix("http://")
+        known = is_known(socket.query_params.get("token"), socket.headers.get("host"))
+        if not known or origin not in hosts or len(open_pages) >= MOST_PAGES:
+            await socket.close(1008)
+            return
+        await socket.accept()
+        await _talked(socket, view, open_pages)
+
+    return Starlette(
+        routes=[
+            Route("/", page),
+            WebSocketRoute("/socket", talk),
+            Route("/{name}", part),
+        ]
+    )
+
+
+def _file(name: str) -> "Response":
+    from starlette.responses import Response
+
+    path = PAGE / name
+    return Response(path.read_bytes(), headers=HEADERS, media_type=TYPES[path.suffix])
+
+
+async def _talked(socket: "WebSocket", view: Viewable, open_pages: set[Session]) -> None:
+    """Talk with a page until it is closed."""
+    from starlette.websockets import WebSocketDisconnect
+
+    turn = asyncio.Lock()
+
+    async def send(data: str | bytes) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # the page has gone
+            async with turn:
+                await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
+
+    session = Session(view, send)
+    open_pages.add(session)
+    try:
+        await send(json.dumps({"kind": "about", **view.about}))
+        while True:
+            try:
+                message = message_of(await socket.receive_text())
+            except (ValueError, KeyError):  # no text, or none that a page says
+                await send(json.dumps({"kind": "error", "number": 0, "text": "not understood"}))
+                continue
+            await session.told(message)
+    except WebSocketDisconnect:
+        pass
+    finally:
+        open_pages.discard(session)
+        await session.close()
+
+
+@contextlib.contextmanager
+def served(view: Viewable) -> Iterator[tuple[str, str]]:
+    """Serve a view on this machine beside what else goes on.
+
+    Yields
+    ------
+    Host with its port, and the token.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed.
+    """
+    require_parts()
+    listening = socket.create_server((LOOPBACK, 0))
+    host, token = f"{LOOPBACK}:{listening.getsockname()[1]}", secrets.token_urlsafe(24)
+    server = _server(application(view, token, [host]))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    try:
+        while not server.started and thread.is_alive():
+            time.sleep(0.01)
+        yield host, token
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+def _server(served: "Starlette") -> "uvicorn.Server":
+    import uvicorn
+
+    config = uvicorn.Config(served, log_level="warning", ws_max_size=LONGEST, lifespan="off")
+    return uvicorn.Server(config)
+
+
+def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool = True) -> None:
+    """Serve a view until Ctrl-C.
+
+    Parameters
+    ----------
+    view
+        What is looked at.
+    host
+        Address to listen at. Another than this machine's own is warned about.
+    port
+        0 takes one that is free.
+    browser
+        Open the page in the browser.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed.
+    OSError
+        The port is taken.
+    """
+    require_parts()
+    if host not in (LOOPBACK, "localhost"):
+        say(f"anyone who reaches {host} and learns the address can look, and read your files")
+    listening = socket.create_server((host, port))
+    port = listening.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    hosts = [f"{name}:{port}" for name in dict.fromkeys((host, LOOPBACK, "localhost"))]
+    address = f"http://{host}:{port}/?token={token}"
+    sys.stdout.write(f"{address}\n")
+    sys.stdout.flush()
+    if browser:
+        webbrowser.open(address)
+    say("Ctrl-C ends it")
+    _server(application(view, token, hosts)).run(sockets=[listening])

@@ -1,0 +1,158 @@
+"""A page that is open: the latest wish is painted, quick while it moves, whole when it is still."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.view.exports import exports_of
+from resample.view.messages import Draw, Export, Message, Pick, Save
+from resample.view.views import Painting, Viewable
+from resample.watching import Cancel, CancelledError
+from resample.words import one_line
+
+JPEG_QUALITY = 88  # of previews
+PNG_EFFORT = 1  # of zlib: pictures are looked at once
+
+Send = Callable[[str | bytes], Awaitable[None]]
+LOG = logging.getLogger("resample")
+
+
+class _Job(NamedTuple):
+    draw: Draw
+    cancel: Cancel
+
+
+class Session:
+    """What one page sees; it is made, told and closed by the event loop's thread.
+
+    Parameters
+    ----------
+    view
+        What is looked at.
+    send
+        Sends a text or bytes to the page.
+    """
+
+    def __init__(self, view: Viewable, send: Send) -> None:
+        self._view, self._send = view, send
+        self._painter = view.painter()
+        self._wanted: Draw | None = None
+        self._job: _Job | None = None
+        self._news = asyncio.Event()
+        self._task = asyncio.create_task(self._paint())
+        self._notices = _Notices(asyncio.get_running_loop(), self._notice)
+        LOG.addHandler(self._notices)
+
+    async def close(self) -> None:
+        """Stop what is painted and let go of everything."""
+        LOG.removeHandler(self._notices)
+        if self._job is not None:
+            self._job.cancel.cancel()
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def told(self, message: Message) -> None:
+        """Do what a page says; what goes wrong is said on the page."""
+        if isinstance(message, Draw):
+            self._wanted = message
+            if self._job is not None and not self._job.draw.moving:
+                self._job.cancel.cancel()  # previews are let through, or none would be seen
+            self._news.set()
+            return
+        try:
+            answer = await asyncio.to_thread(self._answer, message)
+        except Exception as error:
+            answer = _told("error", message.number, text=one_line(error))
+        await self._send(answer)
+
+    def _answer(self, message: Pick | Export | Save) -> str | bytes:
+        size = message.width, message.height
+        if isinstance(message, Pick):
+            found = self._painter.pick(message.settings, size, message.x, message.y)
+            return _told("picked", message.number, found=found)
+        if isinstance(message, Export):
+            texts = exports_of(self._view.about, message.settings, size)
+            return _told("exported", message.number, texts=texts)
+        file = self._view.save(message.settings, size, message.suffix)
+        return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
+
+    async def _paint(self) -> None:
+        """Paint what is wanted, for ever."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            if self._wanted is None:
+                continue
+            self._job = _Job(self._wanted, Cancel())
+            try:
+                answer: str | bytes = await asyncio.to_thread(self._drawn, self._job)
+            except CancelledError:
+                continue
+            except Exception as error:
+                answer = _told("error", self._job.draw.number, text=one_line(error))
+            finally:
+                self._job = None
+            await self._send(answer)
+
+    def _drawn(self, job: _Job) -> bytes:
+        draw, start = job.draw, time.perf_counter()
+        size = draw.width, draw.height
+        shown = self._painter.paint(draw.settings, size, quick=draw.moving, cancel=job.cancel)
+        kind, data = encoded(shown)
+        about = {
+            "kind": "frame",
+            "number": draw.number,
+            "preview": shown.is_preview,
+            "milliseconds": round(1000 * (time.perf_counter() - start), 1),
+            "type": kind,
+        }
+        return _framed(about, data)
+
+    async def _notice(self, text: str) -> None:
+        await self._send(_told("notice", 0, text=text))
+
+
+class _Notices(logging.Handler):
+    """What the library says while it works (that it compiles, for one), sent to the page."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, tell: Callable[[str], Awaitable[None]]
+    ) -> None:
+        super().__init__(logging.INFO)
+        self._loop, self._tell = loop, tell
+
+    def emit(self, record: logging.LogRecord) -> None:
+        asyncio.run_coroutine_threadsafe(self._told(record.getMessage()), self._loop)
+
+    async def _told(self, text: str) -> None:
+        await self._tell(text)
+
+
+def encoded(shown: Painting) -> tuple[str, bytes]:
+    """Type and bytes of a picture: PNG, or JPEG where it is a preview that hides what is behind."""
+    import cv2
+
+    levels = shown.levels
+    swapped: NDArray[np.uint8] = levels[..., [2, 1, 0, 3][: levels.shape[2]]]
+    if shown.is_preview and levels.shape[2] == 3:
+        choices, suffix, kind = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY], ".jpg", "image/jpeg"
+    else:
+        choices, suffix, kind = [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT], ".png", "image/png"
+    _, data = cv2.imencode(suffix, np.ascontiguousarray(swapped), choices)
+    return kind, data.tobytes()
+
+
+def _told(kind: str, number: int, **parts: Any) -> str:
+    return json.dumps({"kind": kind, "number": number, **parts})
+
+
+def _framed(about: dict[str, Any], data: bytes) -> bytes:
+    """Bytes with what is said about them before them, and the length of that."""
+    head = json.dumps(about).encode()
+    return len(head).to_bytes(4, "little") + head + data

@@ -1,0 +1,78 @@
+"""A viewer that is served in a thread, and a page of words alone that talks to it."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import pytest
+
+pytest.importorskip("starlette", reason="pip install 'hybrid-resample[view]'")
+
+from websockets.sync.client import ClientConnection, connect
+
+from resample.view import server
+from resample.view.views import Viewable
+
+PATIENCE = 120.0  # seconds; kernels may have to be compiled
+
+
+class Served(NamedTuple):
+    """Where a viewer is."""
+
+    host: str  # with the port
+    token: str
+
+    @property
+    def address(self) -> str:
+        return f"http://{self.host}/?token={self.token}"
+
+    @contextmanager
+    def page(self, token: str | None = None, origin: str | None = None) -> Iterator["Page"]:
+        """A page that is open."""
+        known = self.token if token is None else token
+        address = f"ws://{self.host}/socket?token={known}"
+        with connect(address, origin=origin or f"http://{self.host}", max_size=None) as link:  # type: ignore[arg-type]
+            yield Page(link)
+
+
+class Page:
+    """What a page says, and is told."""
+
+    def __init__(self, link: ClientConnection) -> None:
+        self.link = link
+        self.about = self.told("about")
+
+    def say(self, kind: str, settings: dict[str, Any], **more: Any) -> None:
+        words = {"kind": kind, "settings": settings, "width": 48, "height": 40, "number": 1}
+        self.link.send(json.dumps(words | more))
+
+    def answer(self) -> tuple[dict[str, Any], bytes]:
+        """What comes next, but notices: words, and bytes that came with them."""
+        while True:
+            data = self.link.recv(timeout=PATIENCE)
+            if isinstance(data, bytes):
+                end = 4 + int.from_bytes(data[:4], "little")
+                return json.loads(data[4:end]), data[end:]
+            words = json.loads(data)
+            if words["kind"] != "notice":
+                return words, b""
+
+    def told(self, kind: str) -> dict[str, Any]:
+        words, _ = self.answer()
+        assert words["kind"] == kind, words
+        return words
+
+    def drawn(self, settings: dict[str, Any], **more: Any) -> tuple[dict[str, Any], bytes]:
+        """Picture of options."""
+        self.say("draw", settings, **({"moving": False} | more))
+        head, data = self.answer()
+        assert head["kind"] == "frame", head
+        return head, data
+
+
+@contextmanager
+def served(view: Viewable) -> Iterator[Served]:
+    """Serve a view while this lasts."""
+    with server.served(view) as (host, token):
+        yield Served(host, token)

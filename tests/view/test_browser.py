@@ -1,0 +1,169 @@
+"""The page in a browser: drags, keys, controls, picks and exports do what the library does."""
+
+import shutil
+from collections.abc import Iterator
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from resample.view.views import controls_of
+from resample_volume.command.cli import app
+from resample_volume.viewing import VolumeView
+from tests.view.conftest import Served, served
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+pytestmark = pytest.mark.skipif(
+    BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
+)
+TIME = 90_000  # ms; kernels may have to be compiled
+
+
+@pytest.fixture(scope="module")
+def place() -> Iterator[Served]:
+    controls = controls_of("resample-volume render", app["render"])
+    with served(VolumeView("vessel-tree:size=24", controls=controls)) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser: Any, place: Served) -> Iterator[Any]:
+    tab = browser.new_page(viewport={"width": 700, "height": 420})
+    faults: list[str] = []
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+    tab.on("console", lambda said: said.type == "error" and faults.append(said.text))
+    tab.set_default_timeout(TIME)
+    tab.goto(place.address)
+    still(tab)
+    yield tab
+    assert faults == []
+    tab.close()
+
+
+def still(page: Any, after: str = "") -> str:
+    """Number of the whole picture that the page shows, once it is another than one before."""
+    page.wait_for_function(
+        "before => { const image = document.querySelector('.canvas img');"
+        " return image.dataset.preview === 'false' && image.dataset.number !== before; }",
+        arg=after,
+    )
+    return str(page.evaluate("document.querySelector('.canvas img').dataset.number"))
+
+
+def seen(page: Any) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(BytesIO(page.locator(".canvas").screenshot())).convert("RGB"))
+
+
+def camera(page: Any) -> list[float]:
+    return [float(part) for part in page.input_value("#option-camera").split("/")]
+
+
+def differs(page: Any, act: Any) -> bool:
+    """Whether the picture changes by an act."""
+    before, number = seen(page), still(page)
+    act()
+    still(page, number)
+    return bool((seen(page).astype(int) - before).std() > 1)
+
+
+def test_dragging_turns_and_shift_drags_move(page: Any) -> None:
+    box = page.locator(".canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag() -> None:
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 40, y + 20, steps=4)
+        page.mouse.up()
+
+    assert differs(page, drag)
+    assert camera(page) == [10, 30, 1]
+    page.keyboard.down("Shift")
+    assert differs(page, drag)
+    page.keyboard.up("Shift")
+    side = min(box["width"], box["height"])
+    np.testing.assert_allclose(camera(page), [10, 30, 1, 40 / side, -20 / side], rtol=1e-4)
+
+
+def test_wheel_keys_and_presets_steer(page: Any) -> None:
+    page.locator(".canvas").focus()
+    assert differs(page, lambda: page.keyboard.press("ArrowLeft"))
+    assert camera(page) == [36, 20, 1]
+    assert differs(page, lambda: page.keyboard.press("+"))
+    assert camera(page)[2] == pytest.approx(1.15)
+    assert differs(page, lambda: page.mouse.wheel(0, 300))
+    assert differs(page, lambda: page.select_option("#views", "top"))
+    assert page.input_value("#option-camera") == "top"
+    assert differs(page, lambda: page.click("#reset"))
+    assert page.input_value("#option-camera") == "30/20/1"
+
+
+def test_controls_change_the_picture(page: Any) -> None:
+    def choose(name: str, value: str) -> None:
+        page.select_option(f"#option-{name}", value)
+
+    def unfold(heading: str) -> None:
+        page.locator("summary", has_text=heading).click()
+
+    assert differs(page, lambda: choose("classify", "post"))
+    unfold("Method")
+    assert differs(page, lambda: choose("projection", "maximum"))
+    unfold("Beside the volume")
+    assert differs(page, lambda: page.check("#option-box"))
+    page.fill("#option-transfer", "hot")
+    assert differs(page, lambda: page.keyboard.press("Tab"))
+    page.click("#export")
+    text = page.inner_text("#export-command")
+    for word in ("--classify=post", "--projection=maximum", "--box", "--transfer=hot"):
+        assert word in text
+    page.click("#close")
+
+
+def test_the_window_is_dragged_over_the_histogram(page: Any) -> None:
+    box = page.locator("#histogram").bounding_box()
+
+    def drag() -> None:
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 20, steps=4)
+        page.mouse.up()
+
+    page.fill("#option-transfer", "gray")
+    page.keyboard.press("Tab")
+    assert differs(page, drag)
+    center, width = map(float, page.input_value("#option-window").split("/"))
+    assert center > width > 0
+
+
+def test_a_click_picks_and_mistakes_are_said(page: Any) -> None:
+    box = page.locator(".canvas").bounding_box()
+    page.mouse.click(box["x"] + 5, box["y"] + 5)
+    page.wait_for_function("() => document.querySelector('#picked').textContent !== ''")
+    assert page.inner_text("#picked") == "nothing here"
+    page.fill("#option-camera", "nowhere")
+    page.keyboard.press("Tab")
+    page.wait_for_function("() => document.querySelector('.message').textContent !== ''")
+    assert "give azimuth/elevation/zoom" in page.inner_text(".message")
+    number = page.evaluate("document.querySelector('.canvas img').dataset.number")
+    page.click("#reset")
+    still(page, number)
+    assert page.inner_text(".message") == ""
+
+
+def test_a_narrow_window_has_all_of_it(page: Any) -> None:
+    page.set_viewport_size({"width": 400, "height": 800})
+    assert page.locator(".canvas").bounding_box()["width"] == 400
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    assert page.locator("#option-transfer").bounding_box()["width"] > 150

@@ -1,0 +1,226 @@
+"""The viewer's server: who may look, what pages may say, and what becomes of faults."""
+
+import gc
+import json
+import random
+import threading
+import time
+import urllib.error
+import urllib.request
+import weakref
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from resample.view.views import Painting
+from resample.watching import Cancel, CancelledError
+from tests.view.conftest import Served, served
+
+
+class Slow:
+    """A painter that takes as long as it is told, in steps."""
+
+    alive: ClassVar["weakref.WeakSet[Slow]"] = weakref.WeakSet()
+    painted: ClassVar[list[tuple[int, bool]]] = []
+    cancelled = 0
+
+    def __init__(self) -> None:
+        Slow.alive.add(self)
+
+    def paint(self, settings: Any, size: Any, *, quick: bool, cancel: Cancel) -> Painting:
+        if "fault" in settings:
+            raise RuntimeError("the renderer\nhas failed")
+        for _ in range(int(settings.get("steps", 0))):
+            time.sleep(0.01)
+            if cancel.is_cancelled:
+                Slow.cancelled += 1
+                raise CancelledError("stopped")
+        Slow.painted.append((int(settings.get("mark", 0)), quick))
+        return Painting(np.full((size[1], size[0], 3), settings.get("mark", 0), np.uint8), quick)
+
+    def pick(self, _settings: Any, _size: Any, x: float, y: float) -> dict[str, Any]:
+        return {"x": x, "y": y} if x >= 0 else {}
+
+
+class Anything:
+    """A view of nothing in particular."""
+
+    about: ClassVar[dict[str, Any]] = {
+        **{"title": "a view", "command": "resample-volume render", "inputs": ["a b.nrrd"]},
+        **{"package": "resample_volume", "controls": [], "settings": {}},
+    }
+
+    def painter(self) -> Slow:
+        return Slow()
+
+    def save(self, _settings: Any, _size: Any, suffix: str) -> bytes:
+        return suffix.encode()
+
+
+@pytest.fixture(scope="module")
+def place() -> Iterator[Served]:
+    with served(Anything()) as address:
+        yield address
+
+
+def fetched(address: str, **headers: str) -> tuple[int, str, Any]:
+    request = urllib.request.Request(address, headers=headers)
+    try:
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            return answer.status, answer.read().decode(), answer.headers
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode(), error.headers
+
+
+def test_the_page_needs_the_token_and_asks_no_other_host(place: Served) -> None:
+    status, text, headers = fetched(place.address)
+    assert status == 200
+    assert "viewer.js" in text
+    assert headers["Content-Security-Policy"].startswith("default-src 'none'; script-src 'self'")
+    assert headers["Cache-Control"] == "no-store"
+    for name in ("viewer.js", "style.css"):
+        status, text, _ = fetched(f"http://{place.host}/{name}")
+        assert status == 200
+        assert "http:" not in text
+        assert "https:" not in text
+    assert fetched(f"http://{place.host}/")[0] == 403
+    assert fetched(f"http://{place.host}/?token=other")[0] == 403
+    assert fetched(place.address, Host="evil.example")[0] == 403  # a name that leads here
+    for path in ("server.py", "..%2fserver.py", "index.html"):
+        assert fetched(f"http://{place.host}/{path}")[0] == 404
+
+
+def test_sockets_need_the_token_and_the_page_s_own_origin(place: Served) -> None:
+    for given in ({"token": "other"}, {"origin": "http://evil.example"}, {"token": ""}):
+        with pytest.raises((InvalidStatus, ConnectionClosed)), place.page(**given):
+            pass
+
+
+def test_pictures_come_with_what_is_said_about_them(place: Served) -> None:
+    with place.page() as page:
+        assert page.about["title"] == "a view"
+        head, data = page.drawn({"mark": 7}, number=5, moving=True)
+        assert (head["number"], head["preview"], head["type"]) == (5, True, "image/jpeg")
+        head, data = page.drawn({"mark": 7}, number=6)
+        assert (head["number"], head["preview"], head["type"]) == (6, False, "image/png")
+        assert data.startswith(b"\x89PNG")
+        page.say("pick", {}, x=3.5, y=4)
+        assert page.told("picked")["found"] == {"x": 3.5, "y": 4}
+        page.say("save", {}, suffix=".exr")
+        assert page.answer() == ({"kind": "file", "name": "picture.exr"}, b".exr")
+        page.say("export", {"camera": "30/20/1", "clip": ["1/0/0", "0/1/0"], "shading": False})
+        texts = page.told("exported")["texts"]
+        assert texts["command"] == (
+            "resample-volume render 'a b.nrrd' --camera=30/20/1 --clip=1/0/0 --clip=0/1/0 "
+            "--no-shading --size=48x40 -o picture.png"
+        )
+        assert 'clip = ["1/0/0", "0/1/0"]' in texts["settings"]
+
+
+def test_the_latest_wish_wins_and_whole_pictures_are_stopped(place: Served) -> None:
+    with place.page() as page:
+        Slow.painted.clear()
+        before = Slow.cancelled
+        page.say("draw", {"steps": 3000, "mark": 1}, moving=False, number=1)
+        time.sleep(0.2)
+        for mark in range(2, 6):
+            page.say("draw", {"mark": mark}, moving=True, number=mark)
+        head, _ = page.answer()
+        while head["number"] != 5:
+            head, _ = page.answer()
+        assert Slow.cancelled == before + 1
+        assert (1, False) not in Slow.painted
+        page.say("draw", {"steps": 20, "mark": 6}, moving=True, number=6)
+        time.sleep(0.05)
+        page.say("draw", {"mark": 7}, moving=True, number=7)  # previews are let through
+        assert [page.answer()[0]["number"] for _ in range(2)] == [6, 7]
+
+
+def test_a_thousand_malformed_messages_are_survived(place: Served) -> None:
+    rng = random.Random(7)
+    good = {"kind": "draw", "settings": {}, "width": 48, "height": 40, "number": 1, "moving": True}
+    text = json.dumps(good)
+    broken: list[str | bytes] = [
+        "", "[]", "null", "{}", "\x00", "NaN", "[" * 900, json.dumps(good | {"width": 1e9}),
+        json.dumps(good | {"settings": {"a": {"b": {}}}}), json.dumps(good | {"kind": "eval"}),
+        json.dumps(good | {"settings": {str(n): n for n in range(200)}}), b"\x00\x01\x02",
+        json.dumps(good | {"settings": {"a": "x" * 2000}}), json.dumps(good | {"height": -4}),
+        json.dumps(good | {"number": "one"}), json.dumps(good | {"more": 1}),
+        text.replace("48", "Infinity"), json.dumps({**good, "kind": "save", "suffix": ".py"}),
+    ]  # fmt: skip
+    while len(broken) < 1000:
+        letters = list(text)
+        for _ in range(rng.randint(1, 6)):
+            letters[rng.randrange(len(letters))] = chr(rng.randrange(32, 0x2FF))
+        broken.append("".join(letters))
+    with place.page() as page:
+        for one in broken:
+            page.link.send(one)
+            words, _ = page.answer()
+            assert words["kind"] in ("error", "frame", "picked", "exported")
+        assert page.drawn({"mark": 3})[0]["kind"] == "frame"
+    with place.page() as page:
+        page.link.send("x" * 200_000)
+        with pytest.raises(ConnectionClosed):
+            page.answer()
+    with place.page() as page:
+        assert page.drawn({})[0]["kind"] == "frame"
+
+
+def test_a_renderer_s_fault_is_said_on_the_page(place: Served) -> None:
+    with place.page() as page:
+        page.say("draw", {"fault": True}, moving=False)
+        words = page.told("error")
+        assert words["text"] == "the renderer has failed"
+        assert page.drawn({"mark": 1})[0]["kind"] == "frame"
+
+
+def test_each_page_has_a_painter_that_goes_when_it_is_closed(place: Served) -> None:
+    def count() -> int:
+        gc.collect()
+        return len(Slow.alive)
+
+    until = time.monotonic() + 10
+    while count() and time.monotonic() < until:
+        time.sleep(0.05)
+    with place.page() as one, place.page() as two:
+        one.drawn({"mark": 1})
+        two.drawn({"mark": 2})
+        assert count() == 2
+        one.say("draw", {"steps": 3000}, moving=False)  # and closes while it is painted
+    until = time.monotonic() + 10
+    while count() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert count() == 0
+
+
+def test_more_pages_than_there_may_be_are_refused(place: Served) -> None:
+    from contextlib import ExitStack
+
+    from resample.view.server import MOST_PAGES
+
+    time.sleep(0.2)
+    with ExitStack() as pages:
+        for _ in range(MOST_PAGES):
+            pages.enter_context(place.page())
+        with pytest.raises((InvalidStatus, ConnectionClosed)), place.page():
+            pass
+
+
+def test_pages_at_once_do_not_disturb_each_other(place: Served) -> None:
+    marks: dict[int, list[int]] = {}
+
+    def look(mark: int) -> None:
+        with place.page() as page:
+            heads = [page.drawn({"mark": mark, "steps": 1}, number=n)[0] for n in range(8)]
+            marks[mark] = [head["number"] for head in heads]
+
+    threads = [threading.Thread(target=look, args=(mark,)) for mark in range(1, 5)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert marks == {mark: list(range(8)) for mark in range(1, 5)}
