@@ -31,16 +31,17 @@ class Showable:
     __slots__ = ()
 
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
-        """Write the picture in the format of its suffix, `.png` or `.exr`, whole or not at all.
+        """Write the picture in the format of its suffix, whole or not at all.
 
         Parameters
         ----------
         path
-            Target. EXR holds linear light, coverage and depth.
+            Target: `.png`, `.exr` (linear light, coverage and depth), `.tif` or `.jpg`.
         bits
-            8 or 16 per channel of PNG.
+            8 or 16 per channel of PNG, 8, 16 or 32 of TIFF.
         background
-            What is behind the picture, 3 values of linear light; None keeps it transparent.
+            What is behind the picture, 3 values of linear light; None keeps it transparent, which
+            JPEG cannot be.
 
         Raises
         ------

@@ -49,6 +49,18 @@ def test_levels_are_those_that_are_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(tmp_path / "frame.exr"), seen.rgba)
 
 
+def test_results_are_saved_as_tiff_and_jpeg_too(tmp_path: Path) -> None:
+    seen = frame()
+    seen.save(tmp_path / "frame.tif", bits=32)
+    np.testing.assert_array_equal(read_image(tmp_path / "frame.tif"), seen.rgba)
+    seen.save(tmp_path / "frame.jpg", background=(1, 1, 1))
+    levels = np.asarray(Image.open(tmp_path / "frame.jpg")).astype(int)
+    assert np.abs(levels - seen.to_uint8(background=(1, 1, 1))).mean() < 12
+    with pytest.raises(ValueError, match="JPEG has no transparency"):
+        seen.save(tmp_path / "clear.jpg")
+    assert not (tmp_path / "clear.jpg").exists()
+
+
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_picture_that_was_not_moved_keeps_its_levels(dtype: str, channels: int) -> None:

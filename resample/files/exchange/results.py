@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, from_srgb, mapped
-from resample.files.images import screen_levels, write_frame
+from resample.files.frames import write_frame
+from resample.files.images import screen_levels
 from resample.types import Floats, Frame, Statistics
 
 if TYPE_CHECKING:
@@ -25,7 +26,11 @@ MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification
 def save(result: Any, path: str | Path, *, bits: int, background: Background | None) -> None:
     """Write a result; see `resample.showable.Showable.save`."""
     frame = result if isinstance(result, Frame) else _as_frame(result)
-    write_frame(Path(path), frame, bits=bits, background=background)
+    behind = None
+    if background is not None:
+        red, green, blue = map(float, background)
+        behind = red, green, blue
+    write_frame(Path(path), frame, bits, behind)
 
 
 def levels_of(result: Any, of: str, *, background: Background | None = None) -> NDArray[np.uint8]:
