@@ -27,13 +27,14 @@ def exports_of(about: dict[str, Any], settings: Settings, size: Size) -> dict[st
         words += _words(key, value)
     named = ", ".join(map(repr, inputs))
     python = (
-        f"from {about['package']} import picture\n\nframe = picture({named}, {_indented(whole)})\n"
+        f"from {about['package']}.viewing import picture\n\n"
+        f"shown = picture({named}, {_indented(whole)})\n"
     )
     return {
         "command": shlex.join([*words, "-o", "picture.png"]),
         "settings": as_toml(command, whole),
-        "python": python + 'frame.save("picture.png")\n',
-        "notebook": python + "frame\n",
+        "python": python + 'shown.save("picture.png")\n',
+        "notebook": python + "shown\n",
     }
 
 

@@ -3,14 +3,18 @@
 import shutil
 from collections.abc import Iterator
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
 from resample.view.views import controls_of
+from resample_texture.command.cli import app as pictures
+from resample_texture.viewing import COMMAND, PictureView
 from resample_volume.command.cli import app
 from resample_volume.viewing import VolumeView
 from tests.view.conftest import Served, served
@@ -167,3 +171,37 @@ def test_a_narrow_window_has_all_of_it(page: Any) -> None:
     assert page.locator(".canvas").bounding_box()["width"] == 400
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert page.locator("#option-transfer").bounding_box()["width"] > 150
+
+
+def test_corners_of_a_picture_are_dragged(browser: Any, tmp_path: Path) -> None:
+    levels = np.full((60, 90, 3), (40, 160, 220), np.uint8)
+    levels[20:40, 30:60] = 255
+    cv2.imwrite(str(tmp_path / "sign.png"), levels)
+    controls = controls_of(COMMAND, pictures["warp"])
+    with served(PictureView(tmp_path / "sign.png", controls=controls)) as place:
+        page = browser.new_page(viewport={"width": 700, "height": 420})
+        page.set_default_timeout(TIME)
+        page.goto(place.address)
+        still(page)
+        before = page.input_value("#option-corners").split()
+        handle = page.locator("#corner-1").bounding_box()
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+
+        def drag() -> None:
+            page.mouse.move(x, y)
+            page.mouse.down()
+            page.mouse.move(x - 60, y + 40, steps=4)
+            page.mouse.up()
+
+        assert differs(page, drag)
+        after = page.input_value("#option-corners").split()
+        assert [n for n in range(4) if before[n] != after[n]] == [1]
+        moved = np.array([list(map(float, one[1].split(","))) for one in (before, after)])
+        np.testing.assert_allclose(moved[1] - moved[0], [-60, 40], atol=0.1)
+        page.locator("#corner-3").focus()
+        assert differs(page, lambda: page.keyboard.press("ArrowUp"))
+        page.click("#export")
+        assert f"--corners={page.input_value('#option-corners')}" in page.inner_text(
+            "#export-command"
+        ).replace("'", "")
+        page.close()

@@ -92,13 +92,25 @@ export function show(el, connect) {
   }
 
   function told(given) {
-    if (given.kind === "about") { about = given; replaced({ ...given.settings }); build(); wish(false); }
+    if (given.kind === "about") begin(given);
     if (given.kind === "error") { waiting = false; note(given.text, "message"); }
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
     }
     if (given.kind === "exported") exported(given.texts);
+  }
+
+  function begin(given) {
+    about = given;
+    if (about.gestures === "corners") {
+      views.hidden = true;
+      canvas.append(...handles);
+      if (about.settings.corners === "") about.settings.corners = fitted();
+    }
+    replaced({ ...about.settings });
+    build();
+    placed();
   }
 
   function framed(head, bytes) {
@@ -149,6 +161,7 @@ export function show(el, connect) {
     settings = given;
     for (const [key, field] of fields) field.put(settings[key]);
     histogram.draw();
+    placed();
     wish(false);
   }
 
@@ -157,6 +170,7 @@ export function show(el, connect) {
     else settings[key] = value;
     fields.get(key)?.put(settings[key]);
     if (key === "window") histogram.draw();
+    if (key === "corners") placed();
     wish(moving);
   }
 
@@ -219,7 +233,7 @@ export function show(el, connect) {
         "Drag over the histogram: the window that looks are spread over. Double-click: all of it.")] : []),
       made("datalist", { id: "transfers" }, ...(about.transfers ?? []).map((one) => made("option", { value: one }))),
       ...[...headings].map(([name, labels]) =>
-        made("details", { open: OPEN.includes(name) }, made("summary", {}, name), ...labels)),
+        made("details", { open: OPEN.includes(name) || about.gestures === "corners" }, made("summary", {}, name), ...labels)),
     );
     histogram.draw();
   }
@@ -292,7 +306,71 @@ export function show(el, connect) {
     changed("camera", spelled(camera), moving);
   }
 
+  // Corners of a picture, px of the target, which are dragged one by one or all together
+  const handles = [0, 1, 2, 3].map((n) => made("button", {
+    class: "handle", id: `corner-${n}`,
+    "aria-label": `Corner ${n + 1}: drag it, or move it with the arrows`,
+  }));
+
+  function corners() {
+    const points = String(settings.corners ?? "").trim().split(/\s+/).map((one) => one.split(",").map(Number));
+    const whole = points.length === 4 && points.every((one) => one.length === 2 && one.every(Number.isFinite));
+    return whole ? points : null;
+  }
+
+  function put(points, moving) {
+    changed("corners", points.map((one) => one.map(rounded).join(",")).join(" "), moving);
+  }
+
+  function placed() {
+    if (about?.gestures !== "corners") return;
+    const box = canvas.getBoundingClientRect(), { width } = size(), points = corners();
+    handles.forEach((handle, n) => {
+      handle.hidden = !points;
+      if (!points) return;
+      handle.style.left = `${(points[n][0] / width) * box.width}px`;
+      handle.style.top = `${(points[n][1] / width) * box.width}px`;
+    });
+  }
+
+  function fitted() {
+    const { width, height } = size(), [across, down] = about.extent;
+    const scale = 0.8 * Math.min(width / across, height / down);
+    const x = (width - scale * across) / 2, y = (height - scale * down) / 2;
+    const right = x + scale * across, bottom = y + scale * down;
+    return [[x, y], [right, y], [right, bottom], [x, bottom]].map((one) => one.map(rounded).join(",")).join(" ");
+  }
+
+  handles.forEach((handle, n) => {
+    const move = (dx, dy) => {
+      const points = corners(), per = size().width / canvas.getBoundingClientRect().width;
+      if (!points) return;
+      points[n] = [points[n][0] + dx * per, points[n][1] + dy * per];
+      put(points, true);
+    };
+    let last = null;
+    handle.addEventListener("pointerdown", (event) => {
+      event.stopPropagation();
+      handle.setPointerCapture(event.pointerId);
+      last = [event.clientX, event.clientY];
+    });
+    handle.addEventListener("pointermove", (event) => {
+      if (!last) return;
+      move(event.clientX - last[0], event.clientY - last[1]);
+      last = [event.clientX, event.clientY];
+    });
+    handle.addEventListener("pointerup", (event) => { event.stopPropagation(); last = null; });
+    handle.addEventListener("keydown", (event) => {
+      const by = { ArrowLeft: [-2, 0], ArrowRight: [2, 0], ArrowUp: [0, -2], ArrowDown: [0, 2] }[event.key];
+      if (!by) return;
+      event.preventDefault();
+      event.stopPropagation();
+      move(...by);
+    });
+  });
+
   function turned(dx, dy) {
+    if (about.gestures === "corners") { panned(dx, dy); return; }
     steered((c) => {
       c[0] -= dx * 0.5;
       c[1] = Math.min(90, Math.max(-90, c[1] + dy * 0.5));
@@ -301,10 +379,22 @@ export function show(el, connect) {
 
   function panned(dx, dy) {
     const box = canvas.getBoundingClientRect(), side = Math.min(box.width, box.height);
+    if (about.gestures === "corners") {
+      const per = size().width / box.width;
+      const points = corners()?.map(([x, y]) => [x + dx * per, y + dy * per]);
+      if (points) put(points, true);
+      return;
+    }
     steered((c) => { c[3] += dx / side; c[4] -= dy / side; });
   }
 
   function zoomed(factor) {
+    if (about.gestures === "corners") {
+      const points = corners(), { width, height } = size();
+      const around = ([x, y]) => [width / 2 + factor * (x - width / 2), height / 2 + factor * (y - height / 2)];
+      if (points) put(points.map(around), true);
+      return;
+    }
     steered((c) => { c[2] = Math.min(1e3, Math.max(1e-3, c[2] * factor)); });
   }
 
@@ -351,7 +441,17 @@ export function show(el, connect) {
     if (views.value) changed("camera", views.value);
     views.value = "";
   });
-  new ResizeObserver(() => { histogram.draw(); wish(true); }).observe(canvas);
+  let width = 0;
+  new ResizeObserver(() => {
+    const now = size().width, points = corners();
+    if (about?.gestures === "corners" && points && width && now !== width) {
+      put(points.map((one) => one.map((part) => (part * now) / width)), true);
+    }
+    width = now;
+    histogram.draw();
+    placed();
+    wish(true);
+  }).observe(canvas);
 }
 
 // A socket that opens itself again; `hooks` are told what comes through it.

@@ -9,7 +9,7 @@ from cyclopts import App
 
 from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import Written, height_and_width, method_names
+from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
 from resample_texture.command import everyday
 from resample_texture.command.choices import Besides, Edges, Filling, MeshView, Place, Warping
@@ -24,7 +24,7 @@ app = App(
 app.register_install_completion_command()
 
 PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
-BESIDES = Besides()
+BESIDES, SERVING = Besides(), Serving()
 PAGE = Filling()  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
@@ -64,6 +64,35 @@ def warp(
     place.check()
     aim = partial(target_of, place)
     warp_all(images, output, aim, warping=warping, written=written, besides=besides)
+
+
+@app.command
+def view(
+    image: Path,
+    /,
+    *,
+    place: Annotated[Place, flags.Flat] = PLACE,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    page: Annotated[Serving, flags.Flat] = SERVING,
+) -> None:
+    """Show a picture in the browser: drag its corners, choose a method, take the command.
+
+    Example: resample-texture view photo.png
+
+    Parameters
+    ----------
+    image
+        Any picture.
+    """
+    from resample.view.server import require_parts, serve
+    from resample.view.views import controls_of
+    from resample_texture.viewing import COMMAND, PictureView
+
+    require_parts()
+    warping.check()
+    shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
+    shown.painter()  # reads it
+    serve(shown, host=page.host, port=page.port, browser=page.browser)
 
 
 for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):

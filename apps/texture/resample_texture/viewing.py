@@ -1,0 +1,191 @@
+"""Pictures in a page: what `resample-texture view` shows, and `picture` makes without a page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.command.settings import Written
+from resample.files.exchange.results import levels_of
+from resample.files.pictures import look_of
+from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.watching import Cancel, cancellable
+from resample_texture.asking import geometry_of
+from resample_texture.command.choices import Besides, Place, Warping, region
+from resample_texture.command.inputs import Target, target_of
+from resample_texture.command.jobs import Job, warp_file
+from resample_texture.scenes import PictureScene
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COMMAND = "resample-texture warp"
+SHOWN = (Place, Warping, Written, Besides)  # models of options that a page changes
+LEFT_OUT = (
+    *("size", "roi", "coverage", "stats", "threads", "bits", "output", "map", "flow", "total"),
+    *("settings", "save-settings"),
+)
+
+
+@dataclass
+class PicturePainter:
+    """Warps of a picture for one page.
+
+    Parameters
+    ----------
+    path
+        Of the picture.
+    """
+
+    path: Path
+    _scene: PictureScene = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._scene = PictureScene(self.path)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        if not quick:
+            with cancellable(cancel):
+                return Painting(_levels(self.file(settings, size, ".png")), is_preview=False)
+        target, warping = self._target(settings, size)
+        geometry = geometry_of(target.places, target.shape, "corner", inverse=False)
+        made = self._scene.render(
+            geometry, size=target.shape[::-1], edge=warping.edge, quality="preview", cancel=cancel
+        )
+        return Painting(levels_of(made, "color"), is_preview=True)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Texel under a place, see `resample.view.views.Painter`."""
+        target, warping = self._target(settings, size)
+        ids = self._scene.sample_ids(target.places, size=target.shape[::-1], edge=warping.edge)
+        row, column = ids[min(int(y), ids.shape[0] - 1), min(int(x), ids.shape[1] - 1)].tolist()
+        if row < 0:
+            return {}
+        texel = np.atleast_1d(self._scene.image[row, column])
+        return {
+            "column": column,
+            "row": row,
+            "value": ", ".join(f"{value:.6g}" for value in texel.tolist()),
+        }
+
+    def file(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command writes.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            An option is not allowed, or a file of one cannot be read.
+        """
+        return _written(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, suffix)
+
+    def _target(self, settings: Settings, size: Size) -> tuple[Target, Warping]:
+        place, warping, *_ = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        shape = self._scene.image.shape[:2]
+        return target_of(place, (shape[0], shape[1])), warping
+
+
+@dataclass
+class PictureView:
+    """A picture that is looked at in pages.
+
+    Parameters
+    ----------
+    path
+        Of the picture.
+    begin
+        Options to begin with.
+    controls
+        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    """
+
+    path: Path
+    begin: Sequence[Any] = ()
+    controls: Sequence[dict[str, Any]] = ()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What a page has to know, see `resample.view.views.Viewable`."""
+        image = PictureScene(self.path).image
+        height, width = image.shape[:2]
+        begin = settings_of(self.begin)
+        places = {"matrix", "corners", "map", "flow", "lens"} & begin.keys()
+        return {
+            "title": self.path.name,
+            "subtitle": f"{width} × {height}, {image.dtype}",
+            "command": COMMAND,
+            "package": "resample_texture",
+            "inputs": [str(self.path)],
+            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "gestures": "corners",
+            "extent": [width, height],
+            "settings": begin if places else {**begin, "corners": ""},  # the page fits them in
+        }
+
+    def painter(self) -> PicturePainter:
+        """What paints for a page that has been opened."""
+        return PicturePainter(self.path)
+
+    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command would write."""
+        return self.painter().file(settings, size, suffix)
+
+
+def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
+    """Picture that `resample-texture warp` makes of a picture with these options.
+
+    Parameters
+    ----------
+    path
+        Of the picture.
+    settings
+        Options by name, as settings files have them: `{"corners": "0,0 90,9 90,90 0,99"}`.
+
+    Returns
+    -------
+    Pillow's image of its levels, with 8 bits per channel.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+    """
+    from PIL import Image
+
+    return Image.fromarray(_levels(_written(Path(path), settings, ".png")))
+
+
+def _checked(settings: Settings) -> list[Any]:
+    """Models of options, whose names are known."""
+    models = chosen(settings, SHOWN)
+    place, warping, *_ = models
+    place.check()
+    warping.check()
+    return models
+
+
+def _written(path: Path, settings: Settings, suffix: str) -> bytes:
+    """File that the command writes of a picture."""
+    place, warping, written, besides = _checked(settings)
+    job = Job(partial(target_of, place), warping, look_of(written), region(besides.roi))
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / f"picture{suffix}"
+        warp_file(path, target, job)
+        return target.read_bytes()
+
+
+def _levels(file: bytes) -> NDArray[np.uint8]:
+    """Levels of a PNG, as a page shows them."""
+    import cv2
+
+    stored: Any = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored.dtype == np.uint16:
+        stored = (stored >> 8).astype(np.uint8)
+    if stored.ndim == 2:
+        stored = np.repeat(stored[..., np.newaxis], 3, axis=2)
+    return np.ascontiguousarray(stored[..., [2, 1, 0, 3][: stored.shape[2]]])

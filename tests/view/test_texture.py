@@ -1,0 +1,107 @@
+"""Pictures in pages: what is seen is what the exported command writes, bit for bit."""
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from resample.view.views import controls_of
+from resample_texture.command.cli import app
+from resample_texture.viewing import COMMAND, PictureView
+from tests.commands import ended
+from tests.view.conftest import Served, served
+
+CORNERS = "4,3 44,6 40,36 7,33"
+WISHES: dict[str, dict[str, Any]] = {
+    "dragged": {},
+    "another method": {"method": "bilinear", "edge": "clamp"},
+    "filtered": {"filter": "gaussian", "interpolation": "spline", "linear": False},
+    "four to four": {"corners": "2,2 20,3 19,15 1,14 -> 0,0 48,0 48,40 0,40", "edge": "mirror"},
+    "by a matrix": {"matrix": "2,0,1,0,2,-3", "background": "white"},
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    path = tmp_path_factory.mktemp("view") / "a photo.png"
+    levels = np.random.default_rng(3).integers(0, 256, (18, 24, 3), np.uint8)
+    cv2.imwrite(str(path), cv2.GaussianBlur(levels, (5, 5), 0))
+    with served(PictureView(path, controls=controls_of(COMMAND, app["warp"]))) as address:
+        yield address
+
+
+def levels(data: bytes) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(BytesIO(data)))
+
+
+@pytest.mark.parametrize("wish", WISHES)
+def test_the_exported_command_makes_the_page_s_picture(
+    wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = {"corners": CORNERS} | WISHES[wish]
+    if "matrix" in settings:
+        del settings["corners"]
+    with place.page() as page:
+        head, data = page.drawn(settings)
+        assert not head["preview"]
+        page.say("export", settings)
+        texts = page.told("exported")["texts"]
+        page.say("save", settings, suffix=".png")
+        saved = page.answer()[1]
+        preview = levels(page.drawn(settings, moving=True)[1])
+    words = shlex.split(texts["command"])
+    assert words[0] == "resample-texture"
+    assert ended(app, *words[1:]) == 0
+    written = levels(Path("picture.png").read_bytes())
+    np.testing.assert_array_equal(levels(data), written)
+    np.testing.assert_array_equal(levels(saved), written)
+    assert preview.shape[:2] == written.shape[:2] == (40, 48)
+    if wish == "dragged":
+        subprocess.run([sys.executable, "-c", texts["python"]], cwd=tmp_path, check=True)
+        np.testing.assert_array_equal(levels(Path("picture.png").read_bytes()), written)
+
+
+def test_pages_know_the_picture_and_pick_its_texels(place: Served) -> None:
+    with place.page() as page:
+        about = page.about
+        assert about["gestures"] == "corners"
+        assert about["extent"] == [24, 18]
+        keys = {control["key"] for control in about["controls"]}
+        assert {"corners", "method", "filter", "edge"} <= keys
+        assert not {"output", "size", "coverage", "settings"} & keys
+        settings = {"corners": "0,0 48,0 48,36 0,36"}  # twice as large
+        page.say("pick", settings, x=21.5, y=9.5)
+        found = page.told("picked")["found"]
+        assert (found["column"], found["row"]) == (10, 4)
+        assert len(found["value"].split(",")) == 3
+        page.say("pick", settings, x=21.5, y=39)
+        assert page.told("picked")["found"] == {}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"corners": "1,2 3,4"}, "is not four points"),
+        ({"corners": CORNERS, "matrix": "1,0,0,0,1,0"}, "give one of"),
+        ({"corners": CORNERS, "method": "magic"}, "magic"),
+        ({"corners": CORNERS, "edge": "sharp"}, "transparent"),
+    ],
+)
+def test_mistakes_are_said_in_a_line(wrong: dict[str, Any], said: str, place: Served) -> None:
+    with place.page() as page:
+        for moving in (False, True):
+            page.say("draw", wrong, moving=moving)
+            told = page.told("error")["text"]
+            assert said in told
+            assert "\n" not in told
+        assert page.drawn({"corners": CORNERS})[0]["kind"] == "frame"
