@@ -35,6 +35,8 @@ from numba.core.caching import (
     IndexDataCacheFile,
     UserProvidedCacheLocator,
 )
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
@@ -220,6 +222,41 @@ def _pack(compiled: Any) -> None:
     compiled.compile = compile_packed
 
 
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code of a kernel that becomes a part of those that call it, and is never run by itself.
+
+    numba would make machine code of it and of all that it calls, which nothing would use.
+    """
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002
+        return 0
+
+    @property
+    def codegen(self) -> "type[_Unheard]":
+        return _Unheard
+
+
+class _Unheard:
+    """Takes the place of the engine, which parts are not given to."""
+
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        """Parts raise nothing that would need an environment of theirs."""
+
+
+class PartCompiler(Compiler):  # type: ignore[misc]
+    """numba's compiler for kernels that others call."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Part(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)
+
+
 # error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -229,8 +266,8 @@ def _compile(
 ) -> Callable[P, R]:
     """Make a function that Python calls by machine code, which is kept on disk, and kernels inline.
 
-    What kernels call is compiled with them, without the code that unpacks Python's arguments: that
-    would take a fifth of the time.
+    What kernels call is compiled with them, without the code that unpacks Python's arguments and
+    without machine code of its own: both would take a fifth of the time.
     """
     if numba.config.DISABLE_JIT:
         return function
@@ -247,7 +284,7 @@ def _compile(
         return compiled(*args, **kwargs)  # type: ignore[no-any-return]
 
     call.compiled = compiled  # type: ignore[attr-defined]
-    inner = {**OPTIONS, **options, "no_cpython_wrapper": True}
+    inner = {**OPTIONS, **options, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
     overload(call, jit_options=inner, strict=False)(lambda *_: function)
     return call
 

@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 from numba import none
 from numba.extending import overload
 
-from resample.engine.jit import OPTIONS
+from resample.engine.jit import OPTIONS, PartCompiler
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -54,7 +54,7 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
         of = type(None) if given[0] == none else getattr(given[0], "instance_class", object)
         return bodies.get(of, bodies.get(object))
 
-    options = {**OPTIONS, **own, "no_cpython_wrapper": True}
+    options = {**OPTIONS, **own, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
     overload(play, jit_options=options, strict=False, inline=inline)(chosen)
     play.bodies = bodies  # type: ignore[attr-defined]
     return play
