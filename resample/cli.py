@@ -76,6 +76,26 @@ def compare(
 
 
 @app.command
+def view(
+    file: str, /, *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
+) -> Any:
+    """Show a file in the browser, in the viewer of the application that it is for.
+
+    Example: resample view engine.nhdr --no-browser
+
+    Parameters
+    ----------
+    file
+        What is looked at. Options are those of the application's own view.
+    """
+    names = registry.names("views")
+    for name in names:
+        if registry.load("views", name).suits(file):
+            return _door(name)("view", file, *words)
+    raise ValueError(f"{file}: nothing to view; there are viewers of {', '.join(names)}")
+
+
+@app.command
 def schema(application: str, command: str, /) -> None:
     """Print the JSON schema of a command's settings files.
 

@@ -28,6 +28,7 @@ class Draw(_Message):
 
     kind: Literal["draw"]
     moving: bool  # a preview will do
+    other: Settings | None = None  # paint these as well, and tell how far apart both are
 
 
 class Pick(_Message):
@@ -36,6 +37,13 @@ class Pick(_Message):
     kind: Literal["pick"]
     x: float  # px to the right; centers are at halves
     y: float  # px down
+
+
+class Ask(_Message):
+    """Tell what a painter knows of the options, such as the points of a curve."""
+
+    kind: Literal["ask"]
+    what: Key
 
 
 class Export(_Message):
@@ -51,7 +59,7 @@ class Save(_Message):
     suffix: Literal[".png", ".exr"]
 
 
-Message = Draw | Pick | Export | Save
+Message = Draw | Pick | Ask | Export | Save
 _adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

@@ -66,7 +66,7 @@ def application(view: Viewable, token: str, hosts: Sequence[str]) -> "Starlette"
     open_pages: set[Session] = set()
 
     def is_known(given: str | None, host: str | None) -> bool:
-        return secrets.compare_digest(given or "", token) and host in hosts
+        return secrets.compare_digest((given or "").encode(), token.encode()) and host in hosts
 
     async def page(request: "Request") -> "Response":
         if not is_known(request.query_params.get("token"), request.headers.get("host")):

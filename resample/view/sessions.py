@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.measuring.quality import psnr
 from resample.view.exports import exports_of
-from resample.view.messages import Draw, Export, Message, Pick, Save
-from resample.view.views import Painting, Viewable
+from resample.view.messages import Ask, Draw, Export, Message, Pick, Save
+from resample.view.views import Knowing, Painting, Settings, Viewable
 from resample.watching import Cancel, CancelledError
 from resample.words import one_line
 
 JPEG_QUALITY = 88  # of previews
+GAIN = 8  # of differences, so that small ones are seen
 PNG_EFFORT = 1  # of zlib: pictures are looked at once
 
 Send = Callable[[str | bytes], Awaitable[None]]
@@ -71,11 +73,16 @@ class Session:
             answer = _told("error", message.number, text=one_line(error))
         await self._send(answer)
 
-    def _answer(self, message: Pick | Export | Save) -> str | bytes:
+    def _answer(self, message: Pick | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height
         if isinstance(message, Pick):
             found = self._painter.pick(message.settings, size, message.x, message.y)
             return _told("picked", message.number, found=found)
+        if isinstance(message, Ask):
+            if not isinstance(self._painter, Knowing):
+                raise ValueError("this page has nothing to ask for")
+            told = self._painter.tell(message.settings, message.what)
+            return _told("told", message.number, what=message.what, told=told)
         if isinstance(message, Export):
             texts = exports_of(self._view.about, message.settings, size)
             return _told("exported", message.number, texts=texts)
@@ -91,28 +98,40 @@ class Session:
                 continue
             self._job = _Job(self._wanted, Cancel())
             try:
-                answer: str | bytes = await asyncio.to_thread(self._drawn, self._job)
+                answers: list[str | bytes] = await asyncio.to_thread(self._drawn, self._job)
             except CancelledError:
                 continue
             except Exception as error:
-                answer = _told("error", self._job.draw.number, text=one_line(error))
+                answers = [_told("error", self._job.draw.number, text=one_line(error))]
             finally:
                 self._job = None
-            await self._send(answer)
+            for answer in answers:
+                await self._send(answer)
 
-    def _drawn(self, job: _Job) -> bytes:
+    def _drawn(self, job: _Job) -> list[str | bytes]:
+        """Picture, and where there is another to be compared with that and the difference."""
+        shown, frame = self._painted(job, job.draw.settings, "frame")
+        if job.draw.other is None:
+            return [frame]
+        other, second = self._painted(job, job.draw.other, "other")
+        gap, decibels = difference(shown, other)
+        kind, data = encoded(gap)
+        about = {"kind": "difference", "number": job.draw.number, "type": kind, "gain": GAIN}
+        return [second, _framed(about | {"decibels": decibels}, data), frame]
+
+    def _painted(self, job: _Job, settings: Settings, name: str) -> tuple[Painting, bytes]:
         draw, start = job.draw, time.perf_counter()
         size = draw.width, draw.height
-        shown = self._painter.paint(draw.settings, size, quick=draw.moving, cancel=job.cancel)
+        shown = self._painter.paint(settings, size, quick=draw.moving, cancel=job.cancel)
         kind, data = encoded(shown)
         about = {
-            "kind": "frame",
+            "kind": name,
             "number": draw.number,
             "preview": shown.is_preview,
             "milliseconds": round(1000 * (time.perf_counter() - start), 1),
             "type": kind,
         }
-        return _framed(about, data)
+        return shown, _framed(about, data)
 
     async def _notice(self, text: str) -> None:
         await self._send(_told("notice", 0, text=text))
@@ -146,6 +165,20 @@ def encoded(shown: Painting) -> tuple[str, bytes]:
         choices, suffix, kind = [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT], ".png", "image/png"
     _, data = cv2.imencode(suffix, np.ascontiguousarray(swapped), choices)
     return kind, data.tobytes()
+
+
+def difference(one: Painting, other: Painting) -> tuple[Painting, float | None]:
+    """Difference of two pictures over black, `GAIN`-fold, and PSNR in dB; None: they are equal."""
+    a, b = _over_black(one.levels), _over_black(other.levels)
+    apart = np.minimum(GAIN * np.abs(a - b), 255.0).astype(np.uint8)
+    decibels = psnr(a, b, peak=255.0)
+    shown = Painting(apart, one.is_preview or other.is_preview)
+    return shown, round(decibels, 2) if np.isfinite(decibels) else None
+
+
+def _over_black(levels: NDArray[np.uint8]) -> NDArray[np.float64]:
+    color = levels[..., :3].astype(np.float64)
+    return color * (levels[..., 3:] / 255.0) if levels.shape[2] == 4 else color
 
 
 def _told(kind: str, number: int, **parts: Any) -> str:

@@ -1,7 +1,7 @@
 """Roles of what applications show in a page, and what all of them have in common."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from cyclopts import App, Group
@@ -32,6 +32,14 @@ class Painter(Protocol):
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """What is seen at a place of the picture, px; nothing: an empty dictionary."""
+
+
+@runtime_checkable
+class Knowing(Protocol):
+    """Role of painters that can be asked about options; what there is to ask is their own."""
+
+    def tell(self, settings: Settings, what: str) -> dict[str, Any]:
+        """What a page asks for."""
 
 
 class Viewable(Protocol):

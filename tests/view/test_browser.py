@@ -151,6 +151,78 @@ def test_the_window_is_dragged_over_the_histogram(page: Any) -> None:
     assert center > width > 0
 
 
+def curve(page: Any) -> list[list[str]]:
+    return [one.split("/") for one in page.input_value("#option-transfer").split(",")]
+
+
+def test_points_of_the_look_are_dragged_typed_added_and_taken_away(page: Any) -> None:
+    high = VolumeView("vessel-tree:size=24").about["histogram"]["high"]
+    page.select_option("#looks", "gray")
+    box = page.locator("#histogram").bounding_box()
+    page.wait_for_timeout(300)  # the curve comes after the picture
+
+    def drag() -> None:  # the last point, which is opaque
+        page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 3)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
+        page.mouse.up()
+
+    assert differs(page, drag)
+    points = curve(page)
+    assert [one[1] for one in points] == ["#000000", "#ffffff"]
+    assert float(points[1][0]) == pytest.approx(0.6 * high, abs=2)
+    assert float(points[1][2]) == pytest.approx(0.25, abs=0.02)  # drawn by its square root
+    page.fill("#point-opacity", "0.9")
+    assert differs(page, lambda: page.keyboard.press("Tab"))
+    assert curve(page)[1][2] == "0.9"
+    before = still(page)
+    page.locator("#histogram").focus()
+    page.keyboard.press("[")
+    page.keyboard.press("Enter")
+    still(page, before)
+    assert len(curve(page)) == 3
+    page.locator("#point-color").fill("#ff2010")
+    page.wait_for_function(
+        "() => document.querySelector('#option-transfer').value.includes('#ff2010')"
+    )
+    page.locator("#histogram").focus()
+    assert differs(page, lambda: page.keyboard.press("ArrowUp"))
+    assert float(curve(page)[1][2]) == pytest.approx(0.45 + 0.02)
+    page.keyboard.press("Delete")
+    assert len(curve(page)) == 2
+    before = still(page)
+    page.mouse.move(box["x"] + 10, box["y"] + 10)  # beside the points: all of them
+    page.mouse.down()
+    page.mouse.move(box["x"] + 40, box["y"] + 10, steps=3)
+    page.mouse.up()
+    still(page, before)
+    shift = 30 / box["width"] * high
+    assert float(curve(page)[0][0]) == pytest.approx(shift, abs=2)
+
+
+def test_a_picture_is_kept_beside_the_next_ones(page: Any) -> None:
+    def caption(name: str) -> str:
+        return str(page.inner_text(f"#{name} .caption"))
+
+    number = still(page)
+    page.click("#compare")
+    number = still(page, number)
+    assert caption("other") == "kept"
+    assert caption("difference").endswith("equal")
+    page.fill("#option-transfer", "hot")
+    page.keyboard.press("Tab")
+    number = still(page, number)
+    assert caption("other").startswith("kept: transfer as usual")
+    decibels = float(caption("difference").split()[-2])
+    assert 5 < decibels < 40
+    page.locator(".canvas").focus()
+    page.keyboard.press("ArrowLeft")  # turns both
+    still(page, number)
+    assert float(caption("difference").split()[-2]) != decibels
+    page.click("#compare")
+    assert page.locator("#other").count() == 0
+
+
 def test_a_click_picks_and_mistakes_are_said(page: Any) -> None:
     box = page.locator(".canvas").bounding_box()
     page.mouse.click(box["x"] + 5, box["y"] + 5)

@@ -9,12 +9,15 @@ import urllib.error
 import urllib.request
 import weakref
 from collections.abc import Iterator
+from io import BytesIO
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from resample.view.sessions import difference
 from resample.view.views import Painting
 from resample.watching import Cancel, CancelledError
 from tests.view.conftest import Served, served
@@ -40,6 +43,9 @@ class Slow:
                 raise CancelledError("stopped")
         Slow.painted.append((int(settings.get("mark", 0)), quick))
         return Painting(np.full((size[1], size[0], 3), settings.get("mark", 0), np.uint8), quick)
+
+    def tell(self, settings: Any, what: str) -> dict[str, Any]:
+        return {"asked": what, "of": sorted(settings)}
 
     def pick(self, _settings: Any, _size: Any, x: float, y: float) -> dict[str, Any]:
         return {"x": x, "y": y} if x >= 0 else {}
@@ -87,14 +93,16 @@ def test_the_page_needs_the_token_and_asks_no_other_host(place: Served) -> None:
         assert "http:" not in text
         assert "https:" not in text
     assert fetched(f"http://{place.host}/")[0] == 403
-    assert fetched(f"http://{place.host}/?token=other")[0] == 403
+    for token in ("other", "%C3%A9", "%00"):
+        assert fetched(f"http://{place.host}/?token={token}")[0] == 403
     assert fetched(place.address, Host="evil.example")[0] == 403  # a name that leads here
     for path in ("server.py", "..%2fserver.py", "index.html"):
         assert fetched(f"http://{place.host}/{path}")[0] == 404
 
 
 def test_sockets_need_the_token_and_the_page_s_own_origin(place: Served) -> None:
-    for given in ({"token": "other"}, {"origin": "http://evil.example"}, {"token": ""}):
+    strangers = [{"token": token} for token in ("other", "", "%C3%A9")]
+    for given in [*strangers, {"origin": "http://evil.example"}]:
         with pytest.raises((InvalidStatus, ConnectionClosed)), place.page(**given):
             pass
 
@@ -118,6 +126,40 @@ def test_pictures_come_with_what_is_said_about_them(place: Served) -> None:
             "--no-shading --size=48x40 -o picture.png"
         )
         assert 'clip = ["1/0/0", "0/1/0"]' in texts["settings"]
+
+
+def test_what_a_page_asks_for_is_told(place: Served) -> None:
+    with place.page() as page:
+        page.say("ask", {"b": 1, "a": 2}, what="points")
+        words = page.told("told")
+        assert (words["what"], words["told"]) == ("points", {"asked": "points", "of": ["a", "b"]})
+
+
+def test_two_pictures_come_with_their_difference(place: Served) -> None:
+    with place.page() as page:
+        page.say("draw", {"mark": 100}, other={"mark": 90}, moving=False, number=3)
+        answers = [page.answer() for _ in range(3)]
+        heads = [head for head, _ in answers]
+        assert [head["kind"] for head in heads] == ["other", "difference", "frame"]
+        assert [head["number"] for head in heads] == [3, 3, 3]
+        other, gap, shown = (np.asarray(Image.open(BytesIO(data))) for _, data in answers)
+        assert (other == 90).all()
+        assert (shown == 100).all()
+        assert (gap == 10 * heads[1]["gain"]).all()
+        assert heads[1]["decibels"] == round(20 * np.log10(255 / 10), 2)
+        page.say("draw", {"mark": 7}, other={"mark": 7}, moving=True)
+        assert [page.answer()[0].get("decibels", 0) for _ in range(3)] == [0, None, 0]
+
+
+def test_differences_are_of_what_is_seen_over_black() -> None:
+    clear = np.zeros((2, 2, 4), np.uint8)
+    hidden = clear + np.array([255, 9, 90, 0], np.uint8)
+    assert difference(Painting(clear, False), Painting(hidden, False))[1] is None
+    half = clear + np.array([255, 255, 255, 128], np.uint8)
+    gap, decibels = difference(Painting(half, False), Painting(clear[..., :3], True))
+    assert gap.is_preview
+    assert (gap.levels == 255).all()
+    assert decibels == round(20 * np.log10(255 / 128), 2)
 
 
 def test_the_latest_wish_wins_and_whole_pictures_are_stopped(place: Served) -> None:

@@ -1,9 +1,12 @@
 """Volumes in pages: what is seen is what the exported command writes, bit for bit."""
 
+import gc
 import shlex
 import subprocess
 import sys
+import time
 import tomllib
+import weakref
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -15,10 +18,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import resample_volume
+from resample.command.settings import linear_color
 from resample.view.views import controls_of
 from resample_volume.command.choices import Look
 from resample_volume.command.cli import app
-from resample_volume.viewing import VolumeView, picture
+from resample_volume.editing import MOST, points_of, spelled
+from resample_volume.looks.materials import spread
+from resample_volume.looks.presets import load_transfer
+from resample_volume.viewing import VolumePainter, VolumeView, picture
 from tests.commands import ended
 from tests.view.conftest import Served, served
 
@@ -31,6 +38,7 @@ WISHES: dict[str, dict[str, Any]] = {
     "surface": {"projection": "first-hit", "iso": 100.0, "fov": 0.0, "specular": 0.6},
     "panned and cut": {"camera": "10/20/1.5/0.2/-0.1", "clip": ["1/0/0"], "shading": False},
     "sheets": {"order": "axis-sheets", "method": "splats", "transfer": "bone", "window": "128/150"},
+    "points": {"transfer": "40/tomato/0,64/#4466aa/0.1,200/white/0.9", "background": "#204060"},
     "drawn into": {"box": True, "axes": True, "cube": True, "scale-bar": True, "fit": "visible"},
 }
 
@@ -71,7 +79,8 @@ def test_the_exported_command_makes_the_page_s_picture(
     known = tomllib.loads(texts["settings"])
     assert known.pop("command") == "resample-volume render"
     frame = picture(BOX, known)
-    behind = (1.0, 1.0, 1.0) if known.get("background") == "white" else (0.0, 0.0, 0.0)
+    behind = linear_color(known.get("background", "black"))
+    assert behind is not None
     np.testing.assert_array_equal(frame.to_uint8(background=behind), levels(written))
 
 
@@ -98,6 +107,69 @@ def test_pages_know_the_volume_its_options_and_its_values(place: Served) -> None
         head, data = page.drawn(about["settings"], moving=True, number=4)
         assert head["preview"]
         assert levels(data).shape[:2] == (40, 48)
+
+
+def test_looks_become_points_and_these_make_the_same_picture(place: Served) -> None:
+    with place.page() as page:
+        settings = page.about["settings"]
+        _, before = page.drawn(settings)
+        page.say("ask", settings, what="points")
+        told = page.told("told")["told"]
+        assert [one[0] for one in told["points"]] == [64, 128, 128]
+        _, after = page.drawn(settings | {"transfer": told["transfer"]})
+        apart = np.abs(levels(before).astype(int) - levels(after))
+        assert apart.max() <= 1  # colors of points have 256 levels
+        page.say("ask", settings, what="everything")
+        assert "can ask for points" in page.told("error")["text"]
+
+
+@pytest.mark.parametrize("name", ["viridis:opacity=0.6,low=0.2", "surfaces", "bone+hot"])
+def test_points_come_close_to_looks_of_any_kind(name: str) -> None:
+    transfer = load_transfer(name)
+    points = points_of(transfer, (-10.0, 300.0))
+    assert len(points) <= MOST
+    value = np.linspace(-10, 300, 777)
+    slopes = np.full(value.size, 1e30, np.float32)
+    color, opacity = spread(transfer, (-10.0, 300.0)).looks(value, slopes, (-10.0, 300.0), 1.0)
+    made, thick = load_transfer(spelled(points))(value, (-10.0, 300.0))
+    # 14 lines instead of three regions' ramps; a step falls between two of 512 places
+    assert np.percentile(np.abs(opacity - thick), 98) < 0.04
+    assert np.percentile(np.abs(color - made).max(axis=1) * opacity, 98) < 0.04
+
+
+def test_a_closed_page_frees_its_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[weakref.ref[VolumePainter]] = []
+
+    def remembered(view: VolumeView) -> VolumePainter:
+        painter = VolumePainter(view.volume)
+        made.append(weakref.ref(painter))
+        return painter
+
+    monkeypatch.setattr(VolumeView, "painter", remembered)
+    with served(VolumeView(BOX, controls=CONTROLS)) as place:
+        with place.page() as page:
+            page.drawn(page.about["settings"])
+            page.say("pick", page.about["settings"], x=24, y=20)
+            page.told("picked")
+        until = time.monotonic() + 10
+        while made[0]() is not None and time.monotonic() < until:
+            time.sleep(0.05)
+            gc.collect()
+        assert [one() for one in made] == [None]
+
+
+def test_the_resample_command_finds_the_viewer_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("no volume")
+    (tmp_path / "head.nrrd").write_bytes(b"")
+    assert VolumeView.suits(str(tmp_path / "head.nrrd"))
+    assert VolumeView.suits("vessel-tree:size=8")
+    for name in ("notes.txt", "missing.nrrd"):
+        assert not VolumeView.suits(str(tmp_path / name))
+    code = "from resample.cli import main; main()"
+    words = [sys.executable, "-c", code, "view", str(tmp_path / "notes.txt")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "nothing to view" in done.stderr
 
 
 def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:

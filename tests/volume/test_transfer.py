@@ -185,9 +185,22 @@ def test_parameters_apply_to_presets_too() -> None:
     assert opacities(transfer, 99, 136) == pytest.approx([0, 0.32], abs=1e-6)
 
 
+def test_points_may_be_given_in_words() -> None:
+    transfer = load_transfer("-1e2/#ff0000/0,50.5/white/0.4,50.5/0.2/1")
+    assert transfer == from_points(
+        [(-100, (1, 0, 0), 0.0), (50.5, (1, 1, 1), 0.4), (50.5, (0.2, 0.2, 0.2), 1.0)]
+    )
+    assert opacities(load_transfer("0/red/0.5:opacity=0.5"), 7) == pytest.approx([0.25])
+    both = load_transfer("0/red/0,9/red/0.5+0/blue/0.5,1e+1/blue/0.5")
+    assert both.opacities(np.array([9.0]), (0, 9)) == pytest.approx([0.75])
+
+
 @pytest.mark.parametrize(
     ("name", "match"),
     [
+        ("40/redd/0,90/white/1", "40/redd/0: color must be '#rrggbb', a color's name"),
+        ("40/red/0,30/white/1", "must be finite and not descend"),
+        ("40/red/1.2", "opacity: must be between 0 and 1"),
         (
             "bonne",
             "unknown transfer function 'bonne'; known: bone, .*paper-lobster; .*colormap.*json",

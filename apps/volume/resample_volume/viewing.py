@@ -18,10 +18,13 @@ from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel
 from resample_volume.command.choices import Beside, Look, Source
 from resample_volume.command.inputs import prepared
+from resample_volume.editing import points_of, spelled
+from resample_volume.files.generated import GENERATED
+from resample_volume.files.source import find_reader
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
-from resample_volume.rendering import Appearance
+from resample_volume.rendering import Appearance, transfer_of
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.types import Volume
@@ -35,6 +38,7 @@ LEFT_OUT = (
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256
+LOOKS = 2  # that are compared
 
 
 class _Wish(NamedTuple):
@@ -62,7 +66,7 @@ class VolumePainter:
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
 
     _found: Kept = field(default_factory=dict)
-    _last: tuple[Any, Appearance] | None = None  # what was asked for last, and found
+    _looks: dict[Any, Appearance] = field(default_factory=dict)  # what was asked for last
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
@@ -126,6 +130,15 @@ class VolumePainter:
             "position": ", ".join(f"{part:.6g}" for part in found.position),
         }
 
+    def tell(self, settings: Settings, what: str) -> dict[str, Any]:
+        """`points` of the look, see `resample.view.views.Knowing`."""
+        if what != "points":
+            raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
+        wish = self._wish(settings)
+        transfer = transfer_of(self.volume, wish.appearance, wish.resampler.projection)
+        points = points_of(transfer, survey(self.volume).span)
+        return {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
+
     def _wish(self, settings: Settings) -> _Wish:
         look, resampling, beside, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling)
@@ -137,13 +150,15 @@ class VolumePainter:
         """Look of the voxels, found once while only the camera moves."""
         still = {name: getattr(STILL, name) for name in STEERED}
         key = look.model_copy(update=still), resampler, beside.mesh
-        if self._last is None or self._last[0] != key:
+        appearance = self._looks.get(key)
+        if appearance is None:
             with keeping(self._found):
                 appearance = look.appearance(self.volume, resampler)
             if meshes := beside.with_meshes(look, resampler):
                 appearance = replace(appearance, meshes=meshes)
-            self._last = key, appearance
-        return self._last[1]
+            before = list(self._looks.items())[1 - LOOKS :]  # replaced whole: picks ask meanwhile
+            self._looks = {**dict(before), key: appearance}
+        return appearance
 
 
 @dataclass
@@ -166,6 +181,17 @@ class VolumeView:
     source: Source = field(default_factory=Source)
     begin: Sequence[Any] = ()
     controls: Sequence[dict[str, Any]] = ()
+
+    @staticmethod
+    def suits(name: str) -> bool:
+        """Whether a name is one of a volume: of a file, a folder or a generated one."""
+        if not Path(name).exists():
+            return name.partition(":")[0] in GENERATED
+        try:
+            find_reader(Path(name))
+        except (ValueError, OSError):
+            return False
+        return True
 
     @cached_property
     def volume(self) -> Volume:

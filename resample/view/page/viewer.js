@@ -4,6 +4,8 @@
 const STILL = 160; // ms after the last gesture, from which on the whole picture is asked for
 const LARGEST = 1024; // px of a side that is asked for
 const OPEN = ["Look", "Camera"]; // headings that begin unfolded
+const LINKED = ["camera", "fov", "up", "fit", "corners"]; // options that pictures side by side share
+const NEAR = 12; // px within which a point of a curve is taken
 const VIEWS = ["front", "back", "left", "right", "top", "bottom", "corner"];
 const NAMED = {
   front: [0, 0], back: [180, 0], right: [90, 0], left: [-90, 0], top: [0, 90], bottom: [0, -90],
@@ -33,6 +35,22 @@ function parsed(camera) {
   return [parts[0], parts[1], parts[2] ?? 1, parts[3] ?? 0, parts[4] ?? 0];
 }
 
+// Points of a look: value, color and opacity each; null: it is not given by points.
+function pointsOf(transfer) {
+  const parts = String(transfer ?? "").split(",").map((part) => part.split("/"));
+  if (parts.some((part) => part.length !== 3)) return null;
+  const points = parts.map(([value, color, opacity]) => [Number(value), color, Number(opacity)]);
+  return points.some(([value, , opacity]) => Number.isNaN(value + opacity)) ? null : points;
+}
+
+function spelledPoints(points) {
+  return points.map(([value, color, opacity]) => `${rounded(value)}/${color}/${rounded(opacity)}`).join(",");
+}
+
+function between(low, number, high) {
+  return Math.min(high, Math.max(low, number));
+}
+
 function spelled([azimuth, elevation, zoom, right, up]) {
   const parts = [azimuth, elevation, zoom];
   if (right || up) parts.push(right, up);
@@ -40,7 +58,7 @@ function spelled([azimuth, elevation, zoom, right, up]) {
 }
 
 export function show(el, connect) {
-  let about = null, settings = {}, number = 0, timer = 0, url = "", waiting = false, again = null;
+  let about = null, settings = {}, kept = null, number = 0, timer = 0, url = "", waiting = false, again = null;
   let shown = { width: 1, height: 1 };
   const fields = new Map();
 
@@ -54,14 +72,18 @@ export function show(el, connect) {
   const picked = made("span", { class: "picked", id: "picked" });
   const views = made("select", { "aria-label": "View from", id: "views" },
     made("option", { value: "" }, "View from…"), ...VIEWS.map((v) => made("option", { value: v }, v)));
-  const bar = made("div", { class: "bar" }, badge, views,
+  const other = pane("other"), apart = pane("difference");
+  const panes = made("div", { class: "panes" }, canvas);
+  const compare = made("button", { id: "compare", "aria-pressed": "false",
+    title: "Keep this picture, and see the next ones beside it", onclick: () => keep(kept ? null : { ...settings }) }, "Compare");
+  const bar = made("div", { class: "bar" }, badge, views, compare,
     made("button", { id: "export", onclick: () => say("export") }, "Export"),
     made("button", { id: "save-png", onclick: () => say("save", { suffix: ".png" }) }, "PNG"),
     made("button", { id: "save-exr", onclick: () => say("save", { suffix: ".exr" }) }, "EXR"),
     made("button", { id: "reset", onclick: () => replaced({ ...about.settings }) }, "Reset"), picked);
   const side = made("aside", { class: "side" });
   const dialog = made("dialog", { id: "exports" });
-  el.append(made("div", { class: "stage" }, canvas, bar), side, dialog);
+  el.append(made("div", { class: "stage" }, panes, bar), side, dialog);
 
   const link = connect({ opened: () => wish(false), told, frame: framed, closed });
 
@@ -88,7 +110,44 @@ export function show(el, connect) {
     if (moving) timer = setTimeout(() => wish(false), STILL);
     if (waiting && moving) { again = true; return; }
     waiting = true;
-    say("draw", { moving });
+    say("draw", { moving, ...(kept ? { other: beside() } : {}) });
+  }
+
+  // Pictures side by side
+
+  function pane(name) {
+    const image = made("img", { alt: name, draggable: false }), caption = made("div", { class: "caption" });
+    return { element: made("figure", { class: "pane", id: name }, image, caption), image, caption, url: "" };
+  }
+
+  function hung(where, bytes, type) {
+    URL.revokeObjectURL(where.url);
+    where.url = URL.createObjectURL(new Blob([bytes], { type }));
+    where.image.src = where.url;
+  }
+
+  function beside() {
+    const given = { ...kept };
+    for (const key of LINKED) {
+      if (key in settings) given[key] = settings[key]; else delete given[key];
+    }
+    return given;
+  }
+
+  function keep(given) {
+    kept = given;
+    compare.setAttribute("aria-pressed", String(Boolean(kept)));
+    if (kept) panes.append(other.element, apart.element);
+    else { other.element.remove(); apart.element.remove(); }
+    panes.classList.toggle("several", Boolean(kept));
+    wish(false);
+  }
+
+  // What was changed since, as a caption has room for it.
+  function differing() {
+    const keys = [...new Set([...Object.keys(settings), ...Object.keys(kept ?? {})])];
+    const found = keys.filter((key) => !LINKED.includes(key) && String(settings[key]) !== String(kept[key]));
+    return found.map((key) => `${key} ${kept[key] ?? "as usual"}`.slice(0, 40)).join(", ");
   }
 
   function told(given) {
@@ -98,6 +157,7 @@ export function show(el, connect) {
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
     }
+    if (given.kind === "told" && given.what === "points") histogram.curve(given.told);
     if (given.kind === "exported") exported(given.texts);
   }
 
@@ -115,8 +175,17 @@ export function show(el, connect) {
 
   function framed(head, bytes) {
     if (head.kind === "file") { download(head.name, bytes); return; }
+    if (head.kind === "other" || head.kind === "difference") {
+      const where = head.kind === "other" ? other : apart;
+      hung(where, bytes, head.type);
+      const decibels = head.decibels === null ? "equal" : `${head.decibels} dB`;
+      where.caption.textContent = head.kind === "other"
+        ? `kept${kept && differing() ? `: ${differing()}` : ""}` : `difference × ${head.gain} · ${decibels}`;
+      return;
+    }
     waiting = false;
     note("", "message");
+    if (!head.preview) histogram.ask();
     URL.revokeObjectURL(url);
     url = URL.createObjectURL(new Blob([bytes], { type: head.type }));
     image.src = url;
@@ -129,6 +198,7 @@ export function show(el, connect) {
 
   function closed() {
     waiting = false;
+    histogram.forget();
     note("The viewer has ended, or is out of reach; trying again.", "message");
   }
 
@@ -169,7 +239,7 @@ export function show(el, connect) {
     if (value === undefined || value === null || value === "") delete settings[key];
     else settings[key] = value;
     fields.get(key)?.put(settings[key]);
-    if (key === "window") histogram.draw();
+    if (key === "window" || key === "transfer") histogram.draw();
     if (key === "corners") placed();
     wish(moving);
   }
@@ -197,10 +267,7 @@ export function show(el, connect) {
     } else {
       input = made("input", { type: "text", placeholder: initial === null ? "" : String(initial) });
     }
-    if (key === "transfer") {
-      input.setAttribute("list", "transfers");
-      input.after?.(made("datalist"));
-    }
+    if (key === "transfer") input.setAttribute("list", "transfers");
     input.id = `option-${key}`;
     input.addEventListener("change", () => {
       const value = read();
@@ -230,26 +297,43 @@ export function show(el, connect) {
     side.replaceChildren(
       made("h1", {}, about.title), made("div", { class: "subtitle" }, about.subtitle ?? ""),
       ...(about.histogram ? [histogram.element, made("div", { class: "hint" },
-        "Drag over the histogram: the window that looks are spread over. Double-click: all of it.")] : []),
+        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window."),
+      histogram.tools] : []),
       made("datalist", { id: "transfers" }, ...(about.transfers ?? []).map((one) => made("option", { value: one }))),
       ...[...headings].map(([name, labels]) =>
         made("details", { open: OPEN.includes(name) || about.gestures === "corners" }, made("summary", {}, name), ...labels)),
     );
+    histogram.offer(about.transfers ?? []);
     histogram.draw();
   }
 
-  // Histogram, over which the window is dragged
+  // Histogram, over which the window and the points of the look are dragged
 
   const histogram = (() => {
     const element = made("canvas", { class: "histogram", id: "histogram", tabIndex: 0,
-      "aria-label": "Histogram: drag to choose a window, arrows move it" });
-    let from = null;
+      "aria-label": "Histogram: drag to choose a window, arrows move it; brackets choose a point of the look, "
+        + "arrows then move it, Delete takes it away, Enter adds one" });
+    const color = made("input", { type: "color", id: "point-color", "aria-label": "Color of the point" });
+    const value = made("input", { type: "number", step: "any", id: "point-value", "aria-label": "Value of the point" });
+    const opacity = made("input", { type: "number", step: "any", min: 0, max: 1, id: "point-opacity", "aria-label": "Opacity of the point" });
+    const looks = made("select", { id: "looks", "aria-label": "Looks" });
+    const tools = made("div", { class: "tools" }, looks, color, value, opacity,
+      made("button", { id: "point-add", title: "Add a point", "aria-label": "Add a point", onclick: () => added() }, "+"),
+      made("button", { id: "point-remove", title: "Take the point away", "aria-label": "Take the point away", onclick: () => removed() }, "−"));
+    let from = null, known = null, asked = "", chosen = -1, held = null;
     const span = () => about.histogram.high - about.histogram.low || 1;
-    const valueAt = (event) => {
+    const shareOf = (event) => {
       const box = element.getBoundingClientRect();
-      const share = Math.min(1, Math.max(0, (event.clientX - box.left) / box.width));
-      return about.histogram.low + share * span();
+      return between(0, (event.clientX - box.left) / box.width, 1);
     };
+    const valueAt = (event) => about.histogram.low + shareOf(event) * span();
+    // Opacities are drawn by their square root, as small ones matter most.
+    const opacityAt = (event) => {
+      const box = element.getBoundingClientRect();
+      return between(0, 1 - (event.clientY - box.top) / box.height, 1) ** 2;
+    };
+    const points = () => pointsOf(settings.transfer) ?? (known?.points ?? []).map((one) => [...one]);
+    const isOwn = () => pointsOf(settings.transfer) !== null;
     const ends = () => {
       const parts = String(settings.window ?? "").split("/").map(Number);
       if (parts.length !== 2 || parts.some(Number.isNaN)) return null;
@@ -258,6 +342,55 @@ export function show(el, connect) {
     const put = (a, b, moving) => {
       const low = Math.min(a, b), width = Math.abs(b - a);
       if (width > span() / 500) changed("window", `${rounded(low + width / 2)}/${rounded(width)}`, moving);
+    };
+    // The look becomes its points, in data units, which no window spreads.
+    const write = (given, moving) => {
+      if (!isOwn()) {
+        changed("window", undefined, true);
+        if (known?.unit && settings["opacity-unit"] === undefined) changed("opacity-unit", known.unit, true);
+      }
+      changed("transfer", spelledPoints(given), moving);
+    };
+    const moved = (n, to, height, moving) => {
+      const given = points();
+      if (!given[n]) return;
+      const low = given[n - 1]?.[0] ?? -Infinity, high = given[n + 1]?.[0] ?? Infinity;
+      given[n] = [between(low, to, high), given[n][1], between(0, height, 1)];
+      write(given, moving);
+    };
+    const added = (at, height) => {
+      const given = points();
+      let n = given.findIndex(([one]) => at !== undefined && one > at);
+      if (at === undefined) n = between(1, chosen + 1, Math.max(1, given.length - 1));
+      if (n < 0) n = given.length;
+      const near = given[n - 1] ?? given[n], next = given[n] ?? near;
+      if (!near) return;
+      given.splice(n, 0, [at ?? (near[0] + next[0]) / 2, near[1], height ?? (near[2] + next[2]) / 2]);
+      chosen = n;
+      write(given, false);
+    };
+    const removed = () => {
+      const given = points();
+      if (given.length < 2 || !given[chosen]) return;
+      given.splice(chosen, 1);
+      chosen = Math.min(chosen, given.length - 1);
+      write(given, false);
+    };
+    const nearest = (event) => {
+      const box = element.getBoundingClientRect();
+      const far = points().map(([one, , high]) => Math.hypot(
+        event.clientX - box.left - between(0, (one - about.histogram.low) / span(), 1) * box.width,
+        event.clientY - box.top - (1 - Math.sqrt(high)) * box.height));
+      const n = far.indexOf(Math.min(...far));
+      return far[n] <= NEAR ? n : -1;
+    };
+    const fill = () => {
+      const point = points()[chosen];
+      for (const input of [color, value, opacity]) input.disabled = !point;
+      if (!point) return;
+      if (/^#[0-9a-f]{6}$/i.test(point[1])) color.value = point[1];
+      if (document.activeElement !== value) value.value = rounded(point[0]);
+      if (document.activeElement !== opacity) opacity.value = rounded(point[2]);
     };
     const draw = () => {
       if (!about?.histogram) return;
@@ -269,32 +402,110 @@ export function show(el, connect) {
       const style = getComputedStyle(el);
       const range = ends();
       counts.forEach((count, n) => {
-        const value = low + ((n + 0.5) / counts.length) * span();
-        const inside = !range || (value >= range[0] && value <= range[1]);
-        pen.fillStyle = style.getPropertyValue(inside ? "--accent" : "--line");
+        const at = low + ((n + 0.5) / counts.length) * span();
+        const inside = !range || (at >= range[0] && at <= range[1]);
+        pen.fillStyle = style.getPropertyValue(inside ? "--bars" : "--line");
         const tall = (Math.log1p(count) / most) * element.height;
         pen.fillRect(n * step, element.height - tall, Math.max(1, step), tall);
       });
+      const places = points().map(([one, tint, high]) => [
+        between(0, (one - low) / span(), 1) * element.width, (1 - Math.sqrt(high)) * element.height, tint]);
+      pen.strokeStyle = style.getPropertyValue("--text");
+      pen.lineWidth = 1.5 * ratio;
+      pen.beginPath();
+      if (places.length) pen.moveTo(0, places[0][1]);
+      for (const [x, y] of places) pen.lineTo(x, y);
+      if (places.length) pen.lineTo(element.width, places.at(-1)[1]);
+      pen.stroke();
+      places.forEach(([x, y, tint], n) => {
+        const radius = (n === chosen ? 6 : 4.5) * ratio;
+        pen.beginPath();
+        pen.arc(between(radius, x, element.width - radius), between(radius, y, element.height - radius), radius, 0, 7);
+        pen.fillStyle = tint;
+        pen.fill();
+        pen.strokeStyle = style.getPropertyValue(n === chosen ? "--accent" : "--text");
+        pen.stroke();
+      });
+      fill();
     };
     element.addEventListener("pointerdown", (event) => {
       element.setPointerCapture(event.pointerId);
-      from = valueAt(event);
+      chosen = nearest(event);
+      if (chosen >= 0) held = { n: chosen };
+      else if (isOwn()) held = { x: event.clientX, y: event.clientY, points: points() };
+      else from = valueAt(event);
+      draw();
     });
-    element.addEventListener("pointermove", (event) => from !== null && put(from, valueAt(event), true));
-    element.addEventListener("pointerup", (event) => {
-      if (from !== null) put(from, valueAt(event), false);
-      from = null;
+    const drag = (event, moving) => {
+      if (from !== null) { put(from, valueAt(event), moving); return; }
+      if (held?.n !== undefined) {
+        if (held.hasMoved || moving) moved(held.n, valueAt(event), opacityAt(event), moving);
+        held.hasMoved = true;
+        return;
+      }
+      if (!held || (!moving && !held.hasMoved)) return;
+      held.hasMoved = true;
+      const shift = ((event.clientX - held.x) / element.getBoundingClientRect().width) * span();
+      const wide = Math.exp((event.clientY - held.y) / 100);
+      const middle = (held.points[0][0] + held.points.at(-1)[0]) / 2;
+      write(held.points.map(([one, ...rest]) => [middle + (one - middle) * wide + shift, ...rest]), moving);
+    };
+    element.addEventListener("pointermove", (event) => (from !== null || held) && drag(event, true));
+    element.addEventListener("pointerup", (event) => { drag(event, false); from = held = null; });
+    element.addEventListener("dblclick", (event) => {
+      const n = nearest(event);
+      if (n >= 0) { chosen = n; removed(); }
+      else if (settings.window !== undefined) changed("window", undefined);
+      else added(valueAt(event), opacityAt(event));
     });
-    element.addEventListener("dblclick", () => changed("window", undefined));
     element.addEventListener("keydown", (event) => {
-      const range = ends() ?? [about.histogram.low, about.histogram.high];
-      const by = { ArrowLeft: -span() / 50, ArrowRight: span() / 50 }[event.key];
-      if (by === undefined) return;
+      const last = points().length - 1;
+      const across = { ArrowLeft: -span() / 50, ArrowRight: span() / 50 }[event.key];
+      const up = { ArrowUp: 0.02, ArrowDown: -0.02 }[event.key];
+      const point = points()[chosen];
+      if (event.key === "]") chosen = Math.min(last, chosen + 1);
+      else if (event.key === "[") chosen = Math.max(-1, chosen - 1);
+      else if (event.key === "Delete") removed();
+      else if (event.key === "Enter") added();
+      else if (point && (across ?? up) !== undefined) moved(chosen, point[0] + (across ?? 0), point[2] + (up ?? 0), true);
+      else if (across !== undefined && isOwn()) write(points().map(([one, ...rest]) => [one + across, ...rest]), true);
+      else if (across !== undefined) {
+        const range = ends() ?? [about.histogram.low, about.histogram.high];
+        if (event.shiftKey) put(range[0] - across, range[1] + across, true);
+        else put(range[0] + across, range[1] + across, true);
+      } else return;
       event.preventDefault();
-      if (event.shiftKey) put(range[0] - by, range[1] + by, true);
-      else put(range[0] + by, range[1] + by, true);
+      draw();
     });
-    return { element, draw };
+    color.addEventListener("input", () => {
+      const given = points();
+      if (!given[chosen]) return;
+      given[chosen] = [given[chosen][0], color.value, given[chosen][2]];
+      write(given, true);
+    });
+    const typed = () => {
+      const point = points()[chosen];
+      if (point && value.value !== "" && opacity.value !== "") moved(chosen, Number(value.value), Number(opacity.value), false);
+    };
+    value.addEventListener("change", typed);
+    opacity.addEventListener("change", typed);
+    looks.addEventListener("change", () => {
+      chosen = -1;
+      if (looks.value) changed("transfer", looks.value);
+      looks.value = "";
+    });
+    // The curve of looks that are not given by points is asked for once the picture is whole.
+    const ask = () => {
+      const key = JSON.stringify({ ...settings, camera: "" });
+      if (!about.histogram || key === asked) return;
+      asked = key;
+      say("ask", { what: "points" });
+    };
+    const curve = (given) => { known = given; draw(); };
+    const forget = () => { asked = ""; known = null; };
+    const offer = (names) => looks.replaceChildren(
+      made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
+    return { element, tools, draw, ask, curve, forget, offer };
   })();
 
   // Gestures on the picture: what they do is written into the camera
@@ -373,7 +584,7 @@ export function show(el, connect) {
     if (about.gestures === "corners") { panned(dx, dy); return; }
     steered((c) => {
       c[0] -= dx * 0.5;
-      c[1] = Math.min(90, Math.max(-90, c[1] + dy * 0.5));
+      c[1] = between(-90, c[1] + dy * 0.5, 90);
     });
   }
 
@@ -395,7 +606,7 @@ export function show(el, connect) {
       if (points) put(points.map(around), true);
       return;
     }
-    steered((c) => { c[2] = Math.min(1e3, Math.max(1e-3, c[2] * factor)); });
+    steered((c) => { c[2] = between(1e-3, c[2] * factor, 1e3); });
   }
 
   let dragged = null, travelled = 0;

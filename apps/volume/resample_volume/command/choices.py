@@ -100,7 +100,8 @@ class Look(Choices):
         Field(
             description="Transfer function: auto, which looks at the values; "
             f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range of "
-            "values such as 300..900; or a .json or .toml file of points over values, or of "
+            "values such as 300..900; points of value, color and opacity such as "
+            "40/red/0,90/white/0.5; or a .json or .toml file of points over values, or of "
             "regions over values and gradients. After a name :opacity=0.2,low=0.3 thins it, "
             "color=tomato colors it, gradient=0.1/0.5 keeps its surfaces. Several materials: "
             "skin:opacity=0.1+bone."

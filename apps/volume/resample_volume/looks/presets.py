@@ -94,6 +94,8 @@ PRESETS: dict[str, Callable[[], Transfer]] = {
 NUMBER = r"[-+]?[0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?"
 RANGE = re.compile(rf"({NUMBER})?\.\.({NUMBER})?", re.IGNORECASE)  # of values: 300..900, 500..
 JOINT = re.compile(r"(?<![0-9][eE])\+(?!1024\b)")  # between materials, not in 1e+5 or hu+1024
+POINT = rf"{NUMBER}/[^/,:+]+/{NUMBER}"  # value, color as displayed, opacity
+POINTS = re.compile(rf"{POINT}(?:,{POINT})*", re.IGNORECASE)
 SOFT = 0.1  # of a range of values, over which its opacity rises and falls
 
 Window = tuple[float, float]  # least and greatest value
@@ -138,8 +140,8 @@ class Names:
         """Transfer function before its parameters."""
         if name == "auto" and self.volume is not None and self.known is not None:
             return self._automatic(self.volume, self.known)
-        if ends := RANGE.fullmatch(name):
-            return _of_range(name, *ends.groups())
+        if (written := _written(name)) is not None:
+            return written
         added = None if self.known is None else self.known.units.added
         if name in TISSUES and self.window is None:
             if added is not None:
@@ -211,7 +213,8 @@ def load_transfer(name: str | Path) -> Transfer:
     ----------
     name
         One of `PRESETS`; one of `names.TISSUES`, which are in Hounsfield units; a range of data
-        values such as `300..900`, soft at its borders; a matplotlib colormap, over the range of
+        values such as `300..900`, soft at its borders; points of value, color and opacity such as
+        `40/tomato/0,120/#ffcc00/0.4`, linear between them; a matplotlib colormap, over the range of
         the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.
         After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
         transparent what is below a value (for functions of fractions 0..1 of the data's range);
@@ -241,6 +244,13 @@ def _read(name: str) -> Transfer:
     return read_transfer(Path(name))
 
 
+def _written(name: str) -> TransferFunction | None:
+    """Function that is a range of values or points, if it is one."""
+    if ends := RANGE.fullmatch(name):
+        return _of_range(name, *ends.groups())
+    return _of_points(name) if POINTS.fullmatch(name) else None
+
+
 def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFunction:
     """What shows a range of values alone; soft within it, where it ends."""
     low = None if least is None else float(least)
@@ -256,6 +266,20 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
     return from_points(points)
 
 
+def _of_points(name: str) -> TransferFunction:
+    """Function of points as a command line has them."""
+    from resample_volume.looks.files import displayed_color
+
+    points = []
+    for part in name.split(","):
+        value, color, opacity = part.split("/")
+        try:
+            points.append((float(value), displayed_color(color), float(opacity)))
+        except ValueError as error:
+            raise ValueError(f"{part}: color {error}") from None
+    return from_points(points)
+
+
 def _colormap(name: str) -> TransferFunction:
     import matplotlib
 
@@ -263,7 +287,7 @@ def _colormap(name: str) -> TransferFunction:
         raise ValueError(
             f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield units "
             f"{', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values such as "
-            "300..900, or a .json or .toml file will also do"
+            "300..900, points such as 40/red/0,90/white/0.5, or a .json or .toml file will also do"
         )
     position = np.linspace(0, 1, 256)
     color = np.asarray(matplotlib.colormaps[name](position))[:, :3]
