@@ -105,3 +105,14 @@ def test_mistakes_are_said_in_a_line(wrong: dict[str, Any], said: str, place: Se
             assert said in told
             assert "\n" not in told
         assert page.drawn({"corners": CORNERS})[0]["kind"] == "frame"
+
+
+def test_pictures_are_known_by_their_files(tmp_path: Path) -> None:
+    levels = np.zeros((4, 5, 3), np.uint8)
+    for name in ("one.png", "one.jpg", "one.tif"):
+        cv2.imwrite(str(tmp_path / name), levels)
+        assert PictureView.suits(str(tmp_path / name))
+    cv2.imwritemulti(str(tmp_path / "stack.tif"), [levels, levels])
+    (tmp_path / "volume.nrrd").write_bytes(b"NRRD0004")
+    for name in ("stack.tif", "volume.nrrd", "none.png", "."):
+        assert not PictureView.suits(str(tmp_path / name))

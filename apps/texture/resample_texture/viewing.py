@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 COMMAND = "resample-texture warp"
 SHOWN = (Place, Warping, Written, Besides)  # models of options that a page changes
+SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 LEFT_OUT = (
     *("size", "roi", "coverage", "stats", "threads", "bits", "output", "map", "flow", "total"),
     *("settings", "save-settings"),
@@ -107,6 +108,17 @@ class PictureView:
     path: Path
     begin: Sequence[Any] = ()
     controls: Sequence[dict[str, Any]] = ()
+
+    @staticmethod
+    def suits(name: str) -> bool:
+        """Whether a name is that of a file with one picture."""
+        import cv2
+
+        path = Path(name)
+        suffix = path.suffix.lower()
+        if suffix in TIFF:
+            return path.is_file() and cv2.imcount(name) == 1  # several pages may be a volume's
+        return suffix in SUFFIXES and path.is_file()
 
     @cached_property
     def about(self) -> dict[str, Any]:
