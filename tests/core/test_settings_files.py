@@ -12,6 +12,7 @@ from resample import registry
 from resample.cli import app
 from resample.files.facts.origin import settings_in
 from resample.files.facts.settings import as_toml, options_of, read_settings
+from resample.files.images import read_channels
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"
@@ -70,7 +71,10 @@ def test_pictures_hold_the_settings_they_were_made_with(command, suffix):
     kept = tomllib.loads(settings_in(Path(f"first.{suffix}")))
     assert kept == tomllib.loads(Path("view.toml").read_text())
     assert ended(*made, "--settings", f"first.{suffix}", "-o", f"again.{suffix}") == 0
-    assert Path(f"first.{suffix}").read_bytes() == Path(f"again.{suffix}").read_bytes()
+    first, again = (read_channels(f"{name}.{suffix}") for name in ("first", "again"))
+    assert first.keys() == again.keys()
+    for name in first:  # not byte by byte, as EXR tells when it was written
+        np.testing.assert_array_equal(first[name], again[name])
 
 
 def test_settings_in_pictures_are_of_any_letters():

@@ -196,6 +196,12 @@ def test_choices_that_there_are_not_are_refused() -> None:
     scene = PictureScene(photo())
     with pytest.raises(ValueError, match="quality 'best'; it can be final or preview"):
         scene.render(TILTED, quality="best")  # type: ignore[arg-type]
+    for quality in ("final", "preview"):
+        with pytest.raises(LookupError, match="magic"):
+            scene.render(TILTED, method="magic", quality=quality)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="a preview has no roi; leave it out"):
+        scene.render(TILTED, quality="preview", roi=(0, 0, 4, 4))
+    assert scene.render(TILTED, quality="preview", filter="gaussian", detail=2.0).is_preview
     with pytest.raises(ValueError, match="give width and height"):
         scene.render(TILTED, size=7)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="one picture"):

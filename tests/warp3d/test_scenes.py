@@ -197,5 +197,8 @@ def test_targets_and_choices_that_there_are_not_are_refused() -> None:
             scene.render(target)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="quality 'best'; it can be final or preview"):
         scene.render(moved(), quality="best")  # type: ignore[arg-type]
+    for quality in ("final", "preview"):
+        with pytest.raises(LookupError, match="magic"):
+            scene.render(moved(), method="magic", quality=quality)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="give width and height"):
         scene.render(moved(), size="ab")  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from resample.files.exchange.inputs import as_picture
 from resample.resampler import shape_of
 from resample.types import Doubles, Floats
 from resample.watching import Cancel, cancellable
-from resample_texture.asking import Places, check_shape, edge_named, geometry_of
+from resample_texture.asking import Places, check_shape, edge_named, geometry_of, method_named
 from resample_texture.drawing import Drawing, finished, run
 from resample_texture.geometry.mappings import (
     BackwardMap,
@@ -27,6 +27,11 @@ from resample_texture.warping import warp
 
 PER = 2  # px each way of a target that are one of its preview
 SMOOTH = ("uint8", "uint16", "int16", "float32", "float64")  # types that OpenCV interpolates
+# Choices of final pictures that previews know and do not use, and their names in `warp`.
+UNUSED = {
+    **{name: name for name in ("filter", "interpolation", "total", "threads")},
+    "detail": "quality",
+}
 GRID = 16  # places each way where it is looked at how much a picture shrinks
 
 Quality = Literal["final", "preview"]
@@ -103,6 +108,7 @@ class PictureScene:
         place: dict[str, Any] = {"edge": edge, "convention": convention, "inverse": inverse}
         with cancellable(cancel):
             if quality == "preview":
+                _check_unused(method, choices)
                 check_shape(shape)
                 geometry = geometry_of(matrix, shape, convention, inverse)
                 return self._preview(geometry, shape, edge)
@@ -190,6 +196,14 @@ class PictureScene:
             return 0
         per = PER * _texels_per_pixel(geometry, shape, (self.image.shape[0], self.image.shape[1]))
         return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
+
+
+def _check_unused(method: str | Method, choices: dict[str, Any]) -> None:
+    """Refuse for previews, too, what there is not."""
+    if unknown := sorted(choices.keys() - UNUSED.keys()):
+        raise ValueError(f"a preview has no {', '.join(unknown)}; leave it out")
+    given = {UNUSED[name]: value for name, value in choices.items() if name != "threads"}
+    method_named(method, **given)
 
 
 def _texels_per_pixel(

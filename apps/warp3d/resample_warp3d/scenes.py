@@ -106,9 +106,9 @@ class DepthScene:
         shape = self.shape if size is None else shape_of(size)
         sight = self._sight(target)
         with cancellable(cancel):
+            chosen = self._method(method)
             if quality == "preview":
                 return self._preview(sight, shape, threads)
-            chosen = self._method(method)
             way = way_between(self.camera, sight, shape)
             seen = partial(render, equation=way, shape=shape, method=chosen, threads=threads)
             return filled(self.source, partial(seen, filter=filter), fill)
