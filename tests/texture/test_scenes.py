@@ -1,209 +1,196 @@
-"""A picture that is opened once: the bits of a call, previews, texels under pixels, inputs."""
-
-import threading
-from pathlib import Path
-from typing import Any
-
-import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, spline_filter
 
-from resample import Cancel, CancelledError
-from resample.files.exchange.inputs import as_picture
-from resample.measuring.quality import psnr
-from resample_texture import BackwardMap, ForwardMap, Homography, PictureScene, warp
-from resample_texture.geometry.mappings import pixel_centers
-
-TILTED = np.array([[0.9, 0.3, 4], [-0.1, 0.8, 9], [0.0005, 0.002, 1]])
-SHAPE = (60, 80)
+from resample_texture.geometry.mappings import Homography
+from resample_texture.showing import scenes
+from resample_texture.showing.scenes import PictureScene, scene_of, tiled, truth, zones
 
 
-def photo(height: int = 90, width: int = 120) -> NDArray[np.uint8]:
-    y, x = np.indices((height, width)) / 20
-    color = [np.sin(2 * x + y), np.cos(x - 2 * y), np.sin(3 * x) * np.cos(2 * y)]
-    return (127 + 120 * np.stack(color, axis=-1)).astype(np.uint8)
+def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> PictureScene:
+    return PictureScene(source.astype(np.float32), Homography(np.array(matrix, float)), shape)
 
 
-def bent(shape: tuple[int, int]) -> BackwardMap:
-    x, y = pixel_centers(shape)
-    return BackwardMap(1.4 * x + 4 * np.sin(y / 9), 1.3 * y + 3 * np.cos(x / 11))
+def scaled(factor: float, x: float = 0.0, y: float = 0.0) -> list[list[float]]:
+    return [[factor, 0, x], [0, factor, y], [0, 0, 1]]
 
 
-@pytest.mark.parametrize("method", ["hybrid", "bilinear", "nearest"])
-def test_final_pictures_have_the_bits_of_a_call(method: str) -> None:
-    scene = PictureScene(photo())
-    for matrix in (TILTED, np.diag([0.3, 0.4, 1]), bent(SHAPE)):
-        seen = scene.render(matrix, size=SHAPE[::-1], method=method, edge="mirror")
-        alone = warp(photo(), matrix, SHAPE, method, edge="mirror")
-        np.testing.assert_array_equal(seen.image, alone.image)
-        np.testing.assert_array_equal(seen.coverage, alone.coverage)
-        assert not seen.is_preview
+def naive(scene: PictureScene, x: float, y: float) -> np.ndarray:
+    """Spline of degree 4, with the source's texels as means, where a place of the target looks."""
+    u, v, d = scene.geometry.inverse() @ np.array([x, y, 1.0])
+    at = np.array([[v / d - 0.5], [u / d - 0.5]])
+    return np.array([_spline(channel, at) for channel in np.moveaxis(scene.source, 2, 0)])
 
 
-@pytest.mark.parametrize("scale", [0.13, 0.5, 1.0, 3.0])
-@pytest.mark.parametrize("dtype", [np.uint8, np.float32, np.int32])
-def test_previews_are_alike_and_say_so(scale: float, dtype: Any) -> None:
-    picture = photo().astype(dtype)
-    scene, matrix = PictureScene(picture), np.diag([scale, scale, 1]) @ TILTED
-    final = scene.render(matrix, size=(81, 55))
-    preview = scene.render(matrix, size=(81, 55), quality="preview")
-    assert preview.is_preview
-    assert preview.image.shape == final.image.shape
-    assert preview.image.dtype == final.image.dtype
-    assert preview.coverage.mean() == pytest.approx(final.coverage.mean(), abs=0.01)
-    light = [warped.image.astype(np.float64) / 255 for warped in (preview, final)]
-    assert psnr(*light) > 23
+def _spline(channel: np.ndarray, at: np.ndarray) -> float:
+    coefficient = spline_filter(channel.astype(float), 5, mode="reflect")
+    return map_coordinates(coefficient, at, order=4, prefilter=False, mode="reflect")[0]
 
 
-@pytest.mark.parametrize("kind", ["backward", "forward"])
-def test_previews_of_maps_are_alike(kind: str) -> None:
-    scene = PictureScene(photo())
-    x, y = np.broadcast_arrays(*pixel_centers((90, 120)))
-    forward = ForwardMap(0.6 * x + 2 * np.sin(y / 9), 0.7 * y)
-    geometry = bent(SHAPE) if kind == "backward" else forward
-    final, preview = (
-        scene.render(geometry, size=SHAPE[::-1], quality=quality)
-        for quality in ("final", "preview")
+@pytest.mark.parametrize("kind", ["box", "gaussian"])
+def test_the_truth_is_the_filtered_mean_of_naive_rays(kind, rng):
+    scene = plain(rng.random((12, 14, 2)), [[0.9, 0.2, 0], [-0.1, 0.7, 2], [0.01, 0.02, 1]], (8, 9))
+    radius = {"box": 0.5, "gaussian": 2.0}[kind]
+    offset = (np.arange(-radius * 16, radius * 16) + 0.5) / 16
+    weight = np.ones_like(offset) if kind == "box" else np.exp(-2 * offset**2)
+    weight /= weight.sum()
+    expected = sum(
+        weight[m] * weight[n] * naive(scene, 5.5 + offset[n], 4.5 + offset[m])
+        for m in range(offset.size)
+        for n in range(offset.size)
     )
-    assert psnr(preview.image / 255.0, final.image / 255.0) > 24
+    assert np.allclose(truth(scene, kind)[4, 5], expected, atol=1e-6)  # stored as float32
 
 
-def test_texels_of_pixels_are_those_of_a_loop() -> None:
-    scene = PictureScene(photo(20, 30))
-    found = scene.sample_ids(TILTED, size=(40, 25))
-    inverse = np.linalg.inv(TILTED)
-    for row in range(25):
-        for column in range(40):
-            u, v, w = inverse @ (column + 0.5, row + 0.5, 1)
-            x, y = u / w, v / w
-            truth = (int(y // 1), int(x // 1)) if 0 <= x < 30 and 0 <= y < 20 else (-1, -1)
-            assert tuple(found[row, column]) == truth
-    assert 0.2 < (found[..., 0] >= 0).mean() < 0.9
-    with pytest.raises(ValueError, match="forward maps"):
-        scene.sample_ids(ForwardMap(*np.broadcast_arrays(*pixel_centers((20, 30)))))
+def test_the_truth_of_the_view_at_hand_is_the_picture(rng):
+    scene = plain(rng.random((20, 24, 3)), scaled(1), (20, 24))
+    assert np.allclose(truth(scene), scene.source, atol=2e-3)  # by 16 rays
 
 
-def test_a_warp_is_cancelled_and_the_next_is_the_same() -> None:
-    scene, cancel = PictureScene(photo(400, 500)), Cancel()
-    before = scene.render(TILTED, size=(600, 500)).image
-    threading.Timer(0.02, cancel.cancel).start()
-
-    def again() -> None:
-        for _ in range(1000):
-            scene.render(TILTED, size=(600, 500), cancel=cancel)
-
-    with pytest.raises(CancelledError):
-        again()
-    np.testing.assert_array_equal(scene.render(TILTED, size=(600, 500)).image, before)
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.25, 8.0])
+def test_the_truth_of_a_fine_picture_is_its_means(factor, rng):
+    fine = rng.random((64, 64, 2)).astype(np.float32)
+    shape = (int(16 * factor), int(16 * factor))
+    scene = plain(scenes.means(fine, 4), scaled(factor), shape)._replace(fine=fine)
+    big = np.kron(fine, np.ones((shape[0], shape[1], 1)))
+    expected = big.reshape(shape[0], 64, shape[1], 64, 2).mean(axis=(1, 3))
+    assert np.allclose(truth(scene), expected, atol=0.06 if factor == 1.25 else 1e-6)  # 256 rays
 
 
-def swapped(image: NDArray[Any]) -> NDArray[Any]:
-    return image.astype(image.dtype.newbyteorder(">" if image.dtype.isnative else "<"))
+def test_where_rays_would_skip_fine_texels_they_hit_means(rng):
+    fine = rng.random((512, 512, 1)).astype(np.float32)
+    scene = plain(scenes.means(fine, 4), scaled(1 / 16), (8, 8))._replace(fine=fine)
+    expected = fine.reshape(8, 64, 8, 64, 1).mean(axis=(1, 3))
+    assert np.allclose(truth(scene), expected, atol=1e-6)
 
 
-def mapped(image: NDArray[Any]) -> NDArray[Any]:
-    np.save("mapped.npy", image)
-    return np.load("mapped.npy", mmap_mode="r")
+@pytest.mark.parametrize("kind", ["box", "gaussian"])
+def test_white_stays_white(kind):
+    white = plain(np.ones((40, 40, 1)), scaled(1.3, -4, -4), (40, 40))
+    assert np.abs(truth(white, kind) - 1).max() < 1e-6  # float32
 
 
-def read_only(image: NDArray[Any]) -> NDArray[Any]:
-    image = image.copy()
-    image.setflags(write=False)
-    return image
+def test_beyond_the_source_there_is_nothing():
+    picture = truth(plain(np.ones((8, 8, 1)), scaled(1, 2.5), (8, 12)))[..., 0]
+    assert picture[4, :3] == pytest.approx([0, 0, 0.5], abs=1e-6)
 
 
-def apart(image: NDArray[Any]) -> NDArray[Any]:
-    return np.repeat(image, 2, axis=1)[:, ::2]
+def test_behind_the_eye_there_is_nothing():
+    tilted = plain(np.ones((8, 8, 1)), [[1, 0, 0], [0, 1, 0], [0, -0.2, 1]], (40, 8))
+    inverse = tilted.geometry.inverse()
+    behind = inverse[2, 1] * np.arange(1.0, 41.0) + inverse[2, 2] < 0
+    assert not truth(tilted)[behind].any()
 
 
-def as_pillow(image: NDArray[Any]) -> Any:
-    from PIL import Image
-
-    return Image.fromarray(image)
-
-
-def as_itk(image: NDArray[Any]) -> Any:
-    import SimpleITK
-
-    return SimpleITK.GetImageFromArray(image, isVector=True)
+def test_the_truth_tells_its_progress():
+    shares: list[float] = []
+    truth(plain(np.ones((8, 8, 1)), scaled(1), (70, 8)), progress=shares.append)
+    assert shares == [32 / 70, 64 / 70, 1]
 
 
-def as_labeled(image: NDArray[Any]) -> Any:
-    xarray = pytest.importorskip("xarray")
-    return xarray.DataArray(image.transpose(2, 0, 1), dims=("band", "y", "x"))
+def test_blocks_leave_no_seam(rng, monkeypatch):
+    scene = plain(rng.random((16, 16, 1)), scaled(1.1), (16, 16))
+    whole = truth(scene, "gaussian")
+    monkeypatch.setattr(scenes, "BLOCK", 5)
+    assert np.array_equal(whole, truth(scene, "gaussian"))
 
 
-def as_file(image: NDArray[Any]) -> Path:
-    cv2.imwrite("photo.png", image[..., ::-1])
-    return Path("photo.png")
+def test_an_unknown_truth_lists_the_known():
+    with pytest.raises(ValueError, match="truth 'disk'; known: box, gaussian"):
+        truth(plain(np.ones((8, 8, 1)), scaled(1), (8, 8)), "disk")
 
 
-FORMS = [np.asarray, swapped, mapped, read_only, apart, np.asfortranarray, np.ndarray.tolist]
-OTHERS = [as_pillow, as_itk, as_labeled, as_file]
+def test_the_floor_has_the_benchmarks_numbers():
+    matrix = scene_of(np.zeros((1024, 1024, 1), np.float32), "floor").geometry.matrix
+    corners = np.array([[0, 0, 1], [1024, 0, 1], [576, 1024, 1], [448, 1024, 1]]).T
+    places = matrix @ corners
+    expected = [[0, 0], [512, 0], [512, 512], [0, 512]]
+    assert np.allclose((places[:2] / places[2]).T, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("form", FORMS + OTHERS, ids=lambda form: form.__name__)
-def test_pictures_are_taken_as_users_have_them(
-    form: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    picture = photo(12, 16) if form in OTHERS else photo(12, 16).astype(np.int16)
-    wanted = warp(picture, TILTED, (14, 15)).image
-    made = warp(form(picture), TILTED, (14, 15)).image
-    np.testing.assert_array_equal(made, wanted)
-    scene = PictureScene(form(picture))
-    np.testing.assert_array_equal(scene.render(TILTED, size=(15, 14)).image, wanted)
+def test_the_yawed_floor_turns_the_texture_by_30_degrees_around_its_point():
+    source = np.zeros((1024, 1024, 1), np.float32)
+    floor = scene_of(source, "floor").geometry.matrix
+    turn = np.linalg.inv(floor) @ scene_of(source, "floor-yaw").geometry.matrix
+    turn /= turn[2, 2]
+    assert np.allclose(turn[:2, :2], [[0.75**0.5, -0.5], [0.5, 0.75**0.5]])
+    assert np.allclose(turn @ [512, 700, 1], [512, 700, 1])
 
 
-@pytest.mark.parametrize("mode", ["1", "L", "P", "RGBA", "CMYK", "I;16", "F"])
-def test_pillow_s_modes_become_arrays(mode: str) -> None:
-    from PIL import Image
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_a_scenes_size_scales_the_view(name, rng):
+    source = rng.random((1024, 1024, 1)).astype(np.float32)
+    large, small = scene_of(source, name), scene_of(source, name, (128, 256))
+    scale = np.diag([0.5, 0.25, 1])
+    assert large.shape == (512, 512)
+    assert np.allclose(scale @ large.geometry.matrix, small.geometry.matrix)
 
-    gray = Image.fromarray(photo(12, 16)).convert("L")
-    image = Image.fromarray(np.asarray(gray).astype(np.uint16)) if mode == "I;16" else gray
-    image = image if mode == "I;16" else Image.fromarray(photo(12, 16)).convert(mode)
-    array = as_picture(image)
-    assert array.shape[:2] == (12, 16)
-    assert array.dtype.kind in "uf"
-    assert warp(image, TILTED, (10, 10)).image.shape[:2] == (10, 10)
+
+def test_a_small_picture_is_tiled_with_its_mirror_images(rng):
+    picture = rng.random((300, 512, 1)).astype(np.float32)
+    wall = tiled(picture)
+    assert wall.shape == (600, 1024, 1)
+    assert np.array_equal(wall[:300, 512:], picture[:, ::-1])
+    assert np.array_equal(wall[300:, :512], picture[::-1])
+
+
+def test_a_matrix_is_a_scene_of_the_pictures_size(rng):
+    scene = scene_of(rng.random((6, 9, 3)).astype(np.float32), "0.5,0,0,0,0.5,0")
+    assert scene.shape == (6, 9)
+    assert scene.source.shape == (6, 9, 3)
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "message"),
+    ("side", "name", "complaint"),
     [
-        (None, TypeError, "a picture of NoneType; give an array"),
-        (7, TypeError, "a picture of int; give an array"),
-        ({"a": 1}, TypeError, "a picture of dict; give an array"),
-        ([[1, 2], [3]], ValueError, "lists of different lengths are no picture"),
-        (np.zeros((4, 4), complex), TypeError, "a picture of complex128; its values must be real"),
-        (np.zeros((4, 4), object), TypeError, "a picture of object; its values must be real"),
-        (np.full((4, 4), "a"), TypeError, "its values must be real numbers"),
-        (np.zeros((0, 4)), ValueError, "a picture is"),
-        (np.zeros(4), ValueError, "a picture is"),
-        ("none.png", OSError, "no such file"),
+        (8, "sea", "unknown scene 'sea'; known: floor,"),
+        (8, "1,2", "a matrix has three lines"),
+        (5000, "floor", "scenes take 4096 along a side at most"),
     ],
 )
-def test_what_is_no_picture_is_said_in_a_line(
-    given: Any, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message) as raised:
-        warp(given, TILTED, (8, 8))
-    assert "\n" not in str(raised.value)
+def test_a_scene_that_cannot_be_is_refused(side, name, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        scene_of(np.zeros((side, 8, 1), np.float32), name)
 
 
-def test_choices_that_there_are_not_are_refused() -> None:
-    scene = PictureScene(photo())
-    with pytest.raises(ValueError, match="quality 'best'; it can be final or preview"):
-        scene.render(TILTED, quality="best")  # type: ignore[arg-type]
-    for quality in ("final", "preview"):
-        with pytest.raises(LookupError, match="magic"):
-            scene.render(TILTED, method="magic", quality=quality)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="a preview has no roi; leave it out"):
-        scene.render(TILTED, quality="preview", roi=(0, 0, 4, 4))
-    assert scene.render(TILTED, quality="preview", filter="gaussian", detail=2.0).is_preview
-    with pytest.raises(ValueError, match="give width and height"):
-        scene.render(TILTED, size=7)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="one picture"):
-        PictureScene(np.zeros((2, 8, 8, 3), np.uint8)).render(TILTED)
-    assert scene.render(Homography(TILTED)).image.shape == (90, 120, 3)
+@pytest.mark.parametrize(("factor", "zone"), [(0.5, "minified"), (2.0, "magnified")])
+def test_zones_tell_what_shrinks_from_what_grows(factor, zone):
+    masks = zones(plain(np.zeros((100, 100, 1)), scaled(factor), (40, 40)))
+    assert set(masks) == {"whole", zone}
+    assert np.array_equal(masks["whole"], masks[zone])
+
+
+def test_what_grows_along_one_axis_is_mixed():
+    scene = plain(np.zeros((100, 100, 1)), [[2, 0, 0], [0, 0.5, 0], [0, 0, 1]], (40, 40))
+    assert set(zones(scene)) == {"whole", "mixed"}
+
+
+def test_the_zones_are_the_whole():
+    masks = zones(scene_of(np.zeros((1024, 1024, 1), np.float32), "floor"))
+    parts = [mask for name, mask in masks.items() if name != "whole"]
+    assert np.array_equal(np.sum(parts, axis=0), masks["whole"])
+
+
+def test_the_scales_are_those_of_small_steps():
+    scene = scene_of(np.zeros((1024, 1024, 1), np.float32), "floor-yaw")
+    least, most = scenes._scales(scene)
+    h = scene.geometry.matrix
+    u, v, d = scene.geometry.inverse() @ [256.5, 400.5, 1]
+    ends = h @ np.array([[u / d + 1e-4, v / d, 1], [u / d, v / d + 1e-4, 1], [u / d, v / d, 1]]).T
+    ends = ends[:2] / ends[2]
+    steps = (ends[:, :2] - ends[:, 2:]) / 1e-4
+    expected = np.linalg.svd(steps, compute_uv=False)
+    assert np.allclose([most[400, 256], least[400, 256]], expected, rtol=1e-4)  # of the step
+
+
+def test_a_view_that_misses_the_picture_is_refused():
+    with pytest.raises(ValueError, match="no pixel of the scene looks into the picture"):
+        zones(plain(np.zeros((8, 8, 1)), scaled(1, 1000), (40, 40)))
+
+
+@pytest.mark.parametrize(("make", "channels"), [(scenes.checker, 1), (scenes.bricks, 3)])
+def test_generated_pictures_are_light_and_always_the_same(make, channels):
+    picture = make(64)
+    assert picture.shape == (64, 64, channels)
+    assert 0 <= picture.min() < picture.max() <= 1
+    assert np.array_equal(picture, make(64))

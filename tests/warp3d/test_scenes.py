@@ -1,204 +1,205 @@
-"""A depth image that is opened once: the bits of a call, previews, samples of pixels, inputs."""
+import math
 
-import threading
-from pathlib import Path
-from typing import Any
-
-import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from resample import Cancel, CancelledError
-from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
-from resample.measuring.quality import psnr
-from resample_warp3d import DepthScene, warp
-
-SHAPE = (60, 80)
-CAMERA = Camera.from_fov(55, *SHAPE)
-BALL = 2.0  # of its depth
-
-
-def room(height: int = 60, width: int = 80) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    y, x = np.indices((height, width))
-    ball = (x - 0.4 * width) ** 2 + (y - 0.5 * height) ** 2 < (0.25 * height) ** 2
-    depth = np.where(ball, BALL + 0.002 * x, 4 + 0.01 * y).astype(np.float32)
-    waves = [np.sin(x / 5), np.cos(y / 4 + x / 9), np.sin((x + y) / 6)]
-    return (127 + 120 * np.stack(waves, axis=-1)).astype(np.uint8), depth
-
-
-def moved(x: float = 0.2) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[:3, 3] = (-x, 0.05, 0.1)
-    return pose
-
-
-SIGHTS = {
-    "pinhole": CAMERA.resized(SHAPE, (240, 320)).moved(moved()),
-    "parallel": Orthographic(72, 72, 160, 120, moved()),
-    "panorama": Equirectangular(moved()),
-}
-
-
-@pytest.mark.parametrize("method", ["hybrid", "mcmillan-zbuffer", "preview"])
-def test_final_pictures_have_the_bits_of_a_call(method: str) -> None:
-    scene = DepthScene(*room(), CAMERA)
-    for size in (None, (50, 44)):
-        seen = scene.render(moved(), size=size, method=method)
-        alone = warp(*room(), CAMERA, CAMERA.moved(moved()), method, size=size)
-        for part, of_call in zip(seen, alone, strict=True):
-            np.testing.assert_array_equal(part, of_call)
-        assert not seen.is_preview
-
-
-def test_a_source_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from resample_warp3d.sheet import sheets
-
-    scene, counts = DepthScene(*room(), CAMERA), [0]
-    made = sheets.sheet_of
-
-    def counted(*given: Any, **choices: Any) -> Any:
-        counts[0] += 1
-        return made(*given, **choices)
-
-    monkeypatch.setattr(sheets, "sheet_of", counted)
-    for x in (0.1, 0.2, 0.3):
-        scene.render(moved(x))
-    assert counts[0] == 1
-
-
-@pytest.mark.parametrize("name", SIGHTS)
-def test_previews_are_alike_and_say_so(name: str) -> None:
-    scene = DepthScene(*room(240, 320), CAMERA.resized(SHAPE, (240, 320)))
-    size = (640, 320) if name == "panorama" else (317, 241)
-    final = scene.render(SIGHTS[name], size=size)
-    preview = scene.render(SIGHTS[name], size=size, quality="preview")
-    assert preview.is_preview
-    for part, of_final in zip(preview, final, strict=True):
-        assert part.shape == of_final.shape
-        assert part.dtype == of_final.dtype
-    assert preview.coverage.mean() == pytest.approx(final.coverage.mean(), abs=0.05)
-    assert psnr(preview.image, final.image) > 20
-    both = np.isfinite(preview.depth) & np.isfinite(final.depth)
-    assert np.median(np.abs(preview.depth[both] - final.depth[both])) < 0.05
-
-
-def test_samples_of_pixels_are_those_in_front() -> None:
-    """Flat things seen by a camera that has moved aside: all is a shift that can be reckoned."""
-    y, x = np.indices(SHAPE)
-    near = (x >= 30) & (x < 50) & (y >= 20) & (y < 40)
-    depth = np.where(near, 2.0, 4.0)
-    scene = DepthScene(np.ones((*SHAPE, 3)), depth, CAMERA, noise=0.0, refine="none")
-    away = 6 * 2.0 / CAMERA.fx  # 6 px for what is near, 3 px for what is far
-    pose = np.eye(4)
-    pose[0, 3] = -away
-    found = scene.sample_ids(pose)
-    for row in range(4, 56):
-        for column in range(4, 70):
-            is_near = 20 <= row < 40 and 24 <= column < 44
-            is_hidden = 20 <= row < 40 and 44 <= column < 47
-            if is_hidden:
-                assert tuple(found[row, column]) == (-1, -1)
-            else:
-                assert tuple(found[row, column]) == (row, column + (6 if is_near else 3))
-    index = np.stack(np.indices(SHAPE), axis=-1)
-    np.testing.assert_array_equal(scene.sample_ids(np.eye(4)), index)
-
-
-def test_a_warp_is_cancelled_and_the_next_is_the_same() -> None:
-    scene, cancel = DepthScene(*room(240, 320), CAMERA.resized(SHAPE, (240, 320))), Cancel()
-    before = scene.render(moved()).image
-    threading.Timer(0.02, cancel.cancel).start()
-
-    def again() -> None:
-        for _ in range(1000):
-            scene.render(moved(), cancel=cancel)
-
-    with pytest.raises(CancelledError):
-        again()
-    np.testing.assert_array_equal(scene.render(moved()).image, before)
-
-
-def swapped(array: NDArray[Any]) -> NDArray[Any]:
-    return array.astype(array.dtype.newbyteorder(">"))
-
-
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    array = array.copy()
-    array.setflags(write=False)
-    return array
-
-
-def apart(array: NDArray[Any]) -> NDArray[Any]:
-    return np.repeat(array, 2, axis=1)[:, ::2]
-
-
-def mapped(array: NDArray[Any]) -> NDArray[Any]:
-    np.save(f"{array.dtype}.npy", array)
-    return np.load(f"{array.dtype}.npy", mmap_mode="r")
-
-
-@pytest.mark.parametrize("form", [swapped, read_only, apart, mapped, np.asfortranarray, list])
-def test_arrays_of_any_layout_are_what_they_hold(
-    form: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    color, depth = room()
-    color = color.astype(np.uint16) * 257
-    wanted = warp(color, depth, CAMERA, CAMERA.moved(moved())).image
-    given = np.ndarray.tolist(depth) if form is list else form(depth)
-    picture = color if form is list else form(color)
-    made = warp(picture, given, CAMERA, CAMERA.moved(moved())).image
-    np.testing.assert_array_equal(made, wanted)
-
-
-def test_pictures_of_files_and_of_pillow_are_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from PIL import Image
-
-    monkeypatch.chdir(tmp_path)
-    color, depth = room()
-    cv2.imwrite("color.png", color[..., ::-1])
-    wanted = DepthScene(color, depth, CAMERA).render(moved()).image
-    for given in ("color.png", Image.fromarray(color)):
-        np.testing.assert_array_equal(
-            DepthScene(given, depth, CAMERA).render(moved()).image, wanted
-        )
-    halves = depth.astype(np.float16)
-    assert DepthScene(color, halves, CAMERA).render(moved()).coverage.mean() > 0.8
-
-
-@pytest.mark.parametrize(
-    ("color", "depth", "error", "message"),
-    [
-        (None, np.ones(SHAPE), TypeError, "a picture of NoneType; give an array"),
-        (np.ones((*SHAPE, 3), complex), np.ones(SHAPE), TypeError, "must be real numbers"),
-        (np.ones(SHAPE), {}, TypeError, "a depth map of dict; give an array"),
-        (np.ones(SHAPE), np.full(SHAPE, "far"), TypeError, "a depth map of <U3"),
-        (np.ones(SHAPE), [[1, 2], [3]], ValueError, "lists of different lengths are no depth map"),
-        (np.ones(SHAPE), np.ones((0, 4)), ValueError, "depth of shape"),
-        ("none.png", np.ones(SHAPE), OSError, "no such file"),
-    ],
+from resample.cameras.models import Camera
+from resample.cameras.pixels import pixel_centers
+from resample_warp3d.depth.equation import between, places, warp_places
+from resample_warp3d.showing.scenes import (
+    STANDS,
+    Ball,
+    Material,
+    ObjectScene,
+    Panel,
+    Stand,
+    _objects,
+    generated,
+    pose_of,
 )
-def test_what_is_no_depth_image_is_said_in_a_line(
-    color: Any, depth: Any, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message) as raised:
-        DepthScene(color, depth, CAMERA)
-    assert "\n" not in str(raised.value)
+from resample_warp3d.types import DepthImage
+from tests.bits import assert_threads_change_nothing
+
+PLAIN = Material("checker", 1.0, "#ffffff", "#ffffff")
+SHAPE = (12, 16)
+CAMERA = Camera.from_fov(60.0, *SHAPE)
 
 
-def test_targets_and_choices_that_there_are_not_are_refused() -> None:
-    scene = DepthScene(*room(), CAMERA)
-    for target in (None, "left", np.eye(3), [[1, 2], [3]]):
-        with pytest.raises(TypeError, match=r"a target of .*; give a camera, or a pose"):
-            scene.render(target)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="quality 'best'; it can be final or preview"):
-        scene.render(moved(), quality="best")  # type: ignore[arg-type]
-    for quality in ("final", "preview"):
-        with pytest.raises(LookupError, match="magic"):
-            scene.render(moved(), method="magic", quality=quality)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="give width and height"):
-        scene.render(moved(), size="ab")  # type: ignore[arg-type]
+def scene_of(*things):
+    return ObjectScene(_objects(things), CAMERA, {}, SHAPE)
+
+
+def wall(z, half=50.0):
+    return Panel((-half, -half, z), (2 * half, 0.0, 0.0), (0.0, 2 * half, 0.0), PLAIN)
+
+
+def rays(camera=CAMERA, shape=SHAPE):
+    """Directions of the pixels' centers, z = 1."""
+    place = np.dstack([pixel_centers(shape), np.ones(shape)])
+    return place @ np.linalg.inv(camera.matrix).T
+
+
+@pytest.fixture(scope="module")
+def small():
+    return generated(24)
+
+
+def test_a_wall_has_one_depth():
+    _, depth = scene_of(wall(3.0)).render(CAMERA, SHAPE, rays=1)
+    np.testing.assert_allclose(depth, 3.0, rtol=1e-13)
+
+
+def test_inverse_depth_is_linear_on_a_slanted_plane():
+    slanted = Panel((-20.0, -20.0, 9.0), (40.0, 0.0, 8.0), (0.0, 40.0, 0.0), PLAIN)
+    _, depth = scene_of(slanted).render(CAMERA, SHAPE, rays=1)
+    np.testing.assert_allclose(np.diff(1 / depth, n=2, axis=1), 0.0, atol=1e-14)
+
+
+def test_a_sphere_is_hit_where_the_quadratic_says():
+    center, radius = np.array([0.2, -0.1, 4.0]), 1.1
+    _, depth = scene_of(Ball(tuple(center), radius, PLAIN)).render(CAMERA, SHAPE, rays=1)
+    ray = rays()
+    square, half = (ray**2).sum(axis=2), ray @ center
+    discriminant = half**2 - square * (center @ center - radius**2)
+    with np.errstate(invalid="ignore"):
+        expected = (half - np.sqrt(discriminant)) / square
+    np.testing.assert_allclose(depth, np.where(discriminant > 0, expected, np.inf), rtol=1e-12)
+
+
+def test_the_nearest_object_is_seen():
+    _, depth = scene_of(wall(5.0), wall(2.0, half=0.2), wall(7.0)).render(CAMERA, SHAPE, rays=1)
+    assert depth[6, 8] == pytest.approx(2.0)
+    assert depth[0, 0] == pytest.approx(5.0)
+
+
+def test_what_is_behind_the_eye_is_not_seen():
+    _, depth = scene_of(wall(-3.0), Ball((0.0, 0.0, -4.0), 1.0, PLAIN)).render(CAMERA, SHAPE)
+    assert np.isinf(depth).all()
+
+
+def test_a_plane_that_reaches_behind_the_eye_is_seen_in_front_of_it():
+    floor = Panel((-50.0, 1.0, 80.0), (100.0, 0.0, 0.0), (0.0, 0.0, -100.0), PLAIN)
+    _, depth = scene_of(floor).render(CAMERA, SHAPE, rays=1)
+    down = rays()[..., 1]
+    hits = (down > 0) & (1 / down < 80)
+    np.testing.assert_allclose(depth[hits], 1 / down[hits], rtol=1e-12)
+    assert np.isinf(depth[~hits]).all()
+
+
+def test_colors_are_means_over_pixels():
+    half = Panel((-50.0, -50.0, 2.0), (50.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    camera = Camera.from_intrinsics(10.0, 10.0, 8.25, 6.0)
+    color, _ = scene_of(half).render(camera, SHAPE, rays=8)
+    whole, part, nothing = color[6, 7:10, 1]
+    assert nothing == 0
+    assert part / whole == pytest.approx(0.25)
+
+
+def test_a_pixel_behind_which_an_occluder_stands_is_seen_in_part():
+    # From 1 beside, the strip at z 2 with 0 <= x <= 1 hides -1 <= x <= 1 of the wall at z 4.
+    strip = Panel((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    other = Camera.from_fov(150.0, 64, 64).moved(pose_of(Stand((1.0, 0.0, 0.0))))
+    camera = Camera.from_intrinsics(8.0, 8.0, 8.5, 6.0)
+    scene = scene_of(wall(4.0), strip)
+    fraction, nearest, farthest = scene.visible(camera, SHAPE, other, (64, 64), rays=4)
+    # Columns of 0.5 m on the wall, from x = -4.25: column 6 spans -1.25 to -0.75.
+    assert fraction[6, 5:8].tolist() == [1.0, 0.5, 0.0]
+    assert nearest[6, 6] == farthest[6, 6] == pytest.approx(4.0)
+
+
+def test_depths_in_a_pixel_reach_from_the_occluder_to_what_is_behind():
+    strip = Panel((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
+    camera = Camera.from_intrinsics(8.0, 8.0, 8.5, 6.0)
+    _, nearest, farthest = scene_of(wall(4.0), strip).visible(camera, SHAPE, camera, SHAPE)
+    assert (nearest[6, 8], farthest[6, 8]) == pytest.approx((2.0, 4.0))
+
+
+def test_a_view_sees_all_of_itself(small):
+    fraction, _, _ = small.visible(small.source, small.shape, small.source, small.shape, rays=2)
+    assert fraction.min() == 1.0
+
+
+def test_what_is_outside_the_other_frame_is_not_seen():
+    camera = Camera.from_intrinsics(10.0, 10.0, 8.0, 6.0)
+    shifted = Camera.from_intrinsics(10.0, 10.0, 12.0, 6.0)
+    fraction, _, _ = scene_of(wall(3.0)).visible(camera, SHAPE, shifted, SHAPE)
+    assert fraction[:, :12].min() == 1.0
+    assert fraction[:, 12:].max() == 0.0
+
+
+def test_depth_and_visibility_agree_with_the_warping_equation(small):
+    image, camera = small.depth_image(rays=1), small.views["side"]
+    nearness = image.nearness.astype(np.float64)
+    place, there = warp_places(between(small.source, camera), places(image), nearness)
+    _, depth = small.render(camera, (96, 96), rays=1)
+    larger = camera.resized(small.shape, (96, 96))
+    _, depth = small.render(larger, (96, 96), rays=1)
+    column, row = np.floor(4 * place).astype(int).transpose(2, 0, 1)
+    inside = (column >= 0) & (row >= 0) & (column < 96) & (row < 96)
+    hidden = 1 / there[inside] > 1.1 * depth[row[inside], column[inside]]
+    same = np.abs(there[inside] * depth[row[inside], column[inside]] - 1) < 0.02
+    assert (hidden | same).mean() > 0.93  # the others are at edges, which 4 px per sample blur
+    assert same.mean() > 0.8
+
+
+@pytest.mark.parametrize("name", STANDS)
+def test_every_view_sees_something_that_the_source_sees(small, name):
+    camera, shape = small.views[name], small.shape
+    fraction, _, _ = small.visible(camera, shape, small.source, shape, rays=2)
+    assert 0.05 < (fraction == 1).mean() < 0.95
+
+
+def test_the_source_has_depth_everywhere(small):
+    image = small.depth_image(rays=1)
+    assert isinstance(image, DepthImage)
+    assert (image.nearness > 0).all()
+
+
+def test_pictures_are_the_same_each_time(small):
+    first, second = (small.render(small.source, small.shape, rays=2)[0] for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_a_picture_does_not_depend_on_the_count_of_threads(small):
+    assert_threads_change_nothing(lambda: [small.render(small.source, small.shape, rays=2)[0]])
+
+
+def test_colors_are_light_between_none_and_white(small):
+    color, _ = small.render(small.source, small.shape, rays=2)
+    assert 0.0 <= color.min() < 0.1
+    assert 0.5 < color.max() <= 1.35  # tints may exceed white
+
+
+@pytest.mark.parametrize("pattern", ["photo", "checker", "stripes", "text", "cloth"])
+def test_patterns_have_contrast(pattern):
+    look = Material(pattern, 4.0, "#101010", "#e0e0e0")
+    page = Panel((-50.0, -50.0, 3.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), look)
+    color, _ = scene_of(page).render(CAMERA, (48, 64), rays=1)
+    assert color.std() > 0.05
+
+
+def test_a_rolled_camera_sees_right_become_down():
+    pose = pose_of(Stand((0.0, 0.0, 0.0), roll=-math.pi / 2))
+    np.testing.assert_allclose(pose[:3, :3] @ (1, 0, 0), (0, 1, 0), atol=1e-15)
+
+
+def test_a_camera_that_looks_to_the_right_has_the_right_in_front():
+    pose = pose_of(Stand((0.0, 0.0, 0.0), yaw=math.pi / 2))
+    np.testing.assert_allclose(pose[:3, :3] @ (1, 0, 0), (0, 0, 1), atol=1e-15)
+
+
+def test_a_camera_that_looks_down_has_the_floor_in_front():
+    pose = pose_of(Stand((0.0, 0.0, 0.0), pitch=math.pi / 2))
+    np.testing.assert_allclose(pose[:3, :3] @ (0, 1, 0), (0, 0, 1), atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [7, 4097])
+def test_sizes_out_of_range_are_refused(size):
+    with pytest.raises(ValueError, match="8 to 4096"):
+        generated(size)
+
+
+def test_lenses_are_refused(small):
+    bent = Camera(small.source.matrix, distortion=np.array([0.1, 0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="without distortion"):
+        small.render(bent, small.shape)
