@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,16 +141,15 @@ class _Notices(logging.Handler):
     """What the library says while it works (that it compiles, for one), sent to the page."""
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, tell: Callable[[str], Awaitable[None]]
+        self,
+        loop: asyncio.AbstractEventLoop,
+        tell: Callable[[str], Coroutine[Any, Any, None]],
     ) -> None:
         super().__init__(logging.INFO)
         self._loop, self._tell = loop, tell
 
     def emit(self, record: logging.LogRecord) -> None:
-        asyncio.run_coroutine_threadsafe(self._told(record.getMessage()), self._loop)
-
-    async def _told(self, text: str) -> None:
-        await self._tell(text)
+        asyncio.run_coroutine_threadsafe(self._tell(record.getMessage()), self._loop)
 
 
 def encoded(shown: Painting) -> tuple[str, bytes]:

@@ -3,9 +3,13 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
 pytest.importorskip("starlette", reason="pip install 'hybrid-resample[view]'")
 
@@ -69,6 +73,11 @@ class Page:
         head, data = self.answer()
         assert head["kind"] == "frame", head
         return head, data
+
+
+def levels(data: bytes) -> NDArray[np.uint8]:
+    """Levels of a picture's file."""
+    return np.asarray(Image.open(BytesIO(data)))
 
 
 @contextmanager

@@ -4,21 +4,18 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
 
 from resample.view.views import controls_of
 from resample_texture.command.cli import app
 from resample_texture.viewing import COMMAND, PictureView
 from tests.commands import ended
-from tests.view.conftest import Served, served
+from tests.view.conftest import Served, levels, served
 
 CORNERS = "4,3 44,6 40,36 7,33"
 WISHES: dict[str, dict[str, Any]] = {
@@ -37,10 +34,6 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     cv2.imwrite(str(path), cv2.GaussianBlur(levels, (5, 5), 0))
     with served(PictureView(path, controls=controls_of(COMMAND, app["warp"]))) as address:
         yield address
-
-
-def levels(data: bytes) -> NDArray[np.uint8]:
-    return np.asarray(Image.open(BytesIO(data)))
 
 
 @pytest.mark.parametrize("wish", WISHES)

@@ -8,14 +8,11 @@ import time
 import tomllib
 import weakref
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
 
 import resample_volume
 from resample.command.settings import linear_color
@@ -27,7 +24,7 @@ from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
 from resample_volume.viewing import VolumePainter, VolumeView, picture
 from tests.commands import ended
-from tests.view.conftest import Served, served
+from tests.view.conftest import Served, levels, served
 
 BOX = "checker-box:size=20,block=5"
 CONTROLS = controls_of("resample-volume render", app["render"])
@@ -47,10 +44,6 @@ WISHES: dict[str, dict[str, Any]] = {
 def place() -> Iterator[Served]:
     with served(VolumeView(BOX, begin=(Look(transfer="checker"),), controls=CONTROLS)) as address:
         yield address
-
-
-def levels(data: bytes) -> NDArray[np.uint8]:
-    return np.asarray(Image.open(BytesIO(data)))
 
 
 @pytest.mark.parametrize("wish", WISHES)

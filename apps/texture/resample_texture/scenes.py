@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.files.exchange.inputs import as_picture
+from resample.painting.previews import enlarged
 from resample.resampler import shape_of
 from resample.types import Doubles, Floats
 from resample.watching import Cancel, cancellable
@@ -26,7 +27,6 @@ from resample_texture.types import Edge, Method, Previewed, Warped
 from resample_texture.warping import warp
 
 PER = 2  # px each way of a target that are one of its preview
-SMOOTH = ("uint8", "uint16", "int16", "float32", "float64")  # types that OpenCV interpolates
 # Choices of final pictures that previews know and do not use, and their names in `warp`.
 UNUSED = {
     **{name: name for name in ("filter", "interpolation", "total", "threads")},
@@ -170,7 +170,7 @@ class PictureScene:
         method: Method = Hybrid() if isinstance(geometry, ForwardMap) else Bilinear()
         drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
         made = finished(run(drawing, texels), encoding)
-        image, coverage = (_enlarged(np.ma.getdata(part), shape) for part in made)
+        image, coverage = (enlarged(np.ma.getdata(part), PER, shape, smooth=True) for part in made)
         return Previewed(image, coverage)
 
     def _texels(self, level: int) -> tuple[Floats, Encoding]:
@@ -243,16 +243,3 @@ def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
     short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
     whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
     return np.asarray(whole.mean(axis=(1, 3)))
-
-
-def _enlarged(part: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Picture (h, w) or (h, w, C) with more pixels; what is between them is interpolated."""
-    import cv2
-
-    if part.dtype.name not in SMOOTH or part[0, 0].size > 4:
-        large = part.repeat(PER, axis=0).repeat(PER, axis=1)
-    else:
-        size = (part.shape[1] * PER, part.shape[0] * PER)
-        large = cv2.resize(part, size, interpolation=cv2.INTER_LINEAR)
-    cut = large[: shape[0], : shape[1]].reshape(*shape, *part.shape[2:])
-    return np.ascontiguousarray(cut)

@@ -1,12 +1,14 @@
 """Quick pictures of a volume: fewer voxels, fewer pixels, the same view and thickness."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.painting import previews
 from resample.types import Frame, View
 from resample_volume.types import Volume
 
@@ -37,15 +39,8 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
     height, width
         Of the result, px; what is beyond is cut off.
     """
-    import cv2
-
-    def smooth(part: NDArray[Any]) -> NDArray[Any]:
-        large = cv2.resize(part, None, fx=per, fy=per, interpolation=cv2.INTER_LINEAR)
-        return np.ascontiguousarray(large[:height, :width])
-
-    def alike(part: NDArray[Any]) -> NDArray[Any]:
-        return part.repeat(per, axis=0).repeat(per, axis=1)[:height, :width]
-
+    smooth = partial(previews.enlarged, per=per, shape=(height, width), smooth=True)
+    alike = partial(previews.enlarged, per=per, shape=(height, width), smooth=False)
     return frame._replace(
         rgba=smooth(frame.rgba),
         coverage=smooth(frame.coverage),

@@ -146,12 +146,7 @@ class Scene:
         look, camera, size, resampler, fit
             As of `render`.
         """
-        appearance = look if isinstance(look, Appearance) else Appearance(look)
-        with keeping(self._found):
-            subject = self._subject(
-                appearance, resampler or resampler_for(appearance), fit, is_preview=False
-            )
-        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
+        subject, eye, _ = self._seen(look, camera, size, resampler, fit)
         return eye, subject.placed(self.volume)
 
     def sample_ids(
@@ -231,12 +226,23 @@ class Scene:
         fit: Fit,
     ) -> Behind:
         """Voxels behind places of a picture; see `voxels_at`."""
+        subject, eye, paint = self._seen(look, camera, size, resampler, fit)
+        return partial(voxels_at, subject, self.volume, eye, paint)
+
+    def _seen(
+        self,
+        look: Appearance | str,
+        camera: Spelled,
+        size: tuple[int, int],
+        resampler: Resampler | None,
+        fit: Fit,
+    ) -> tuple[Subject, AnyCamera, Resampler]:
+        """Subject, camera and renderer of a final picture."""
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         with keeping(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=False)
-        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
-        return partial(voxels_at, subject, self.volume, eye, paint)
+        return subject, subject.camera(viewpoint_of(camera), *shape_of(size)), paint
 
     def _subject(
         self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool

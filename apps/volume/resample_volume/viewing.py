@@ -74,7 +74,7 @@ class VolumePainter:
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
         wish = self._wish(settings)
-        frame = self.frame(settings, size, "preview" if quick else "final", cancel)
+        frame = self._frame(wish, size, ".png", "preview" if quick else "final", cancel)
         return Painting(levels_of(frame, "color", background=wish.picture.behind(".png")), quick)
 
     def check(self, settings: Settings) -> None:
@@ -83,25 +83,29 @@ class VolumePainter:
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
-        behind = self._wish(settings).picture.behind(path.suffix)
-        write_frame(path, self.frame(settings, size, suffix=path.suffix), 8, behind)
+        wish = self._wish(settings)
+        frame = self._frame(wish, size, path.suffix)
+        write_frame(path, frame, 8, wish.picture.behind(path.suffix))
 
-    def frame(
-        self,
-        settings: Settings,
-        size: Size,
-        quality: Quality = "final",
-        cancel: Cancel | None = None,
-        suffix: str = ".png",
-    ) -> Frame:
-        """Picture as the command writes it to a file of a suffix, but for what is behind it.
+    def frame(self, settings: Settings, size: Size) -> Frame:
+        """Picture as the command writes it to a PNG, but for what is behind it.
 
         Raises
         ------
         ValueError, LookupError, OSError
             An option is not allowed, or a file of one cannot be read.
         """
-        wish = self._wish(settings)
+        return self._frame(self._wish(settings), size, ".png")
+
+    def _frame(
+        self,
+        wish: _Wish,
+        size: Size,
+        suffix: str,
+        quality: Quality = "final",
+        cancel: Cancel | None = None,
+    ) -> Frame:
+        """Picture that goes to a file of a suffix."""
         view = wish.look.viewpoint()
         choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.look.fit}
         frame = self._scene.render(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
+from resample.painting.previews import enlarged
 from resample.profiles.filters import PixelFilter
 from resample.watching import Cancel, cancellable
 from resample_warp3d.depth.preparation import prepare
@@ -183,7 +184,7 @@ class DepthScene:
         else:
             way = replace(way, frame=per @ way.frame)
             made = render(self.source, way, small, self._coarse_cells, threads)
-        return Previewed(*(_enlarged(part, shape) for part in made))
+        return Previewed(*(enlarged(part, PER, shape, smooth=False) for part in made))
 
     def _merged(self) -> Source:
         """Each other sample, with the mean color of those around it."""
@@ -201,16 +202,3 @@ class DepthScene:
             )
             self._few = prepare(image, noise=source.noise, step=source.step, refine="none")
         return self._few
-
-
-def _enlarged(part: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Picture with each pixel repeated."""
-    import cv2
-
-    height, width = part.shape[:2]
-    if part[0, 0].size <= 4:  # OpenCV is quicker
-        whole = cv2.resize(part, (width * PER, height * PER), interpolation=cv2.INTER_NEAREST)
-    else:
-        whole = part.repeat(PER, axis=0).repeat(PER, axis=1)
-    cut = whole.reshape(height * PER, width * PER, *part.shape[2:])[: shape[0], : shape[1]]
-    return np.ascontiguousarray(cut)
