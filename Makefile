@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d figures test test-all bench guard lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all bench guard lint wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -14,11 +14,18 @@ demo-volume demo-texture: demo-%: $(VENV)/.run
 	$(BIN)/resample-$* demo --output demo
 demo-warp3d: $(VENV)/.run
 	$(BIN)/resample-warp3d demo --output demo/warp3d
+# A volume larger than its budget of memory, generated in a temporary folder (docs/scale.md); SIZE=512 is quicker.
+SIZE ?= 1024
+demo-scale: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.scale --size 256 --size $(SIZE) --memory 2GiB
 # The paper's figures; DATA is a folder with its volumes, else those that `resample-volume fetch` has stored.
 figures: $(VENV)/.run
 	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))
 	$(BIN)/resample-texture figures --output figures
 	$(BIN)/resample-warp3d figures --output figures
+# Pictures of pages and moving ones, in docs/images; wants a Chromium, and VTK's wheel; DATA is a folder of volumes.
+media: $(VENV)/.dev
+	$(BIN)/python tools/media.py $(if $(DATA),--data $(DATA))
 # docs/testing.md tells what `test` leaves to `test-all`; WORKERS=1 is one process, ARGS="-k corners" some tests.
 WORKERS ?= auto
 PYTEST  := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 8 --dist worksteal
@@ -58,6 +65,6 @@ $(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
 	touch $@ $(VENV)/.run
 lock: | $(BIN)/uv
 	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
-	$(BIN)/uv pip compile -q pyproject.toml --extra vtk --extra peers --extra view --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+	$(BIN)/uv pip compile -q pyproject.toml --extra vtk --extra peers --extra view --extra notebook --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
 clean:
 	rm -rf $(VENV) dist demo

@@ -15,7 +15,18 @@ from benchmarks.contest import AbsentError, Options
 from benchmarks.measure import machine
 from benchmarks.tables import Section, as_json, document, markdown
 
-GROUPS = ("volume", "modes", "fields", "texture", "warp3d", "core", "growth", "startup", "view")
+GROUPS = (
+    "volume",
+    "modes",
+    "fields",
+    "texture",
+    "warp3d",
+    "core",
+    "growth",
+    "startup",
+    "interactive",
+    "view",
+)
 QUICK_ROUNDS = 2
 
 

@@ -1,15 +1,18 @@
 """How quick the viewer is: pictures a second while something is dragged, and until it is whole."""
 
 import json
+import os
 import statistics
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.contest import Options
+from benchmarks.measure import MEBI
 from benchmarks.tables import Row, Section
 from resample.view.server import served
 from resample_volume.viewing import VolumeView
@@ -17,6 +20,7 @@ from resample_volume.viewing import VolumeView
 SIDE = 400  # px
 STEPS = 40  # of a drag
 WAIT = 0.05  # seconds
+FURTHER = 4  # pages whose memory is measured
 
 
 def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any]:
@@ -34,7 +38,8 @@ def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any
     Returns
     -------
     Seconds until the first whole picture (kernels are loaded by then), pictures per second while
-    dragging, the median from a wish to its preview and to the whole picture after it, in ms.
+    dragging, the median from a wish to its preview and to the whole picture after it, in ms; and
+    what further pages add to the memory in RAM, MiB each.
     """
     start = time.perf_counter()
     with served(VolumeView(volume)) as (host, token):
@@ -52,13 +57,27 @@ def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any
                 if n % 10 == 9:
                     time.sleep(WAIT)
                     finals.append(_drawn(link, turned, side, moving=False))
+            before = memory_now()
+            with ExitStack() as pages:
+                for _ in range(FURTHER):
+                    page = pages.enter_context(connect(address, origin=origin, max_size=None))
+                    _drawn(page, json.loads(page.recv())["settings"], side, moving=True)
+                    _drawn(page, settings, side, moving=False)
+                page_size = (memory_now() - before) / FURTHER
     return {
         "volume": Path(volume).name,
         "first_s": round(first, 2),
         "previews_per_s": round(1 / statistics.mean(previews), 1),
         "preview_ms": round(1000 * statistics.median(previews), 1),
         "final_ms": round(1000 * statistics.median(finals), 1),
+        "page_MiB": round(page_size, 1),
     }
+
+
+def memory_now() -> float:
+    """Memory of this process that is in RAM, MiB."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / MEBI
 
 
 def _drawn(link: ClientConnection, settings: dict[str, Any], side: int, *, moving: bool) -> float:
@@ -74,8 +93,7 @@ def _drawn(link: ClientConnection, settings: dict[str, Any], side: int, *, movin
 def sections(options: Options) -> Iterator[Section]:
     """Table of the viewer's times."""
     volumes = ["vessel-tree:size=64"]
-    if options.data is not None:
-        volumes += sorted(map(str, Path(options.data, "volumes").glob("engine.nhdr")))
+    volumes += sorted(map(str, options.volumes.glob("engine.nhdr")))
     sides = (100,) if options.quick else (SIDE,)
     rows: list[Row] = [
         {"side_px": side, **measured(volume, side, 10 if options.quick else STEPS)}

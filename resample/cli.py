@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -79,7 +80,7 @@ def compare(
 def view(
     file: str, /, *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 ) -> Any:
-    """Show a file in the browser, in the viewer of the application that it is for.
+    """Show a file, or a picture and its depth, in the browser, in the application for it.
 
     Example: resample view engine.nhdr --no-browser
 
@@ -89,10 +90,11 @@ def view(
         What is looked at. Options are those of the application's own view.
     """
     names = registry.names("views")
+    files = [file, *takewhile(lambda word: not word.startswith("-"), words)]
     for name in names:
-        if registry.load("views", name).suits(file):
+        if registry.load("views", name)(files):
             return _door(name)("view", file, *words)
-    raise ValueError(f"{file}: nothing to view; there are viewers of {', '.join(names)}")
+    raise ValueError(f"{', '.join(files)}: nothing to view; there is view of {', '.join(names)}")
 
 
 @app.command

@@ -68,7 +68,16 @@ POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a poin
 
 
 class Primitive(StrEnum):
-    """What samples are painted as."""
+    """What samples are painted as.
+
+    Examples
+    --------
+    >>> from resample import Primitive, Resampler
+    >>> [primitive.value for primitive in Primitive]
+    ['hybrid', 'points', 'splats', 'paper', 'inflate', 'ewa']
+    >>> Resampler(primitive=Primitive.POINTS).primitive.value
+    'points'
+    """
 
     HYBRID = "hybrid"  # points on fine sub-pixels where they shrink, splats where they grow
     POINTS = "points"  # all of them points
@@ -79,7 +88,16 @@ class Primitive(StrEnum):
 
 
 class Footprint(StrEnum):
-    """Model of a splat's footprint, see `resample.engine.ellipsoids.footprints`."""
+    """Model of a splat's footprint, see `resample.engine.ellipsoids.footprints`.
+
+    Examples
+    --------
+    >>> from resample import Footprint, Resampler
+    >>> [model.value for model in Footprint]
+    ['affine', 'corrected', 'small-angle', 'exact', 'disc']
+    >>> Resampler(footprint=Footprint.AFFINE).footprint.value
+    'affine'
+    """
 
     AFFINE = "affine"
     CORRECTED = "corrected"
@@ -97,7 +115,16 @@ FOOTPRINTS = {
 
 
 class Opacity(StrEnum):
-    """How a splat's line integral becomes opacity."""
+    """How a splat's line integral becomes opacity.
+
+    Examples
+    --------
+    >>> from resample import Opacity, Resampler
+    >>> [how.value for how in Opacity]
+    ['exact', 'linear']
+    >>> Resampler(opacity=Opacity.LINEAR).opacity.value
+    'linear'
+    """
 
     EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to the field's own
     LINEAR = "linear"  # classic splatting's α F
@@ -150,6 +177,15 @@ class Resampler:
     ------
     ValueError
         A number is out of range, or choices do not go together.
+
+    Examples
+    --------
+    >>> from resample import Camera, Resampler, particles
+    >>> balls = particles([[0, 0, 5], [1, 0, 9]], [[1, 0, 0], [0, 0, 1]], 0.9, 1)
+    >>> paint = Resampler(subpixels=4)
+    >>> frame = paint(balls, Camera.from_fov(60, 24, 32), height=24, width=32)
+    >>> frame.statistics.splats
+    2
     """
 
     primitive: Primitive = Primitive.HYBRID

@@ -44,7 +44,17 @@ COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM = range(6)
 
 
 class Samples(NamedTuple):
-    """N samples of an object in the scene; all have ellipsoids of one shape."""
+    """N samples of an object in the scene; all have ellipsoids of one shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import Camera, Resampler, Samples
+    >>> place = np.stack(np.meshgrid([0, 1], [0, 1], [5, 6]), axis=-1).reshape(-1, 3)
+    >>> samples = Samples(place, np.ones((8, 3)), np.full(8, 0.5), np.eye(3))
+    >>> Resampler()(samples, Camera.from_fov(60, 24, 32), height=24, width=32)
+    Frame(32 × 24 px, 57.2 % covered, depth from 5)
+    """
 
     position: Floats  # (N, 3) scene units
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
@@ -459,6 +469,18 @@ class Frame(Showable, _Frame[Counts]):
     Its color is multiplied by its opacity, the fourth channel. A picture that was moved, of any
     channels and types, is an application's `Warped` instead, whose `image` is multiplied by its
     `coverage`. What both have has one name: `coverage`, `depth`.
+
+    Examples
+    --------
+    >>> from resample import Camera, Resampler, particles
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> frame = Resampler()(particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), camera, height=24, width=32)
+    >>> frame
+    Frame(32 × 24 px, 6.77 % covered, depth from 5)
+    >>> frame.rgba.shape, frame.to_uint8("depth").shape
+    ((24, 32, 4), (24, 32, 3))
+    >>> round(float(frame.first_depth[12, 16]), 1)  # that of the first splat, of its center
+    5.0
     """
 
     __slots__ = ()

@@ -19,7 +19,22 @@ Progress = Callable[[float], None]
 
 
 class CancelledError(RuntimeError):
-    """Work was stopped by a `Cancel`."""
+    """Work was stopped by a `Cancel`.
+
+    Examples
+    --------
+    >>> from resample import Camera, Cancel, CancelledError, Resampler, cancellable, particles
+    >>> balls = particles([[0, 0, 5]], (1, 1, 1), 0.5, 1)
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> cancel = Cancel()
+    >>> cancel.cancel()  # mostly from another thread, while the work goes on
+    >>> try:
+    ...     with cancellable(cancel):
+    ...         Resampler()(balls, camera, height=24, width=32)
+    ... except CancelledError as error:
+    ...     print(error)
+    the work was cancelled
+    """
 
 
 class Cancel:
@@ -66,6 +81,15 @@ def cancellable(cancel: Cancel | None) -> Iterator[None]:
     ------
     CancelledError
         It was cancelled.
+
+    Examples
+    --------
+    >>> from resample import Cancel, cancellable
+    >>> cancel = Cancel()
+    >>> with cancellable(cancel):  # `cancel.cancel()` in another thread stops what goes on here
+    ...     pass  # any picture, warp or cloud
+    >>> cancel.is_cancelled
+    False
     """
     before = _watch.get()
     token = _watch.set(before if cancel is None else _Watch(cancel, before.progress, before.shares))

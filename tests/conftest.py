@@ -10,6 +10,9 @@ if "PYTEST_XDIST_WORKER_COUNT" in os.environ:
     share = (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
     os.environ.setdefault("NUMBA_NUM_THREADS", str(max(2, share)))
 
+# Which test is the first to compile a kernel is chance: commands do not say so.
+os.environ.setdefault("RESAMPLE_LOG", "warning")
+
 import numpy as np
 import pytest
 

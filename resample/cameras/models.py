@@ -69,6 +69,17 @@ class Camera:
     ValueError
         The matrix is singular or no intrinsics, a number is not finite, the pose is not rigid (the
         message says how far it is), the count of coefficients is another, or the model is unknown.
+
+    Examples
+    --------
+    >>> from resample import Camera, look_at
+    >>> camera = Camera.from_intrinsics(525, 525, 320, 240, look_at((0, -3, 1), (0, 0, 0)))
+    >>> camera.fx, camera.cy
+    (525.0, 240.0)
+    >>> view = camera.view()
+    >>> x, y, z = view.rotation @ [0, 0, 1] + view.translation  # 1 above the target
+    >>> round(float(z), 3)  # how far ahead
+    2.846
     """
 
     matrix: Doubles
@@ -246,6 +257,15 @@ class Orthographic:
     ------
     ValueError
         A scale is not above 0, a number is not finite, or the pose is not rigid.
+
+    Examples
+    --------
+    >>> from resample import Orthographic, Resampler, look_at, particles
+    >>> camera = Orthographic(10, 10, 16, 12, look_at((0, -3, 0), (0, 0, 0)))  # px per unit
+    >>> balls = particles([[0, 0, 0], [0, 50, 0]], (1, 1, 1), 0.5, 1)
+    >>> frame = Resampler()(balls, camera, height=24, width=32)  # both in the middle, of one size
+    >>> round(float(frame.first_depth[12, 16]), 3)
+    3.0
     """
 
     sx: float

@@ -23,6 +23,13 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     ValueError
         Eye and target coincide, or a vector is not finite. `up` along the view is replaced by the
         axis farthest from it.
+
+    Examples
+    --------
+    >>> from resample import look_at
+    >>> right, down, ahead, _ = look_at((0, -4, 0), (0, 0, 0)) @ [1, 0, 0, 1]
+    >>> round(float(right), 3), round(float(ahead), 3)  # what is at x = 1, from 4 units away
+    (1.0, 4.0)
     """
     place = np.asarray(eye, np.float64)
     forward = np.asarray(target, np.float64) - place
@@ -58,6 +65,13 @@ def orbit(
         growing azimuth walks it toward +x, growing elevation lifts it.
     up
         Axis that points upwards in the picture: x, y, z, −x, −y or −z.
+
+    Examples
+    --------
+    >>> from resample import orbit
+    >>> pose = orbit((1, 2, 3), distance=10, azimuth=30, elevation=20)
+    >>> round(float((pose @ [1, 2, 3, 1])[2]), 3)  # the target is so far ahead
+    10.0
     """
     upward, aside, front = _axes(up)
     a, e = np.radians(azimuth), np.radians(elevation)

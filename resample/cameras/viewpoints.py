@@ -57,6 +57,15 @@ class Orbit:
     ValueError
         The zoom is not between 1e-6 and 1e6, the field of view is not in 0 to 180, an angle is not
         finite, `up` is no axis, or the pan is not two numbers up to 1e6.
+
+    Examples
+    --------
+    >>> from resample import Orbit
+    >>> import numpy as np
+    >>> import resample_volume
+    >>> ball = np.full((8, 8, 8), 255, np.uint8)
+    >>> resample_volume.render(ball, "100..300", Orbit(30, 20, zoom=1.5), size=(32, 24))
+    Frame(32 × 24 px, 98 % covered, depth from 12.5)
     """
 
     azimuth: float = 30.0

@@ -1,15 +1,51 @@
 """What command lines say while they work."""
 
+import logging
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 Progress = Callable[[float], None]
 
+LOUDNESS = "RESAMPLE_LOG"  # name of an environment variable
+LEVELS = ("debug", "info", "warning")
+
 
 def say(text: str) -> None:
     """One line to the user, beside the results."""
     sys.stderr.write(f"resample: {text}\n")
+
+
+class _Listener(logging.Handler):
+    """Says what the library logs."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line to the user."""
+        say(record.getMessage())
+
+
+@contextmanager
+def listening() -> Iterator[None]:
+    """Say what the library logs: that it compiles; with `RESAMPLE_LOG=debug` all that it tells.
+
+    Raises
+    ------
+    ValueError
+        The variable has another value.
+    """
+    level = os.environ.get(LOUDNESS, "info")
+    if level not in LEVELS:
+        raise ValueError(f"{LOUDNESS} is {level!r}; it can be {', '.join(LEVELS)}")
+    log, listener = logging.getLogger("resample"), _Listener()
+    before = log.level
+    log.addHandler(listener)
+    log.setLevel(level.upper())
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+        log.removeHandler(listener)
 
 
 @contextmanager

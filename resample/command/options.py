@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
+from resample.command.console import listening, say
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -35,11 +36,12 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     from cyclopts import CycloptsError
 
     try:
-        status = _call(app, arguments)
+        with listening():
+            status = _call(app, arguments)
     except (KeyboardInterrupt, SystemExit) as end:  # cyclopts turns the first into the second
         if isinstance(end, SystemExit) and end.code != INTERRUPTED:
             raise
-        _complain("interrupted")
+        say("interrupted")
         status = INTERRUPTED
     except BrokenPipeError:  # the reader, `head` for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -47,7 +49,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     except (KeyError, IndexError):
         raise
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
-        _complain(f"error: {one_line(error)}")
+        say(f"error: {one_line(error)}")
         status = USER_ERROR
     raise SystemExit(status)
 
@@ -56,7 +58,3 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     sys.stdout.flush()  # a full disk must show here, not after the end
     return result if isinstance(result, int) else 0
-
-
-def _complain(text: str) -> None:
-    sys.stderr.write(f"resample: {text}\n")

@@ -1,11 +1,11 @@
 """A run of a command line: its stages timed, and what the user is told while it works."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 
-from resample.command.console import Progress, progress_bar, say
+from resample.command.console import Progress, progress_bar
 from resample.memory import require_memory
 
 
@@ -40,20 +40,6 @@ class Session:
     def times(self) -> dict[str, float]:
         """Seconds of all stages, for `--stats`."""
         return {name: round(seconds, 6) for name, seconds in self.seconds.items()}
-
-
-def announce_compilation(kernel: Callable[..., object]) -> None:
-    """Say that the first run takes longer, if it is one: if a kernel is not on disk yet.
-
-    Parameters
-    ----------
-    kernel
-        The one that takes longest to compile of those that will run.
-    """
-    from resample.engine.jit import is_stored
-
-    if not is_stored(kernel):
-        say("compiling kernels, once per installation: about 20 seconds")
 
 
 def require_picture(shape: tuple[int, int], bytes_per_pixel: int) -> None:

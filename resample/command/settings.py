@@ -67,7 +67,7 @@ Iso = Annotated[
 ]
 
 
-def _number(given: object) -> object:
+def number(given: object) -> object:
     """Number that a word of the command line stands for; pydantic's literals do not convert it."""
     return int(given) if isinstance(given, str) and given.isdecimal() else given
 
@@ -174,7 +174,7 @@ class PictureFormat(Choices):
     ] = None
     bits: Annotated[
         Literal[8, 16, 32],
-        BeforeValidator(_number),
+        BeforeValidator(number),
         Field(description="Per channel: PNG 8 or 16, TIFF also 32."),
     ] = 8
     threads: Threads = None
@@ -227,7 +227,7 @@ class Written(Choices):
     ] = None
     bits: Annotated[
         Literal[8, 16, 32] | None,
-        BeforeValidator(_number),
+        BeforeValidator(number),
         Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
     ] = None
 

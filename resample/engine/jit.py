@@ -155,6 +155,8 @@ class _SourceAwareCache(FunctionCache):  # type: ignore[misc]
         stored = super().load_overload(sig, target_context) if self._is_apt() else None
         if stored is None:
             _say_that_it_compiles(self._name)
+        else:
+            LOG.debug("%s: taken from %s", self._name, self._cache_path)
         return stored
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -491,14 +493,6 @@ def threads(count: int | None) -> Iterator[None]:
         yield
     finally:
         _limit.reset(token)
-
-
-def is_stored(called: Callable[..., Any]) -> bool:
-    """Whether machine code of this version of a kernel is on disk, so that it starts at once."""
-    if not hasattr(called, "compiled"):  # plain Python
-        return True
-    index = index_of(called)
-    return index is not None and index.exists()
 
 
 def index_of(called: Callable[..., Any]) -> Path | None:

@@ -36,6 +36,14 @@ def particles(
     ------
     ValueError
         Arrays do not fit together or a number is out of range.
+
+    Examples
+    --------
+    >>> from resample import Camera, Resampler, particles
+    >>> balls = particles([[0, 0, 4], [0, 0, 6]], [[1, 0, 0], [0, 1, 0]], 0.8, [0.5, 1.0])
+    >>> frame = Resampler()(balls, Camera.from_fov(60, 481, 641), height=481, width=641)
+    >>> round(float(frame.rgba[240, 320, 3]), 2)  # through both centers: 1 - 0.2 * 0.2
+    0.96
     """
     kernel = reconstruction or GaussianKernel()
     place = np.asarray(position, np.float64)

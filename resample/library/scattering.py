@@ -30,7 +30,16 @@ MOST = 1024  # samples that are summed in one go, so that float32 suffices
 
 
 class Scattering(NamedTuple):
-    """What scattered samples leave on a grid."""
+    """What scattered samples leave on a grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import Scatter
+    >>> one = Scatter()([[2.5, 1.5]], [7.0], jacobian=np.eye(2)[np.newaxis], shape=(3, 4))
+    >>> one.value.shape, float(one.value[1, 2]), float(one.coverage.sum())
+    ((3, 4), 7.0, 1.0)
+    """
 
     value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where none is
     coverage: Floats  # (H, W) px² that samples cover in each pixel; their areas add up
@@ -65,6 +74,15 @@ class Scatter:
     ------
     LookupError, ValueError
         There is no such method or filter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import Scatter
+    >>> place, value = np.array([[2.5, 1.5], [5.0, 2.0]]), np.array([1.0, 3.0])
+    >>> found = Scatter()(place, value, jacobian=np.tile(np.eye(2), (2, 1, 1)), shape=(4, 8))
+    >>> found.coverage[1].round(2)
+    array([0.  , 0.  , 1.  , 0.  , 0.25, 0.25, 0.  , 0.  ], dtype=float32)
     """
 
     method: str = "hybrid"

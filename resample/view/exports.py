@@ -1,41 +1,86 @@
 """How a picture on the page is made without the page: command, settings file, Python, notebook."""
 
+import json
+import math
 import shlex
 from collections.abc import Sequence
 from typing import Any
 
+from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.files.facts.settings import as_toml
 from resample.view.views import Settings, Size
 
+STEERED = ("camera", "fov", "up")  # what a film's keyframes say
+STEP = 2.0  # seconds from one keyframe to the next
 
-def exports_of(about: dict[str, Any], settings: Settings, size: Size) -> dict[str, str]:
-    """Texts that make the picture again.
+
+def exports_of(
+    about: dict[str, Any], settings: Settings, size: Size, keyframes: Sequence[str] = ()
+) -> dict[str, str]:
+    """Texts that make the picture again, and a film through keyframes.
 
     Parameters
     ----------
     about
-        Of the view; its command and inputs are used.
+        Of the view; its command, inputs, `fixed` options and what makes pictures are used.
     settings
         Options by name.
     size
         Width and height, px.
     """
     command, inputs = about["command"], about["inputs"]
-    whole = {**settings, "size": f"{size[0]}x{size[1]}"}
-    words = [*command.split(), *inputs]
-    for key, value in whole.items():
-        words += _words(key, value)
+    whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
+    words = [*command.split(), *inputs, *_options(whole)]
+    made_by = about.get("function", "picture")
     named = ", ".join(map(repr, inputs))
     python = (
-        f"from {about['package']}.viewing import picture\n\n"
-        f"shown = picture({named}, {_indented(whole)})\n"
+        f"from {about['package']}.viewing import {made_by}\n\n"
+        f"shown = {made_by}({named}, {_indented(whole)})\n"
     )
+    film = {}
+    if len(keyframes) > 1 and "film" in about:
+        still = {key: value for key, value in whole.items() if key not in STEERED}
+        words_of_film = [*about["film"].split(), *inputs, *_options(still)]
+        film = {
+            "keyframes": keyframes_as_toml(keyframes, settings),
+            "film": shlex.join([*words_of_film, "--path=keyframes.toml", "-o", "film.mp4"]),
+        }
     return {
         "command": shlex.join([*words, "-o", "picture.png"]),
         "settings": as_toml(command, whole),
         "python": python + 'shown.save("picture.png")\n',
         "notebook": python + "shown\n",
+        **film,
     }
+
+
+def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
+    """File of keyframes, `STEP` apart, each the short way round from the one before.
+
+    Raises
+    ------
+    ValueError
+        One is no camera around what is looked at.
+    """
+    tables, last = [], 0.0
+    for n, text in enumerate(cameras):
+        orbit = viewpoint_of(text)
+        if not isinstance(orbit, Orbit):
+            raise ValueError(f"a keyframe {text!r:.60}; films go through cameras of angles")
+        azimuth = orbit.azimuth if n == 0 else last + math.remainder(orbit.azimuth - last, 360.0)
+        last = azimuth
+        tables.append(
+            f"[[camera]]\ntime = {n * STEP:g}\nazimuth = {azimuth!r}\n"
+            f"elevation = {orbit.elevation!r}\nzoom = {orbit.zoom!r}\npan = {list(orbit.pan)!r}\n"
+            f"fov = {float(settings.get('fov', orbit.fov))!r}\n"
+            f"up = {json.dumps(settings.get('up', orbit.up))}\n"
+        )
+    return "\n".join(tables)
+
+
+def _options(settings: Settings) -> list[str]:
+    """Words of a command line that choose all values."""
+    return [word for key, value in settings.items() for word in _words(key, value)]
 
 
 def _words(key: str, value: Any) -> Sequence[str]:

@@ -47,9 +47,17 @@ class Ask(_Message):
 
 
 class Export(_Message):
-    """Tell how the picture is made without the viewer."""
+    """Tell how the picture, and a film through keyframes, are made without the viewer."""
 
     kind: Literal["export"]
+    keyframes: Annotated[list[Key], Field(max_length=64)] = []  # cameras
+
+
+class MakeFilm(_Message):
+    """Give the film through keyframes as a file, telling how far it is; a second one stops it."""
+
+    kind: Literal["film"]
+    keyframes: Annotated[list[Key], Field(max_length=64)]  # cameras; none: stop the film
 
 
 class Save(_Message):
@@ -59,7 +67,7 @@ class Save(_Message):
     suffix: Literal[".png", ".exr"]
 
 
-Message = Draw | Pick | Ask | Export | Save
+Message = Draw | Pick | Ask | Export | MakeFilm | Save
 _adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

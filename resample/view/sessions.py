@@ -5,20 +5,25 @@ import json
 import logging
 import time
 from collections.abc import Awaitable, Callable, Coroutine
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.measuring.quality import psnr
-from resample.view.exports import exports_of
-from resample.view.messages import Ask, Draw, Export, Message, Pick, Save
-from resample.view.views import Knowing, Painting, Settings, Viewable
-from resample.watching import Cancel, CancelledError
+from resample.view.exports import exports_of, keyframes_as_toml
+from resample.view.files import file_of
+from resample.view.messages import Ask, Draw, Export, MakeFilm, Message, Pick, Save
+from resample.view.views import Filming, Knowing, Painting, Settings, Viewable
+from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
 
 JPEG_QUALITY = 88  # of previews
 GAIN = 8  # of differences, so that small ones are seen
+FILM = "film.mp4"  # name of what is made
+TELLING = 0.25  # seconds from one word about how far a film is to the next
 PNG_EFFORT = 1  # of zlib: pictures are looked at once
 
 Send = Callable[[str | bytes], Awaitable[None]]
@@ -46,6 +51,8 @@ class Session:
         self._painter = view.painter()
         self._wanted: Draw | None = None
         self._job: _Job | None = None
+        self._film: Cancel | None = None  # stops the film that is made
+        self._filming: asyncio.Task[None] | None = None
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._paint())
         self._notices = _Notices(asyncio.get_running_loop(), self._notice)
@@ -56,6 +63,8 @@ class Session:
         LOG.removeHandler(self._notices)
         if self._job is not None:
             self._job.cancel.cancel()
+        if self._film is not None:
+            self._film.cancel()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
 
@@ -66,6 +75,13 @@ class Session:
             if self._job is not None and not self._job.draw.moving:
                 self._job.cancel.cancel()  # previews are let through, or none would be seen
             self._news.set()
+            return
+        if isinstance(message, MakeFilm):
+            if self._film is not None:
+                self._film.cancel()
+            if message.keyframes:
+                self._film = Cancel()
+                self._filming = asyncio.create_task(self._filmed(message, self._film))
             return
         try:
             answer = await asyncio.to_thread(self._answer, message)
@@ -84,10 +100,41 @@ class Session:
             told = self._painter.tell(message.settings, message.what)
             return _told("told", message.number, what=message.what, told=told)
         if isinstance(message, Export):
-            texts = exports_of(self._view.about, message.settings, size)
+            texts = exports_of(self._view.about, message.settings, size, message.keyframes)
             return _told("exported", message.number, texts=texts)
         file = self._view.save(message.settings, size, message.suffix)
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
+
+    async def _filmed(self, message: MakeFilm, cancel: Cancel) -> None:
+        """Make a film, and tell how far it is."""
+        loop, told = asyncio.get_running_loop(), [0.0]
+
+        def tell(share: float) -> None:
+            if cancel.is_cancelled:
+                raise CancelledError("the film was cancelled")
+            if time.perf_counter() - told[0] > TELLING:
+                told[0] = time.perf_counter()
+                words = self._notice(f"making the film: {share:.0%}")
+                asyncio.run_coroutine_threadsafe(words, loop)
+
+        try:
+            answer: str | bytes = await asyncio.to_thread(self._film_of, message, cancel, tell)
+        except CancelledError:
+            answer = _told("notice", message.number, text="")
+        except Exception as error:
+            answer = _told("error", message.number, text=one_line(error))
+        await self._send(answer)
+
+    def _film_of(self, message: MakeFilm, cancel: Cancel, tell: Callable[[float], None]) -> bytes:
+        if not isinstance(self._painter, Filming):
+            raise ValueError("this page makes no films")
+        size, keyframes = (message.width, message.height), list(message.keyframes)
+        text = keyframes_as_toml(keyframes, message.settings)
+        film = self._view.painter()  # pages go on with theirs meanwhile
+        assert isinstance(film, Filming)
+        write = partial(film.film, message.settings, size, text, progress=tell)
+        with cancellable(cancel):
+            return _framed({"kind": "file", "name": FILM}, file_of(write, Path(FILM).suffix))
 
     async def _paint(self) -> None:
         """Paint what is wanted, for ever."""

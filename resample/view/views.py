@@ -1,16 +1,17 @@
 """Roles of what applications show in a page, and what all of them have in common."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from cyclopts import App, Group
+from cyclopts import App, Group, Parameter
 from cyclopts.argument import Argument
 from numpy.typing import NDArray
 
 from resample.command.settings import Choices
 from resample.files.facts.settings import options_of, schema_of
-from resample.watching import Cancel
+from resample.watching import Cancel, Progress
 
 Settings = Mapping[str, Any]  # options by name, as settings files have them
 Size = tuple[int, int]  # width and height, px
@@ -42,16 +43,36 @@ class Knowing(Protocol):
         """What a page asks for."""
 
 
+@runtime_checkable
+class Filming(Protocol):
+    """Role of painters that make films."""
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write what the command would write, of a file of keyframes with this content."""
+
+
 class Viewable(Protocol):
-    """Role of what is looked at in pages: a plugin of the group `resample.views` makes one."""
+    """Role of what is looked at in pages.
+
+    A plugin of the group `resample.views` is named as an application that has a command `view`: a
+    function that tells whether that shows files of such names.
+    """
 
     @property
     def about(self) -> dict[str, Any]:
         """What a page has to know, as JSON holds it.
 
-        `title`; `command` and its `inputs`; `controls` of `controls_of`; `settings` to begin with;
-        and what else its page shows, such as a `histogram`.
+        `title`; `command`, its `inputs` and options of it that are `fixed`; `package` whose
+        `viewing` has a `function` (`picture`) that takes inputs and options; the command of a
+        `film` through keyframes, which has the same options, if there is one; `controls` of
+        `controls_of`; `settings` to begin with; and what else its page shows, such as a
+        `histogram`.
         """
+
+    def check(self, settings: Settings | None = None) -> None:
+        """Read what is looked at, and refuse options that are not allowed; None: the first ones."""
 
     def painter(self) -> Painter:
         """What paints for a page that has been opened."""
@@ -109,12 +130,16 @@ def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
         An option is none of theirs, or is not allowed.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]
+    fields = {
+        option_of(model, field): (n, field)
+        for n, model in reversed(list(enumerate(models)))
+        for field in model.model_fields
+    }
     for key, value in settings.items():
-        field = key.replace("-", "_")
-        homes = [n for n, model in enumerate(models) if field in model.model_fields]
-        if not homes:
+        if key not in fields:
             raise ValueError(f"there is no option {key!r:.60}")
-        parts[homes[0]][field] = value
+        home, field = fields[key]
+        parts[home][field] = value
     return [model(**part) for model, part in zip(models, parts, strict=True)]
 
 
@@ -125,5 +150,15 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
         for field in type(model).model_fields:
             value = getattr(model, field)
             if field in model.model_fields_set and value is not None:
-                found[field.replace("_", "-")] = list(value) if isinstance(value, tuple) else value
+                found[option_of(type(model), field)] = (
+                    list(value) if isinstance(value, tuple) else value
+                )
     return found
+
+
+def option_of(model: type[Choices], field: str) -> str:
+    """Name of the option that fills a field of a model."""
+    for part in model.model_fields[field].metadata:
+        if isinstance(part, Parameter) and part.name:
+            return str(next(iter(part.name))).removeprefix("--")
+    return field.replace("_", "-")

@@ -229,3 +229,14 @@ def test_a_work_without_a_record_does_not_pass():
 
 def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
+
+
+@pytest.mark.slow
+def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
+    pytest.importorskip("zarr")
+    from benchmarks.scale import main
+
+    assert main(["--size", "96", "--memory", "200MiB"]) == 0
+    told = capsys.readouterr().out
+    assert "the same bits: True" in told
+    assert "8 bricks" in told

@@ -1,11 +1,14 @@
 import io
 import json
+import logging
 import math
 
+import cyclopts
 import pytest
 
-from resample.command.console import progress_bar, say
-from resample.command.session import Session, announce_compilation, require_picture
+from resample.command.console import listening, progress_bar, say
+from resample.command.options import run
+from resample.command.session import Session, require_picture
 from resample.files.writing import check_targets, rows_as_json
 from resample.memory import require_memory
 
@@ -52,17 +55,33 @@ def test_times_of_stages_of_one_name_add_up(monkeypatch):
     assert session.times() == {"paint": 2.5}
 
 
-@pytest.mark.parametrize("stored", [True, False])
-def test_compilation_is_announced_where_the_kernel_is_not_on_disk(capsys, monkeypatch, stored):
-    asked = []
-    monkeypatch.setattr(
-        "resample.engine.jit.is_stored", lambda given: asked.append(given) or stored
-    )
-    announce_compilation(print)
-    assert asked == [print]
+def logged(capsys, monkeypatch, loudness):
+    """What a command says of two things that the library logs."""
+    monkeypatch.setenv("RESAMPLE_LOG", loudness)
+    log = logging.getLogger("resample")
+    with listening():
+        log.info("much is done")
+        log.debug("this is %s", "how")
+    log.warning("nobody listens any more")
     said = capsys.readouterr()
     assert said.out == ""
-    assert ("compiling kernels, once per installation" in said.err) != stored
+    return said.err
+
+
+def test_commands_say_what_the_library_logs(capsys, monkeypatch):
+    much, how = "resample: much is done\n", "resample: this is how\n"
+    assert logged(capsys, monkeypatch, "info") == much
+    assert logged(capsys, monkeypatch, "debug") == much + how
+    assert logged(capsys, monkeypatch, "warning") == ""
+
+
+def test_an_unknown_loudness_is_an_error_of_one_line(capsys, monkeypatch):
+    monkeypatch.setenv("RESAMPLE_LOG", "all")
+    with pytest.raises(SystemExit) as end:
+        run(cyclopts.App(), [])
+    assert end.value.code == 2
+    line = "resample: error: RESAMPLE_LOG is 'all'; it can be debug, info, warning\n"
+    assert capsys.readouterr().err == line
 
 
 def test_rows_without_bound_are_valid_json():
@@ -87,3 +106,9 @@ def test_a_file_gets_no_bar(monkeypatch):
     monkeypatch.setattr("sys.stderr", io.StringIO())
     with progress_bar("working") as progress:
         assert progress is None
+
+
+def test_what_memory_is_needed_is_logged(caplog):
+    with caplog.at_level("DEBUG", logger="resample"):
+        require_memory(1 << 30, "all", "do less")
+    assert caplog.messages == ["all: 1 GiB of memory"]

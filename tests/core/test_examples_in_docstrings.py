@@ -3,6 +3,7 @@
 import doctest
 import importlib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -29,3 +30,14 @@ def test_examples_are_true(name: str) -> None:
     failed, tried = doctest.testmod(importlib.import_module(name))
     assert tried
     assert not failed
+
+
+PACKAGES = (resample, resample_texture, resample_volume, resample_warp3d)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.__name__))
+def test_every_public_name_has_an_example(package: ModuleType) -> None:
+    named = {name: getattr(package, name) for name in dir(package) if not name.startswith("_")}
+    documented = {name: of for name, of in named.items() if isinstance(of, type) or callable(of)}
+    assert documented
+    assert [name for name, of in documented.items() if ">>> " not in (of.__doc__ or "")] == []

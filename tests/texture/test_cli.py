@@ -23,11 +23,9 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch, photo):
-    """The working folder of every command, with photo.png in it; nothing is announced."""
+    """The working folder of every command, with photo.png in it."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample.command.session.announce_compilation", lambda _: None)
-    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

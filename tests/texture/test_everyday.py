@@ -31,10 +31,9 @@ QUARTERS = [-450, -90, 0, 90, 180, 270, 360, 3690]
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch, photo):
-    """The working folder of every command, with photo.png in it; nothing is announced."""
+    """The working folder of every command, with photo.png in it."""
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", photo[..., ::-1])
-    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

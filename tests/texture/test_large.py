@@ -41,9 +41,8 @@ SOURCES = ["rgb.png", "rgba.png", "gray.png", "deep.png", "photo.jpg", "sideways
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The working folder of every command, with pictures in it; nothing is announced."""
+    """The working folder of every command, with pictures in it."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
     monkeypatch.setattr(large, "MOST_IN_STRIP", 40_000)
     rng = np.random.default_rng(3)
     smooth = rng.integers(0, 256, (16, 27, 4), np.uint8)

@@ -25,7 +25,6 @@ EXIF, GPS = 0x8769, 0x8825
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
 
 
 @cache

@@ -27,7 +27,6 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_texture.command.rendering.announce_compilation", lambda _: None)
 
 
 def frames(count: int = 3) -> list[Image.Image]:

@@ -1,5 +1,6 @@
 """The page in a browser: drags, keys, controls, picks and exports do what the library does."""
 
+import shlex
 import shutil
 from collections.abc import Iterator
 from io import BytesIO
@@ -12,11 +13,17 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from resample.cameras.keyframes import keyframes_of
 from resample.view.views import controls_of
 from resample_texture.command.cli import app as pictures
 from resample_texture.viewing import COMMAND, PictureView
 from resample_volume.command.cli import app
 from resample_volume.viewing import VolumeView
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.cli import app as depth_images
+from resample_warp3d.viewing import DepthView
+from tests.commands import ended
 from tests.view.conftest import Served, served
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
@@ -144,8 +151,11 @@ def test_the_window_is_dragged_over_the_histogram(page: Any) -> None:
         page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 20, steps=4)
         page.mouse.up()
 
+    number = still(page)
     page.fill("#option-transfer", "gray")
     page.keyboard.press("Tab")
+    still(page, number)
+    page.wait_for_timeout(500)  # for the points of the new look, which have gone from there
     assert differs(page, drag)
     center, width = map(float, page.input_value("#option-window").split("/"))
     assert center > width > 0
@@ -277,3 +287,106 @@ def test_corners_of_a_picture_are_dragged(browser: Any, tmp_path: Path) -> None:
             "#export-command"
         ).replace("'", "")
         page.close()
+
+
+def test_a_camera_walks_past_a_picture_with_depth(browser: Any, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    color = cv2.GaussianBlur(rng.integers(0, 256, (60, 80, 3), np.uint8), (9, 9), 0)
+    depth = np.full((60, 80), 3000, np.uint16)
+    depth[15:40, 25:50] = 1500
+    cv2.imwrite(str(tmp_path / "color.png"), color)
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    begin = SourceCamera(fov=60), Depth(depth_scale=1000)
+    names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
+    controls = controls_of("resample-warp3d render", depth_images["render"])
+    with served(DepthView(*names, begin, controls=controls)) as address:
+        tab = browser.new_page(viewport={"width": 700, "height": 420})
+        tab.set_default_timeout(TIME)
+        tab.goto(address.address)
+        still(tab)
+        box = tab.locator(".canvas").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+        def drag() -> None:
+            tab.mouse.move(x, y)
+            tab.mouse.down()
+            tab.mouse.move(x + 60, y, steps=4)
+            tab.mouse.up()
+
+        def move() -> list[float]:
+            return [float(part) for part in tab.input_value("#option-move").split(",")]
+
+        assert differs(tab, drag)
+        assert move()[0] < 0 == move()[1]
+        assert float(tab.input_value("#option-turn").split(",")[0]) > 0
+        tab.locator(".canvas").focus()
+        assert differs(tab, lambda: tab.keyboard.press("+"))
+        assert move()[2] > 0
+        assert differs(tab, lambda: tab.keyboard.press("Shift+ArrowLeft"))
+        tab.locator("summary", has_text="Method").click()
+        assert differs(tab, lambda: tab.check("#option-fill"))
+        tab.mouse.click(x, y)
+        tab.wait_for_function(
+            "() => document.querySelector('#picked').textContent.includes('depth')"
+        )
+        assert differs(tab, lambda: tab.select_option("#option-show", "depth"))
+        tab.locator(".canvas").focus()
+        assert differs(tab, lambda: tab.keyboard.press("Home"))
+        assert move() == [0, 0, 0]
+        tab.close()
+
+
+def test_the_magnifier_tells_levels(page: Any) -> None:
+    box, before = page.locator(".canvas").bounding_box(), seen(page)
+    assert not page.is_visible("#glass")
+    height = page.locator(".bar").bounding_box()["height"]
+    page.click("#magnify")
+    x, y = before.shape[1] // 2, before.shape[0] // 2 + 3
+    page.mouse.move(box["x"] + x + 0.5, box["y"] + y + 0.5)
+    assert page.is_visible("#glass")
+    levels = " ".join(map(str, before[y, x].tolist()))
+    assert page.inner_text("#picked") == f"pixel {x}, {y} · levels {levels}"
+    assert page.locator(".bar").bounding_box()["height"] == height  # or the picture is made anew
+    page.click("#magnify")
+    assert not page.is_visible("#glass")
+
+
+def test_keyframes_become_a_film(
+    page: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for camera in ("350/20/1", "10/30/2/0.1/0"):
+        number = still(page)
+        page.fill("#option-camera", camera)
+        page.keyboard.press("Tab")
+        still(page, number)
+        page.click("#keyframe")
+    page.click("#export")
+    Path("keyframes.toml").write_text(page.inner_text("#export-keyframes"), "utf-8")
+    between = keyframes_of(Path("keyframes.toml"), 30).between(3)
+    assert [round(each.azimuth) for each in between] == [350, 360, 370]  # the short way
+    assert between[2].pan == (0.1, 0)
+    words = shlex.split(page.inner_text("#export-film"))
+    assert words[:2] == ["resample-volume", "animate"]
+    words[words.index("-o") + 1 :] = ["film", "--frames", "2", "--size", "16"]
+    assert ended(app, *(word for word in words[1:] if not word.startswith("--size="))) == 0
+    assert len(list(Path("film").glob("*.png"))) == 2
+    with page.expect_download() as waited:
+        page.click("#film-make")
+    waited.value.save_as("page.mp4")
+    words[words.index("-o") + 1 :] = ["command.mp4"]
+    assert ended(app, *words[1:]) == 0
+    page_frames, frames = (frames_of(Path(name)) for name in ("page.mp4", "command.mp4"))
+    assert len(frames) == 49
+    np.testing.assert_array_equal(page_frames, frames)
+    page.click("#export")
+    page.click("#keyframes-forget")
+    assert page.inner_text("#keyframe") == "Keyframe"
+
+
+def frames_of(path: Path) -> NDArray[np.uint8]:
+    """Frames of a film."""
+    film, frames = cv2.VideoCapture(str(path)), []
+    while (read := film.read())[0]:
+        frames.append(read[1])
+    return np.stack(frames)

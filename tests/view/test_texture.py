@@ -13,7 +13,7 @@ import pytest
 
 from resample.view.views import controls_of
 from resample_texture.command.cli import app
-from resample_texture.viewing import COMMAND, PictureView
+from resample_texture.viewing import COMMAND, PictureView, suits
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served
 
@@ -104,8 +104,8 @@ def test_pictures_are_known_by_their_files(tmp_path: Path) -> None:
     levels = np.zeros((4, 5, 3), np.uint8)
     for name in ("one.png", "one.jpg", "one.tif"):
         cv2.imwrite(str(tmp_path / name), levels)
-        assert PictureView.suits(str(tmp_path / name))
+        assert suits([str(tmp_path / name)])
     cv2.imwritemulti(str(tmp_path / "stack.tif"), [levels, levels])
     (tmp_path / "volume.nrrd").write_bytes(b"NRRD0004")
     for name in ("stack.tif", "volume.nrrd", "none.png", "."):
-        assert not PictureView.suits(str(tmp_path / name))
+        assert not suits([str(tmp_path / name)])

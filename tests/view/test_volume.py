@@ -22,7 +22,7 @@ from resample_volume.command.cli import app
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
-from resample_volume.viewing import VolumePainter, VolumeView, picture
+from resample_volume.viewing import VolumePainter, VolumeView, picture, suits
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served
 
@@ -83,6 +83,17 @@ def test_exported_python_runs(place: Served, tmp_path: Path) -> None:
         text = page.told("exported")["texts"]["python"]
     subprocess.run([sys.executable, "-c", text], cwd=tmp_path, check=True)
     assert levels((tmp_path / "picture.png").read_bytes()).shape == (40, 48, 4)
+
+
+def test_films_can_be_stopped_and_what_is_no_film_is_one_line(place: Served) -> None:
+    with place.page() as page:
+        settings = page.about["settings"]
+        page.say("film", settings, keyframes=["0/0/1", "90/0/1"], width=400, height=400)
+        page.say("film", settings, keyframes=[])
+        page.say("export", settings)
+        assert page.told("exported")["texts"]["command"]  # no file has come before it
+        page.say("film", settings, keyframes=["0/0/1", "nowhere"])
+        assert "nowhere" in page.told("error")["text"]
 
 
 def test_pages_know_the_volume_its_options_and_its_values(place: Served) -> None:
@@ -152,14 +163,14 @@ def test_a_closed_page_frees_its_scene(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_resample_command_finds_the_viewer_of_a_file(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("no volume")
+    (tmp_path / "notes.md").write_text("no volume")
     (tmp_path / "head.nrrd").write_bytes(b"")
-    assert VolumeView.suits(str(tmp_path / "head.nrrd"))
-    assert VolumeView.suits("vessel-tree:size=8")
-    for name in ("notes.txt", "missing.nrrd"):
-        assert not VolumeView.suits(str(tmp_path / name))
+    assert suits([str(tmp_path / "head.nrrd")])
+    assert suits(["vessel-tree:size=8"])
+    for name in ("notes.md", "missing.nrrd"):
+        assert not suits([str(tmp_path / name)])
     code = "from resample.cli import main; main()"
-    words = [sys.executable, "-c", code, "view", str(tmp_path / "notes.txt")]
+    words = [sys.executable, "-c", code, "view", str(tmp_path / "notes.md")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "nothing to view" in done.stderr

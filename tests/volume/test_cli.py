@@ -33,9 +33,8 @@ encoding: {encoding}
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The working folder of every command; nothing is announced about compilation."""
+    """The working folder of every command."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

@@ -60,7 +60,7 @@ def test_also_shows_another_volume_where_its_file_says():
         (("--also", "b.nrrd:window=0/5,window=1/2"), "what is said of it"),
         (("--also", "b.nrrd:window=,transfer=gray"), "what is said of it"),
         (("--also", ":transfer=gray"), "names no file"),
-        (("--also", "b.nrrd:time=one"), "time and channel are whole numbers"),
+        (("--also", "b.nrrd:time=one"), "time, channel and level are whole numbers"),
         (("--channels", "red,green"), "a has 1 channels, channels gives 2 looks"),
         (("--channel", "1"), "a has 1 channels, 0 to 0; there is no channel 1"),
     ],

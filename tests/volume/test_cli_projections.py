@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.engine.jit import is_stored
 from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
@@ -26,9 +25,8 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The working folder of every command; nothing is announced about compilation."""
+    """The working folder of every command."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 
@@ -284,15 +282,3 @@ def test_help_shows_neither_empty_flags_nor_empty_defaults(capsys):
         assert "--empty-" not in text
         assert "default: ()" not in text
         assert 'default: ""' not in text
-
-
-@pytest.mark.parametrize(
-    "words",
-    [[], ["--footprint", "corrected"], ["--method", "paper"], ["--order", "image-sheets"]],
-    ids=str,
-)
-def test_the_notice_of_compiling_is_about_the_kernel_that_paints(words, monkeypatch):
-    asked = []
-    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", asked.append)
-    assert ended("render", BOX, "-o", "out.png", *SMALL, *words) == 0
-    assert [is_stored(kernel) for kernel in asked] == [True]

@@ -17,9 +17,8 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The working folder of every command; nothing is announced about compilation."""
+    """The working folder of every command."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_volume.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

@@ -206,6 +206,31 @@ def test_a_mesh_thinner_than_a_pixel_is_not_skipped():
     np.testing.assert_allclose(whole, 0.3 * 2.3, atol=0.26)  # a sub-pixel
 
 
+def test_a_mesh_beside_the_volume_is_in_the_picture():
+    values = np.zeros((9, 9, 9), np.uint8)
+    values[3:6, 3:6, 3:6] = 200
+    box = trimesh.creation.box((2, 2, 2), trimesh.transformations.translation_matrix((40, 4, 4)))
+    mesh = scene_mesh(np.asarray(box.vertices), np.asarray(box.faces))
+    look = Appearance("100..300", classification=Classification.POST, meshes=(mesh,))
+    seen = Subject.of(as_volume(values), look)
+    alone = Subject.of(
+        as_volume(values), Appearance("100..300", classification=Classification.POST)
+    )
+    away = np.linalg.norm(mesh.corner - seen.middle - seen.sphere.center, axis=1)
+    assert away.max() <= seen.sphere.radius * (1 + 1e-9)
+    between = np.linalg.norm(alone.sphere.center - seen.sphere.center)
+    assert between + alone.sphere.radius <= seen.sphere.radius * (1 + 1e-9)
+    frame = render(values, look, (0, 0), size=(60, 40))
+    assert frame.rgba[:, 45:, 3].max() > 0.9  # the box, at the right
+    assert frame.rgba[:, :15, 3].max() > 0.5  # the voxels, at the left
+    small = scene_mesh(np.asarray(box.vertices) - (36, 0, 0), np.asarray(box.faces))
+    inside = Subject.of(
+        as_volume(values),
+        Appearance("100..300", classification=Classification.POST, meshes=(small,)),
+    )
+    assert inside.sphere.radius == alone.sphere.radius
+
+
 def test_a_mesh_before_the_first_surface_hides_it():
     values = np.zeros((32, 32, 32), np.float32)
     values[16:] = 100.0

@@ -29,7 +29,7 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """The working folder of every command, with color.png and depth.png; nothing is announced.
+    """The working folder of every command, with color.png and depth.png.
 
     A box at 1 stands before a wall at 2, in thousandths; the color is noise.
     """
@@ -39,7 +39,6 @@ def folder(tmp_path, monkeypatch):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[8:16, 12:20] = 1000
     cv2.imwrite("depth.png", depth)
-    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     return tmp_path
 
 

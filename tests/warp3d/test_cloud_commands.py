@@ -11,7 +11,6 @@ from PIL import Image
 
 from resample.files.images import read_image
 from resample_warp3d.clouds import storing
-from resample_warp3d.clouds.kernels.painting import paint
 from resample_warp3d.command import cli
 from tests import commands
 
@@ -25,7 +24,6 @@ def folder(tmp_path, monkeypatch):
     """The working folder of every command, with scan.csv: a square at y 0 of two classes."""
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    monkeypatch.setattr("resample.command.session.announce_compilation", lambda _: None)
     monkeypatch.setenv(storing.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(storing, "LEAST_POINTS", 1)
     x, z = np.mgrid[:30, :30] / 10.0
@@ -86,13 +84,6 @@ def test_the_field_of_view_of_a_camera_file_is_heeded():
         assert ended("cloud", "scan.csv", "--camera", name, "--size", "40", "-o", "o.exr") == 0
         depths.append(read_image("o.exr")[20, 20])
         assert read_image("o.exr")[..., 3].mean() > 0.7
-
-
-def test_the_first_run_waits_for_the_kernels_of_clouds_alone(monkeypatch):
-    asked = []
-    monkeypatch.setattr("resample.command.session.announce_compilation", asked.append)
-    shown()
-    assert asked == [paint]
 
 
 def test_a_film_goes_around_a_cloud():

@@ -256,6 +256,8 @@ def test_scanned_colors_are_shown_unlit_unless_asked_for():
     aside = _camera(3.0, eye=(80, 0, -60))
     assert _render(cloud, aside).rgba[24, 32, 0] == pytest.approx(0.5, rel=1e-5)
     lit = _render(cloud, aside, light=Light.HEADLIGHT)
+    named = _render(cloud, aside, light="headlight")
+    np.testing.assert_array_equal(lit.rgba, named.rgba)
     assert lit.rgba[24, 32, 0] == pytest.approx(0.3, rel=1e-2)
 
 
@@ -487,6 +489,7 @@ def test_all_cameras_of_an_orbit_see_all_of_a_cloud_from_one_distance():
     [
         ({"point_size": 0.0}, "point size"),
         ({"subpixels": 0}, "sub-pixels"),
+        ({"light": "lamp"}, "none or headlight"),
         ({"near": -1.0}, "near plane"),
     ],
 )

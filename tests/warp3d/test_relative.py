@@ -22,7 +22,6 @@ SEEN = ["--intrinsics", f"{FOCAL},{FOCAL},16,12"]
 def folder(tmp_path, monkeypatch):
     """The working folder of every command: color.png, and depth of a wall with a box before it."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     color = np.random.default_rng(7).integers(0, 256, (*SHAPE, 3), np.uint8)
     cv2.imwrite("color.png", color)
     cv2.imwrite("gray.png", color[..., 0])

@@ -23,7 +23,6 @@ COUNT = 3
 def folder(tmp_path, monkeypatch):
     """The working folder: film.gif of few colors, and depth as a folder, a film and relative."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     rng = np.random.default_rng(3)
     palette = rng.integers(0, 256, (12, 3), np.uint8)
     pictures = [Image.fromarray(palette[rng.integers(0, 12, (24, 32))]) for _ in range(COUNT)]

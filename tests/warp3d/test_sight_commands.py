@@ -35,7 +35,6 @@ def store(name, camera, shape):
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("resample_warp3d.command.rendering.announce_compilation", lambda _: None)
     store(tmp_path / "around.exr", PANORAMA, (HEIGHT, 2 * HEIGHT))
     store(tmp_path / "parallel.exr", SOURCES["orthographic"], SHAPE)
     store(tmp_path / "flat.exr", SOURCES["pinhole"], SHAPE)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.notebooks import view
     from resample_texture.planning import Plan
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
@@ -33,6 +34,7 @@ _HOMES = {
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
+    "view": "notebooks",
     "warp": "warping",
     "warp_like_opencv": "like.opencv",
 }
@@ -53,6 +55,7 @@ __all__ = [
     "resize",
     "rotate",
     "scale",
+    "view",
     "warp",
     "warp_like_opencv",
 ]

@@ -37,6 +37,15 @@ def resize(
     ------
     ValueError, LookupError
         As of `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import resize
+    >>> resize(np.uint8([[1, 3, 5, 7]]), (1, 2)).image.tolist()  # means of two texels each
+    [[2, 6]]
+    >>> resize(np.zeros((48, 64, 3), np.uint8), (30, 40))
+    Warped(30 × 40 × 3 uint8, 100 % covered)
     """
     target = whole_pair(shape, "height", "width")
     matrix = resizing(_shape_of(image), target)
@@ -65,6 +74,15 @@ def scale(
     ------
     ValueError, LookupError
         A factor is not above 0, or as of `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import scale
+    >>> scale(np.ones((15, 21)), 0.5).image.shape
+    (8, 11)
+    >>> scale(np.ones((15, 21)), (2, 0.5)).image.shape  # along x and y
+    (8, 42)
     """
     both = factor if isinstance(factor, tuple) else (factor, factor)
     target = scaled_shape(_shape_of(image), both)
@@ -98,6 +116,15 @@ def rotate(
     ------
     ValueError, LookupError
         The angle is no number, or as of `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import rotate
+    >>> rotate(np.uint8([[1, 2], [3, 4]]), 90).image.tolist()
+    [[2, 4], [1, 3]]
+    >>> rotate(np.ones((30, 40)), 30)
+    Warped(46 × 50 float64, 56.3 % covered)
     """
     source = _shape_of(image)
     target = (

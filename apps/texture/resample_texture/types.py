@@ -16,7 +16,20 @@ from resample_texture.geometry.mappings import Geometry
 
 
 class Edge(StrEnum):
-    """What lies beyond the source's edges."""
+    """What lies beyond the source's edges.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import Edge, warp
+    >>> row, right = np.uint8([[1, 2, 3, 4]]), [[1, 0, 2], [0, 1, 0]]
+    >>> for edge in Edge:
+    ...     print(f"{edge:11}", *warp(row, right, (1, 6), edge=edge).image[0])
+    transparent 0 0 1 2 3 4
+    clamp       1 1 1 2 3 4
+    wrap        3 4 1 2 3 4
+    mirror      2 1 1 2 3 4
+    """
 
     TRANSPARENT = "transparent"  # nothing: coverage ends there
     CLAMP = "clamp"  # the outermost texels, for ever
@@ -32,7 +45,20 @@ class _Warped(NamedTuple):
 
 
 class Warped(Showable, _Warped):
-    """A warped picture, or a batch (N, ...) of them."""
+    """A warped picture, or a batch (N, ...) of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp
+    >>> warped = warp(np.full((16, 16), 6.0), [[1, 0, 2.5], [0, 1, 0]], (16, 16))
+    >>> warped
+    Warped(16 × 16 float64, 87.5 % covered)
+    >>> warped.image[8, 1:4].round(3).tolist(), warped.coverage[8, 1:4].tolist()
+    ([0.0, 3.0, 6.0], [0.0, 0.5, 1.0])
+    >>> warped.mean[8, 1:4].round(3).tolist()
+    [nan, 6.0, 6.0]
+    """
 
     __slots__ = ()
 

@@ -4,15 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
 from resample.files.pictures import look_of
+from resample.view.files import file_of, levels_in
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.asking import geometry_of
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
 COMMAND = "resample-texture warp"
 SHOWN = (Place, Warping, Written, Besides)  # models of options that a page changes
+PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 LEFT_OUT = (
     *("size", "roi", "coverage", "stats", "threads", "bits", "output", "map", "flow", "total"),
@@ -53,7 +53,7 @@ class PicturePainter:
         """Picture of these options, see `resample.view.views.Painter`."""
         if not quick:
             with cancellable(cancel):
-                return Painting(_levels(self.file(settings, size, ".png")), is_preview=False)
+                return Painting(levels_in(self.file(settings, size, ".png")), is_preview=False)
         target, warping = self._target(settings, size)
         geometry = geometry_of(target.places, target.shape, "corner", inverse=False)
         made = self._scene.render(
@@ -109,24 +109,13 @@ class PictureView:
     begin: Sequence[Any] = ()
     controls: Sequence[dict[str, Any]] = ()
 
-    @staticmethod
-    def suits(name: str) -> bool:
-        """Whether a name is that of a file with one picture."""
-        import cv2
-
-        path = Path(name)
-        suffix = path.suffix.lower()
-        if suffix in TIFF:
-            return path.is_file() and cv2.imcount(name) == 1  # several pages may be a volume's
-        return suffix in SUFFIXES and path.is_file()
-
     @cached_property
     def about(self) -> dict[str, Any]:
         """What a page has to know, see `resample.view.views.Viewable`."""
         image = PictureScene(self.path).image
         height, width = image.shape[:2]
         begin = settings_of(self.begin)
-        places = {"matrix", "corners", "map", "flow", "lens"} & begin.keys()
+        places = PLACES & begin.keys()
         return {
             "title": self.path.name,
             "subtitle": f"{width} × {height}, {image.dtype}",
@@ -139,6 +128,12 @@ class PictureView:
             "settings": begin if places else {**begin, "corners": ""},  # the page fits them in
         }
 
+    def check(self, settings: Settings | None = None) -> None:
+        """Read the picture and try options, see `resample.view.views.Viewable`."""
+        self.painter()
+        if settings is not None:
+            _checked(settings)
+
     def painter(self) -> PicturePainter:
         """What paints for a page that has been opened."""
         return PicturePainter(self.path)
@@ -146,6 +141,18 @@ class PictureView:
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
         return self.painter().file(settings, size, suffix)
+
+
+def suits(names: Sequence[str]) -> bool:
+    """Whether these are one file with one picture."""
+    import cv2
+
+    if len(names) != 1 or not Path(names[0]).is_file():
+        return False
+    suffix = Path(names[0]).suffix.lower()
+    if suffix in TIFF:
+        return bool(cv2.imcount(names[0]) == 1)  # several pages may be a volume's
+    return suffix in SUFFIXES
 
 
 def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
@@ -169,7 +176,7 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     """
     from PIL import Image
 
-    return Image.fromarray(_levels(_written(Path(path), settings, ".png")))
+    return Image.fromarray(levels_in(_written(Path(path), settings, ".png")))
 
 
 def _checked(settings: Settings) -> list[Any]:
@@ -185,19 +192,4 @@ def _written(path: Path, settings: Settings, suffix: str) -> bytes:
     """File that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
     job = Job(partial(target_of, place), warping, look_of(written), region(besides.roi))
-    with TemporaryDirectory() as folder:
-        target = Path(folder) / f"picture{suffix}"
-        warp_file(path, target, job)
-        return target.read_bytes()
-
-
-def _levels(file: bytes) -> NDArray[np.uint8]:
-    """Levels of a PNG, as a page shows them."""
-    import cv2
-
-    stored: Any = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_UNCHANGED)
-    if stored.dtype == np.uint16:
-        stored = (stored >> 8).astype(np.uint8)
-    if stored.ndim == 2:
-        stored = np.repeat(stored[..., np.newaxis], 3, axis=2)
-    return np.ascontiguousarray(stored[..., [2, 1, 0, 3][: stored.shape[2]]])
+    return file_of(lambda target: warp_file(path, target, job), suffix)

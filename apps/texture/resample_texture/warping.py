@@ -103,6 +103,19 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         A picture, matrix, size or choice cannot be worked with.
     LookupError
         A name is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp
+    >>> image = np.full((48, 64, 3), 255, np.uint8)
+    >>> matrix = [[0.9, -0.2, 10], [0.2, 0.9, 0], [0, 0.002, 1]]
+    >>> warp(image, matrix, (60, 80))
+    Warped(60 × 80 × 3 uint8, 50.1 % covered)
+    >>> warp(image, matrix, (60, 80), interpolation="lanczos", edge="mirror")
+    Warped(60 × 80 × 3 uint8, 100 % covered)
+    >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
+    Warped(64 × 48 × 3 uint8, 100 % covered)
     """
     image = as_picture(image)
     border = edge_named(edge)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.rectilinear import rectilinear
+    from resample_volume.notebooks import view
     from resample_volume.rendering import Appearance, render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
@@ -40,6 +41,7 @@ _HOMES = {
     "rectilinear": "media.rectilinear",
     "render": "rendering",
     "scene_mesh": "space.meshes",
+    "view": "notebooks",
 }
 
 __all__ = [
@@ -60,6 +62,7 @@ __all__ = [
     "rectilinear",
     "render",
     "scene_mesh",
+    "view",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

@@ -45,6 +45,14 @@ def as_volume(given: Any, name: str = "array") -> Volume:
         It is of another shape, or has no voxels.
     OSError
         The file cannot be read.
+
+    Examples
+    --------
+    >>> from resample_volume import as_volume
+    >>> as_volume([[[0, 1], [2, 3]], [[4, 5], [6, 7]]]).values.shape
+    (2, 2, 2)
+    >>> as_volume("checker-box:size=16,block=4").values.dtype
+    dtype('uint8')
     """
     if isinstance(given, Volume):
         return given

@@ -1,4 +1,4 @@
-"""What is found of a volume's values is found once, where a scene keeps it."""
+"""What is found of a volume's values is found once, where a scene keeps it, or the values do."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,16 +33,17 @@ def found_once(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[
     Parameters
     ----------
     of
-        Gives the array of values of the first argument; all others are numbers and names.
+        Gives the array of values of the first argument; all others are numbers and names. What
+        has an attribute `found` keeps what is found there.
     """
 
     def decorated(find: Callable[P, R]) -> Callable[P, R]:
         @wraps(find)
         def found(*args: P.args, **kwargs: P.kwargs) -> R:
-            kept = _kept.get()
+            first, *others = args
+            kept = getattr(of(first), "found", _kept.get())
             if kept is None:
                 return find(*args, **kwargs)
-            first, *others = args
             key = (find, id(of(first)), *others, *sorted(kwargs.items()))
             if key not in kept:
                 kept[key] = find(*args, **kwargs)

@@ -34,11 +34,13 @@ from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import in_memory
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
     Placed,
     Shifted,
+    around_both,
     ball_around,
     centered,
     shown_by,
@@ -47,7 +49,7 @@ from resample_volume.voxels.framing import (
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
-from resample_volume.voxels.visible import Voxels, classify, finite_range, lattice_of, unit_of
+from resample_volume.voxels.visible import Voxels, classify, finite_range, unit_of
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
@@ -67,7 +69,17 @@ class Classification(StrEnum):
 
 @dataclass(frozen=True)
 class Appearance:
-    """What of a volume is seen, and what it looks like."""
+    """What of a volume is seen, and what it looks like.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Appearance, Light, render
+    >>> values = np.random.default_rng(1).integers(0, 255, (12, 12, 12), np.uint8)
+    >>> look = Appearance("120..400", Light(ambient=0.5), crop="2:10,:,:")
+    >>> render(values, look, size=(32, 24))
+    Frame(32 × 24 px, 39.6 % covered, depth from 32.2)
+    """
 
     transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
     light: Light | None = field(default_factory=Light)  # None: colors as they are
@@ -222,7 +234,7 @@ def kept_look(volume: Volume, look: Appearance) -> Appearance:
             "it alone"
         )
     transfer = transfer_of(volume, look)
-    unit = unit_of(transfer, lattice_of(volume))
+    unit = unit_of(transfer, volume)
     return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
 
 
@@ -350,6 +362,7 @@ class Subject:
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
+            scene = in_memory(scene)
             voxels = field_of(scene, appearance, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
@@ -368,7 +381,8 @@ class Subject:
             shown = shown_by(scene, look, clip, radius, resampler.iso)
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
-        return cls(voxels, appearance, sphere_around(shown, scene), middle, clip, mesh)
+        ball = around_both(sphere_around(shown, scene), mesh.corner)
+        return cls(voxels, appearance, ball, middle, clip, mesh)
 
     @classmethod
     def of_several(
@@ -393,7 +407,10 @@ class Subject:
         whole = common_lattice([volume for volume, _ in media])
         middle = whole.middle
         whole = whole._replace(origin=whole.origin - middle)
-        moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
+        moved = [
+            (in_memory(volume)._replace(origin=volume.origin - middle), look)
+            for volume, look in media
+        ]
         scene, appearance = whole.volume(), moved[0][1]
         clip = np.concatenate(
             [planes(moved[0][0], appearance.crop), planes(scene, None, appearance.clip)]
@@ -497,6 +514,18 @@ def render(
     ------
     ValueError
         The array is no volume, or a choice is not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import render
+    >>> z, y, x = np.indices((16, 16, 16)) - 7.5
+    >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
+    >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
+    >>> frame
+    Frame(32 × 32 px, 91.5 % covered, depth from 20.82)
+    >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
+    (1.0, 0.0)
     """
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])

@@ -19,6 +19,7 @@ from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, merged
 from resample_volume.rendering import Appearance, Fit, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import in_memory
 
 KEPT = 4  # looks whose samples are kept
 MERGED = 2  # voxels each way that are one in a preview
@@ -57,7 +58,7 @@ class Scene:
     volume: Volume = field(init=False)  # without padding
 
     def __post_init__(self) -> None:
-        whole = as_volume(self.given)
+        whole = in_memory(as_volume(self.given))
         self.volume = without_padding(whole, survey(whole))
         self._coarse: Volume | None = None
         self._subjects: dict[tuple[Any, ...], Subject] = {}

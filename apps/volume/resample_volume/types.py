@@ -8,9 +8,21 @@ from resample.types import Doubles
 
 
 class Volume(NamedTuple):
-    """A scalar field on a regular lattice."""
+    """A scalar field on a regular lattice.
 
-    values: NDArray[Any]  # (Z, Y, X) uint8/16, int8/16/32, float32/64; NaN is "no value here"
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import as_volume
+    >>> volume = as_volume(np.zeros((4, 5, 6), np.int16))
+    >>> volume = volume._replace(spacing=np.array([0.5, 0.5, 2.0]), units="mm")  # x, y, z
+    >>> volume.values.shape, volume.spacing.tolist()
+    ((4, 5, 6), [0.5, 0.5, 2.0])
+    """
+
+    # (Z, Y, X) uint8/16, int8/16/32, float32/64; NaN is "no value here". Where a caller asked for
+    # values that stay in their file, these are `voxels.bricks.Bricks` instead.
+    values: NDArray[Any]
     spacing: Doubles  # (3,) x, y, z; scene units between neighbours, > 0
     origin: Doubles  # (3,) x, y, z; scene position of values[0, 0, 0]
     direction: Doubles  # (3, 3) columns are the unit steps of x, y, z; may mirror
@@ -19,6 +31,7 @@ class Volume(NamedTuple):
     colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
     note: str = ""  # what was made of a file's values, for who looks at them
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
+    thickness: float = 0.0  # scene units that opacities hold for; 0: cube root of a voxel's volume
 
 
 class Recording(NamedTuple):
@@ -33,3 +46,4 @@ class Recording(NamedTuple):
     is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
     note: str = ""
     space: str = ""
+    thickness: float = 0.0

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -10,12 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.command.settings import PictureFormat, Resampling
+from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
 from resample.files.frames import write_frame
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample.view.files import file_of
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
-from resample.watching import Cancel
+from resample.watching import Cancel, Progress
+from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
 from resample_volume.command.choices import Beside, Look, Source
 from resample_volume.command.inputs import prepared
 from resample_volume.editing import points_of, spelled
@@ -24,17 +27,18 @@ from resample_volume.files.source import find_reader
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
-from resample_volume.rendering import Appearance, transfer_of
+from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.types import Volume
 
-COMMAND = "resample-volume render"
+COMMAND, FILM = "resample-volume render", "resample-volume animate"
+FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
-    *("reader", "shape", "dtype", "endian", "spacing", "units", "time", "channel"),
-    *("also", "channels", "size", "bits", "threads", "color-bar", "deep", "output", "stats"),
-    *("settings", "save-settings"),
+    *("reader", "shape", "dtype", "endian", "spacing", "memory", "level", "units", "time"),
+    *("channel", "also", "channels", "size", "bits", "threads", "color-bar", "deep", "output"),
+    *("stats", "settings", "save-settings"),
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256
@@ -79,7 +83,7 @@ class VolumePainter:
 
     def check(self, settings: Settings) -> None:
         """Refuse options that are not allowed; errors as of `frame`."""
-        self._wish(settings)
+        self._wish(settings).look.viewpoint()
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
@@ -116,6 +120,23 @@ class VolumePainter:
             return frame
         camera, volume = self._scene.standing(wish.appearance, view, size=size, **choices)
         return annotated(frame, camera, volume, marks)
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
+        wish, (width, height) = self._wish(settings), size
+        with TemporaryDirectory(prefix="film-") as folder:
+            file = Path(folder) / "keyframes.toml"
+            file.write_text(keyframes, encoding="utf-8")
+            flight = flight_of(str(file), None, RATE, wish.look.viewpoint())
+        medium = self.volume, wish.appearance
+        subject = Subject.of_several([medium], wish.resampler, wish.look.fit)
+        behind = wish.picture.behind(FILMED) or (0.0, 0.0, 0.0)
+        drawn = drawing(self.volume, subject, wish.beside.annotations(behind))
+        paint = Paint(wish.resampler, (height, width), behind, None, drawn)
+        cameras = cameras_of(subject, flight, paint.size)
+        write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Voxel that is seen at a place, see `resample.view.views.Painter`."""
@@ -186,17 +207,6 @@ class VolumeView:
     begin: Sequence[Any] = ()
     controls: Sequence[dict[str, Any]] = ()
 
-    @staticmethod
-    def suits(name: str) -> bool:
-        """Whether a name is one of a volume: of a file, a folder or a generated one."""
-        if not Path(name).exists():
-            return name.partition(":")[0] in GENERATED
-        try:
-            find_reader(Path(name))
-        except (ValueError, OSError):
-            return False
-        return True
-
     @cached_property
     def volume(self) -> Volume:
         """The volume, which all pages share."""
@@ -211,6 +221,7 @@ class VolumeView:
             "title": self.volume.name,
             "subtitle": f"{' × '.join(map(str, size))}, {self.volume.values.dtype}",
             "command": COMMAND,
+            "film": FILM,
             "package": "resample_volume",
             "inputs": [self.name],
             "fixed": settings_of([self.source]),
@@ -220,16 +231,31 @@ class VolumeView:
             "histogram": _histogram(self.volume, known.span),
         }
 
+    def check(self, settings: Settings | None = None) -> None:
+        """Read the volume and try options, see `resample.view.views.Viewable`."""
+        self.painter().check(self.about["settings"] if settings is None else settings)
+
     def painter(self) -> VolumePainter:
         """What paints for a page that has been opened."""
         return VolumePainter(self.volume)
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / f"picture{suffix}"
-            self.painter().save(settings, size, path)
-            return path.read_bytes()
+        return file_of(partial(self.painter().save, settings, size), suffix)
+
+
+def suits(names: Sequence[str]) -> bool:
+    """Whether these are one volume: a file, a folder or a generated one."""
+    if len(names) != 1:
+        return False
+    (name,) = names
+    if not Path(name).exists():
+        return name.partition(":")[0] in GENERATED
+    try:
+        find_reader(Path(name))
+    except (ValueError, OSError):
+        return False
+    return True
 
 
 def picture(volume: str, settings: Mapping[str, Any]) -> Frame:

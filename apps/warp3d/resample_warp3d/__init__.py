@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.viewing.notebooks import view
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
@@ -61,6 +62,7 @@ _HOMES = {
     "render": "warping",
     "render_cloud": "clouds.rendering",
     "render_together": "views.together",
+    "view": "viewing.notebooks",
     "warp": "warping",
     "way_between": "wide.passages",
     "warp_disparity": "warping",
@@ -98,6 +100,7 @@ __all__ = [
     "render",
     "render_cloud",
     "render_together",
+    "view",
     "warp",
     "warp_disparity",
     "way_between",

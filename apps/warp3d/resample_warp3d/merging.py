@@ -42,6 +42,16 @@ def merge(
     ------
     ValueError
         There is no view, their shapes differ, or the blend is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, merge, warp
+    >>> target = Camera.from_fov(60, 24, 32)
+    >>> sides = [target.moved(np.c_[np.eye(3), [x, 0, 0]]) for x in (-0.5, 0.5)]
+    >>> views = [warp(np.ones((24, 32)), np.full((24, 32), 2.0), side, target) for side in sides]
+    >>> [round(float(view.coverage.mean()), 2) for view in (*views, merge(views))]
+    [0.85, 0.85, 1.0]
     """
     check_blend(blend)
     shapes = {view.image.shape for view in views}

@@ -30,7 +30,20 @@ AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust in depth that was not r
 
 
 class Hole(IntEnum):
-    """Why a pixel of the target is what it is."""
+    """Why a pixel of the target is what it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, Hole, warp
+    >>> depth = np.full((32, 32), 4.0)
+    >>> depth[8:24, 8:24] = 1.0  # a square before a wall
+    >>> camera = Camera.from_fov(60, 32, 32)
+    >>> right = camera.moved(np.c_[np.eye(3), [-0.4, 0, 0]])
+    >>> holes = warp(np.ones((32, 32)), depth, camera, right).holes
+    >>> Hole(holes[16, 16]).name, Hole(holes[16, 31]).name
+    ('DISOCCLUDED', 'OUTSIDE')
+    """
 
     NONE = 0  # covered, wholly or in part
     DISOCCLUDED = 1  # the source has something nearer in the way
@@ -40,7 +53,17 @@ class Hole(IntEnum):
 
 
 class DepthImage(NamedTuple):
-    """A picture and how far everything in it is."""
+    """A picture and how far everything in it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, prepare
+    >>> color, depth = np.ones((24, 32, 3), np.float32), np.full((24, 32), 2.0)
+    >>> image = DepthImage(color, np.float32(1 / depth), np.empty((0, 0, 2)))  # without a lens
+    >>> prepare(image).nearness[12, 16].item()
+    0.5
+    """
 
     color: Floats  # (H, W, C) linear light, premultiplied where a channel is opacity
     nearness: Floats  # (H, W) δ; 0 where there is none
@@ -48,7 +71,16 @@ class DepthImage(NamedTuple):
 
 
 class Equation(NamedTuple):
-    """McMillan's warping equation, x₂ ~ matrix x₁ + δ epipole."""
+    """McMillan's warping equation, x₂ ~ matrix x₁ + δ epipole.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Equation
+    >>> pair = Equation(np.eye(3), np.array([-1.0, 0.0, 0.0]))  # rectified, δ in px
+    >>> (pair.matrix @ (20, 10, 1) + 4 * pair.epipole).tolist()
+    [16.0, 10.0, 1.0]
+    """
 
     matrix: Doubles  # (3, 3)
     epipole: Doubles  # (3,)
@@ -72,7 +104,18 @@ class Sheet(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A depth image prepared for warping; see `resample_warp3d.depth.preparation`."""
+    """A depth image prepared for warping; see `resample_warp3d.depth.preparation`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, prepare
+    >>> noise = np.random.default_rng(1).normal(0, 0.002, (64, 64))
+    >>> color, nearness = np.ones((64, 64, 3), np.float32), np.float32(0.5 * (1 + noise))
+    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> round(source.noise, 3), bool(source.nearness.std() < nearness.std() / 2)  # smoothed
+    (0.002, True)
+    """
 
     color: Floats  # (H, W, C)
     nearness: Floats  # (H, W) smoothed along surfaces where it is noisy or coarse; 0: none
@@ -112,7 +155,20 @@ class _Warped(NamedTuple):
 
 
 class Warped(Showable, _Warped):
-    """A warped depth image."""
+    """A warped depth image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, warp
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> ahead = camera.moved(np.c_[np.eye(3), [0, 0, -0.5]])
+    >>> warped = warp(np.ones((24, 32, 3)), np.full((24, 32), 2.0), camera, ahead)
+    >>> warped
+    Warped(24 × 32 × 3 float32, 100 % covered)
+    >>> round(warped.depth[12, 16].item(), 3), round(warped.magnification[12, 16].item(), 2)
+    (1.5, 1.78)
+    """
 
     __slots__ = ()
 

@@ -93,6 +93,19 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         A picture, depth, size or choice cannot be worked with.
     LookupError
         The method is unknown, or what `refine` asks for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, warp
+    >>> depth = np.full((32, 32), 4.0)
+    >>> depth[8:24, 8:24] = 1.0  # a square before a wall
+    >>> camera = Camera.from_fov(60, 32, 32)
+    >>> right = camera.moved(np.c_[np.eye(3), [-0.4, 0, 0]])  # world to camera
+    >>> warp(np.ones((32, 32, 3)), depth, camera, right)
+    Warped(32 × 32 × 3 float32, 81.6 % covered)
+    >>> warp(np.ones((32, 32, 3)), depth, camera, right, fill=True)
+    Warped(32 × 32 × 3 float32, 100 % covered)
     """
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
@@ -131,6 +144,16 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     Returns
     -------
     As `warp`; `depth` is 1 / disparity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import warp_disparity
+    >>> left = np.zeros((24, 32))
+    >>> left[:, 20] = 1.0  # a line
+    >>> right = warp_disparity(left, np.full((24, 32), 6.0))
+    >>> np.flatnonzero(right.image[12] > 0.5).tolist()
+    [14]
     """
     nearness = two_dimensional(disparity, "disparity").astype(np.float32)
     image = DepthImage(as_light(color), nearness, np.empty((0, 0, 2)))
@@ -230,6 +253,17 @@ def render(
         The method takes no filter, or the shape or the equation cannot be worked with.
     LookupError
         The method or the filter is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, of_rectified, prepare, render
+    >>> color, disparity = np.ones((24, 32, 3), np.float32), np.full((24, 32), 8, np.float32)
+    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> for fraction in (0.25, 1.0):
+    ...     print(render(source, of_rectified(fraction), (24, 32), "hybrid"))
+    Warped(24 × 32 × 3 float32, 96.9 % covered)
+    Warped(24 × 32 × 3 float32, 78.1 % covered)
     """
     from resample.engine import jit
 

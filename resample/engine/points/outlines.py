@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from resample.engine.ellipsoids.footprints import Eye, Shape, seen_from
 from resample.engine.ellipsoids.outlines import (
+    BATCH,
     BOTTOM,
     KEY,
     LEFT,
@@ -162,8 +163,8 @@ def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool
 
 
 @kernel
-def _outline_run(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
-    """Bounds, key and spacing of a run's points, those beyond a plane hidden."""
+def _outline_batch(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
+    """Bounds, key and spacing of a batch of points, those beyond a plane hidden."""
     sight, planes = sight_of(stage, NO_REACH), stage.screen.planes
     position, extinction = samples.position.reshape(-1), samples.extinction
     outline_points(room, position, extinction, begin, count, sight, stage.style)
@@ -180,10 +181,15 @@ def outline_point_runs(
     """Fill in runs (R,) of at most BATCH samples, from `start` (R + 1,)[n] to before the next."""
     room = np.empty(ROOM, np.float32)
     for chunk in tasks(counter, CHUNKS):
-        for run in range(known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS):
-            begin, count = start[run], start[run + 1] - start[run]
-            _outline_run(room, samples, begin, count, stage)
-            sum_up(known[run], room, 0, count)
+        first, last = known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS
+        while first < last:  # short runs are outlined together
+            begin, behind = start[first], first + 1
+            while behind < last and start[behind + 1] - begin <= BATCH:
+                behind += 1
+            _outline_batch(room, samples, begin, start[behind] - begin, stage)
+            for run in range(first, behind):
+                sum_up(known[run], room, start[run] - begin, start[run + 1] - begin)
+            first = behind
 
 
 @parallel_kernel
@@ -195,6 +201,6 @@ def find_point_spacings(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
             if may_be_finer(runs.known[run], finest, stage.style):
                 begin, count = start[run], start[run + 1] - start[run]
-                _outline_run(room, runs.samples, begin, count, stage)
+                _outline_batch(room, runs.samples, begin, count, stage)
                 finest = min(finest, finest_of(room, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest

@@ -3,8 +3,15 @@
 
 const STILL = 160; // ms after the last gesture, from which on the whole picture is asked for
 const LARGEST = 1024; // px of a side that is asked for
-const OPEN = ["Look", "Camera"]; // headings that begin unfolded
-const LINKED = ["camera", "fov", "up", "fit", "corners"]; // options that pictures side by side share
+const OPEN = ["Look", "Camera", "Picture"]; // headings that begin unfolded
+// Options that pictures side by side share
+const LINKED = ["camera", "fov", "up", "fit", "corners", "move", "turn", "pose", "target-fov", "steady"];
+const HINTS = {
+  orbit: "arrows turn it, plus and minus zoom, shift and arrows move it",
+  corners: "arrows move it, plus and minus make it larger and smaller",
+  walk: "arrows move the camera, shift and arrows turn it, plus and minus go ahead and back",
+};
+const GLASS = 21, LARGER = 8; // px that the magnifier shows, and how much larger
 const NEAR = 12; // px within which a point of a curve is taken
 const VIEWS = ["front", "back", "left", "right", "top", "bottom", "corner"];
 const NAMED = {
@@ -60,41 +67,67 @@ function spelled([azimuth, elevation, zoom, right, up]) {
 export function show(el, connect) {
   let about = null, settings = {}, kept = null, number = 0, timer = 0, url = "", waiting = false, again = null;
   let shown = { width: 1, height: 1 };
+  let keyframes = []; // cameras
+  let whole = null; // settings of the last whole picture that was asked for
+  let wished = ""; // the size that was asked for last
   const fields = new Map();
 
   const image = made("img", { alt: "The picture", draggable: false });
   const message = made("div", { class: "message", role: "status", "aria-live": "polite" });
+  const glass = made("canvas", { class: "glass", id: "glass", width: GLASS * LARGER, height: GLASS * LARGER, hidden: true });
+  const picked = made("span", { class: "picked", id: "picked" });
   const canvas = made("div", {
     class: "canvas", tabIndex: 0, role: "application",
-    "aria-label": "Picture: arrows turn it, plus and minus zoom, shift and arrows move it",
-  }, image, message);
+  }, image, glass, message, picked);
   const badge = made("span", { class: "badge", id: "badge" }, "…");
-  const picked = made("span", { class: "picked", id: "picked" });
   const views = made("select", { "aria-label": "View from", id: "views" },
     made("option", { value: "" }, "View from…"), ...VIEWS.map((v) => made("option", { value: v }, v)));
   const other = pane("other"), apart = pane("difference");
   const panes = made("div", { class: "panes" }, canvas);
   const compare = made("button", { id: "compare", "aria-pressed": "false",
     title: "Keep this picture, and see the next ones beside it", onclick: () => keep(kept ? null : { ...settings }) }, "Compare");
-  const bar = made("div", { class: "bar" }, badge, views, compare,
-    made("button", { id: "export", onclick: () => say("export") }, "Export"),
+  const magnify = made("button", { id: "magnify", "aria-pressed": "false",
+    title: "Show pixels under the pointer enlarged, and their levels", onclick: () => magnifying(glass.hidden) }, "Magnifier");
+  const keyframe = made("button", { id: "keyframe", hidden: true,
+    title: "Remember where the camera is; Export gives the film through all keyframes", onclick: () => remembered([...keyframes, settings.camera ?? "30/20/1"]) }, "Keyframe");
+  const bar = made("div", { class: "bar" }, badge, views, compare, magnify,
+    keyframe,
+    made("button", { id: "export", onclick: () => say("export", { keyframes }) }, "Export"),
     made("button", { id: "save-png", onclick: () => say("save", { suffix: ".png" }) }, "PNG"),
     made("button", { id: "save-exr", onclick: () => say("save", { suffix: ".exr" }) }, "EXR"),
-    made("button", { id: "reset", onclick: () => replaced({ ...about.settings }) }, "Reset"), picked);
+    made("button", { id: "reset", onclick: () => replaced({ ...about.settings }) }, "Reset"));
   const side = made("aside", { class: "side" });
   const dialog = made("dialog", { id: "exports" });
   el.append(made("div", { class: "stage" }, panes, bar), side, dialog);
 
   const link = connect({ opened: () => wish(false), told, frame: framed, closed });
 
-  function size() {
+  const walks = () => about?.gestures === "walk";
+
+  // What of the canvas the picture fills: all of it, or what has the sides of a camera's picture.
+  function frame() {
     const box = canvas.getBoundingClientRect();
-    const most = LARGEST / Math.max(box.width, box.height, 1);
+    if (!walks()) return { left: box.left, top: box.top, width: box.width, height: box.height };
+    const [across, down] = about.extent, scale = Math.min(box.width / across, box.height / down);
+    const width = scale * across, height = scale * down;
+    return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
+  }
+
+  function size() {
+    const box = frame(), most = LARGEST / Math.max(box.width, box.height, 1);
     const scale = Math.min(window.devicePixelRatio || 1, most);
     return {
       width: Math.max(8, Math.round(box.width * scale)),
       height: Math.max(8, Math.round(box.height * scale)),
     };
+  }
+
+  const spelledSize = () => Object.values(size()).join("x");
+
+  // Where in the picture an event is, px of the picture.
+  function placeOf(event) {
+    const box = frame(), { width, height } = size();
+    return { x: ((event.clientX - box.left) / box.width) * width, y: ((event.clientY - box.top) / box.height) * height };
   }
 
   function say(kind, more = {}) {
@@ -110,8 +143,46 @@ export function show(el, connect) {
     if (moving) timer = setTimeout(() => wish(false), STILL);
     if (waiting && moving) { again = true; return; }
     waiting = true;
+    wished = spelledSize();
+    if (!moving) whole = { ...settings };
     say("draw", { moving, ...(kept ? { other: beside() } : {}) });
   }
+
+  // Pixels under the pointer, enlarged
+
+  let under = null; // where the pointer is, as a share of the picture
+
+  function magnifying(on) {
+    glass.hidden = !on;
+    magnify.setAttribute("aria-pressed", String(on));
+    picked.textContent = "";
+    magnified();
+  }
+
+  function magnified() {
+    if (glass.hidden || !under || !image.naturalWidth) return;
+    const x = Math.floor(under.x * image.naturalWidth), y = Math.floor(under.y * image.naturalHeight);
+    const pen = glass.getContext("2d", { willReadFrequently: true }), half = (GLASS - 1) / 2;
+    pen.imageSmoothingEnabled = false;
+    pen.clearRect(0, 0, glass.width, glass.height);
+    pen.drawImage(image, x - half, y - half, GLASS, GLASS, 0, 0, glass.width, glass.height);
+    const [red, green, blue, alpha] = pen.getImageData((half + 0.5) * LARGER, (half + 0.5) * LARGER, 1, 1).data;
+    pen.strokeStyle = getComputedStyle(el).getPropertyValue("--accent");
+    pen.strokeRect(half * LARGER - 0.5, half * LARGER - 0.5, LARGER + 1, LARGER + 1);
+    const inside = x >= 0 && y >= 0 && x < image.naturalWidth && y < image.naturalHeight;
+    const levels = [red, green, blue, ...(alpha < 255 ? [alpha] : [])].join(" ");
+    picked.textContent = inside ? `pixel ${x}, ${y} · levels ${levels}` : "";
+  }
+
+  canvas.addEventListener("pointermove", (event) => {
+    const box = frame(), outer = canvas.getBoundingClientRect();
+    under = { x: (event.clientX - box.left) / box.width, y: (event.clientY - box.top) / box.height };
+    const beside = event.clientX - outer.left > outer.width / 2 ? -glass.width - 20 : 20;
+    glass.style.left = `${event.clientX - outer.left + beside}px`;
+    glass.style.top = `${between(0, event.clientY - outer.top - glass.height / 2, outer.height - glass.height)}px`;
+    magnified();
+  });
+  image.addEventListener("load", () => magnified());
 
   // Pictures side by side
 
@@ -159,22 +230,37 @@ export function show(el, connect) {
     }
     if (given.kind === "told" && given.what === "points") histogram.curve(given.told);
     if (given.kind === "exported") exported(given.texts);
+    if (given.kind === "settings" && about) replaced(given.settings);
+  }
+
+  // Corners, which are px, go with the picture's width.
+  let width = 0;
+  function spread() {
+    const now = size().width, points = corners();
+    if (about?.gestures === "corners" && points && width && now !== width) {
+      put(points.map((one) => one.map((part) => (part * now) / width)), true);
+    }
+    width = now;
   }
 
   function begin(given) {
     about = given;
+    width = about.width ?? width;
+    canvas.setAttribute("aria-label", `Picture: ${HINTS[about.gestures ?? "orbit"]}`);
+    views.hidden = about.gestures !== undefined;
+    keyframe.hidden = !about.film;
     if (about.gestures === "corners") {
-      views.hidden = true;
       canvas.append(...handles);
       if (about.settings.corners === "") about.settings.corners = fitted();
     }
     replaced({ ...about.settings });
     build();
+    spread();
     placed();
   }
 
   function framed(head, bytes) {
-    if (head.kind === "file") { download(head.name, bytes); return; }
+    if (head.kind === "file") { note("", "message"); download(head.name, bytes); return; }
     if (head.kind === "other" || head.kind === "difference") {
       const where = head.kind === "other" ? other : apart;
       hung(where, bytes, head.type);
@@ -185,7 +271,10 @@ export function show(el, connect) {
     }
     waiting = false;
     note("", "message");
-    if (!head.preview) histogram.ask();
+    if (!head.preview) {
+      histogram.ask();
+      if (whole) link.settled?.(whole);
+    }
     URL.revokeObjectURL(url);
     url = URL.createObjectURL(new Blob([bytes], { type: head.type }));
     image.src = url;
@@ -213,6 +302,11 @@ export function show(el, connect) {
     setTimeout(() => URL.revokeObjectURL(address), 10000);
   }
 
+  function remembered(cameras) {
+    keyframes = cameras;
+    keyframe.textContent = keyframes.length ? `Keyframe (${keyframes.length})` : "Keyframe";
+  }
+
   function exported(texts) {
     dialog.replaceChildren(
       ...Object.entries(texts).flatMap(([name, text]) => [
@@ -220,6 +314,12 @@ export function show(el, connect) {
         made("button", { onclick: () => navigator.clipboard?.writeText(text) }, "Copy"),
         made("pre", { id: `export-${name}` }, text),
       ]),
+      ...(texts.keyframes ? [
+        made("button", { id: "film-make", onclick: () => { say("film", { keyframes }); dialog.close(); } }, "Make film.mp4"),
+        made("button", { id: "film-stop", onclick: () => say("film", { keyframes: [] }) }, "Stop the film"),
+        made("button", { id: "keyframes-save", onclick: () => download("keyframes.toml", texts.keyframes) }, "Save keyframes.toml"),
+        made("button", { id: "keyframes-forget", onclick: () => { remembered([]); dialog.close(); } }, "Forget keyframes"),
+      ] : []),
       made("button", { id: "close", onclick: () => dialog.close() }, "Close"),
     );
     if (!dialog.open) dialog.showModal();
@@ -580,7 +680,50 @@ export function show(el, connect) {
     });
   });
 
+  // Steps of a camera near a picture with depth: to the right, down and ahead, scene units, and
+  // turns to the right and up, degrees. What is in the middle distance stays where it is.
+  function walked(change) {
+    const [move, turn] = ["move", "turn"].map((key) => {
+      const parts = String(settings[key] ?? "").split(",").map(Number);
+      return parts.length === 3 && parts.every(Number.isFinite) ? parts : [0, 0, 0];
+    });
+    change(move, turn);
+    if (turn.some(Boolean)) settings.turn = turn.map(rounded).join(",");
+    else delete settings.turn;
+    fields.get("turn")?.put(settings.turn);
+    changed("move", move.map(rounded).join(","), true);
+  }
+
+  function stepped(dx, dy) {
+    const [near, middle] = about.distance, per = (0.6 * near) / frame().width;
+    walked((move, turn) => {
+      move[0] -= dx * per;
+      move[1] -= dy * per;
+      turn[0] += (Math.atan(dx * per / middle) * 180) / Math.PI;
+      turn[1] -= (Math.atan(dy * per / middle) * 180) / Math.PI;
+    });
+  }
+
+  function looked(dx, dy) {
+    const per = 40 / frame().width; // degrees
+    walked((move, turn) => {
+      turn[0] -= dx * per;
+      turn[1] += dy * per;
+    });
+  }
+
+  function advanced(factor) {
+    const far = Math.log(factor) * about.distance[0] * 0.5;
+    walked((move, [yaw, pitch]) => {
+      const [a, b] = [yaw, pitch].map((one) => (one * Math.PI) / 180);
+      move[0] += far * Math.sin(a) * Math.cos(b);
+      move[1] -= far * Math.sin(b);
+      move[2] += far * Math.cos(a) * Math.cos(b);
+    });
+  }
+
   function turned(dx, dy) {
+    if (walks()) { stepped(dx, dy); return; }
     if (about.gestures === "corners") { panned(dx, dy); return; }
     steered((c) => {
       c[0] -= dx * 0.5;
@@ -589,6 +732,7 @@ export function show(el, connect) {
   }
 
   function panned(dx, dy) {
+    if (walks()) { looked(dx, dy); return; }
     const box = canvas.getBoundingClientRect(), side = Math.min(box.width, box.height);
     if (about.gestures === "corners") {
       const per = size().width / box.width;
@@ -600,6 +744,7 @@ export function show(el, connect) {
   }
 
   function zoomed(factor) {
+    if (walks()) { advanced(factor); return; }
     if (about.gestures === "corners") {
       const points = corners(), { width, height } = size();
       const around = ([x, y]) => [width / 2 + factor * (x - width / 2), height / 2 + factor * (y - height / 2)];
@@ -607,6 +752,12 @@ export function show(el, connect) {
       return;
     }
     steered((c) => { c[2] = between(1e-3, c[2] * factor, 1e3); });
+  }
+
+  function home() {
+    if (walks()) walked((move, turn) => { move.fill(0); turn.fill(0); });
+    else if (about.gestures === "corners") put(fitted().split(" ").map((one) => one.split(",").map(Number)), false);
+    else changed("camera", "30/20/1");
   }
 
   let dragged = null, travelled = 0;
@@ -626,11 +777,7 @@ export function show(el, connect) {
   canvas.addEventListener("pointerup", (event) => {
     dragged = null;
     if (travelled >= 3) return;
-    const box = canvas.getBoundingClientRect(), { width, height } = size();
-    say("pick", {
-      x: ((event.clientX - box.left) / box.width) * width,
-      y: ((event.clientY - box.top) / box.height) * height,
-    });
+    say("pick", placeOf(event));
   });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("wheel", (event) => {
@@ -644,7 +791,7 @@ export function show(el, connect) {
     if (by) event.shiftKey ? panned(...by) : turned(...by);
     else if (event.key === "+" || event.key === "=") zoomed(1.15);
     else if (event.key === "-") zoomed(1 / 1.15);
-    else if (event.key === "Home") changed("camera", "30/20/1");
+    else if (event.key === "Home") home();
     else return;
     event.preventDefault();
   });
@@ -652,17 +799,21 @@ export function show(el, connect) {
     if (views.value) changed("camera", views.value);
     views.value = "";
   });
-  let width = 0;
   new ResizeObserver(() => {
-    const now = size().width, points = corners();
-    if (about?.gestures === "corners" && points && width && now !== width) {
-      put(points.map((one) => one.map((part) => (part * now) / width)), true);
-    }
-    width = now;
+    spread();
     histogram.draw();
     placed();
-    wish(true);
+    if (wished !== spelledSize()) wish(true);
   }).observe(canvas);
+  return () => link.close?.();
+}
+
+// What the viewer sends: words, or bytes with words about them before them.
+function heard(data, hooks) {
+  if (typeof data === "string") { hooks.told(JSON.parse(data)); return; }
+  const length = new DataView(data).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  hooks.frame(head, new Uint8Array(data, 4 + length));
 }
 
 // A socket that opens itself again; `hooks` are told what comes through it.
@@ -672,18 +823,57 @@ export function socket(address) {
     const dial = () => {
       open = new WebSocket(address);
       open.binaryType = "arraybuffer";
-      open.onmessage = ({ data }) => {
-        if (typeof data === "string") { hooks.told(JSON.parse(data)); return; }
-        const length = new DataView(data).getUint32(0, true);
-        const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-        hooks.frame(head, new Uint8Array(data, 4 + length));
-      };
+      open.onmessage = ({ data }) => heard(data, hooks);
       open.onclose = () => { hooks.closed(); setTimeout(dial, 1000); };
     };
     dial();
     return { send: (text) => open.readyState === WebSocket.OPEN && open.send(text) };
   };
 }
+
+// A notebook's widget (anywidget): one model may be shown by several pages, which tell whom they mean.
+function kernel(model, page) {
+  return (hooks) => {
+    const hear = (content, buffers) => {
+      if (content.page !== page) return;
+      if (!buffers?.length) { hooks.told(JSON.parse(content.text)); return; }
+      const { buffer, byteOffset, byteLength } = buffers[0];
+      heard(buffer.slice(byteOffset, byteOffset + byteLength), hooks);
+    };
+    let known = JSON.stringify(model.get("settings"));
+    const chosen = () => {
+      const settings = model.get("settings"), text = JSON.stringify(settings);
+      if (text !== known) hooks.told({ kind: "settings", settings: { ...settings } });
+      known = text;
+    };
+    model.on("msg:custom", hear);
+    model.on("change:settings", chosen);
+    model.send({ page, kind: "opened" });
+    return {
+      send: (text) => model.send({ page, kind: "told", text }),
+      settled: (settings) => {
+        const text = JSON.stringify(settings);
+        if (text === known) return;
+        known = text;
+        model.set("settings", JSON.parse(text));
+        model.save_changes();
+      },
+      close: () => {
+        model.off("msg:custom", hear);
+        model.off("change:settings", chosen);
+        model.send({ page, kind: "closed" });
+      },
+    };
+  };
+}
+
+function render({ model, el }) {
+  const style = made("style", {}, model.get("_style")), root = made("main");
+  el.attachShadow({ mode: "open" }).append(style, root);
+  return show(root, kernel(model, crypto.randomUUID()));
+}
+
+export default { render };
 
 const main = document.getElementById("viewer");
 if (main) {

@@ -91,7 +91,7 @@ def view(
     require_parts()
     warping.check()
     shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
-    shown.painter()  # reads it
+    shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
 
 
@@ -184,12 +184,11 @@ def mesh(
         Behind the picture: black, white, #rrggbb or none for transparent.
     """
     from resample import registry
-    from resample.command.session import Session, announce_compilation
+    from resample.command.session import Session
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
     from resample_texture.command.rendering import check_memory
-    from resample_texture.mesh.kernels.painting import paint
     from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
 
     check_suffix(output)
@@ -205,7 +204,6 @@ def mesh(
     check_memory((height, width), 16)
     shape = load_mesh(model, texture)
     camera = view.placed(shape, (height, width))
-    announce_compilation(paint)
     with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, size=(width, height), style=style)
     write_frame(output, frame, bits=bits, background=behind)
@@ -254,13 +252,11 @@ def compare(
         matrix the picture's.
     """
     from resample import registry
-    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import plain
     from resample_texture.showing.compare import Judge, sheet, source_values
     from resample_texture.showing.scenes import check_scene, scene_of
-    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
     names = method_names(methods)
@@ -273,7 +269,6 @@ def compare(
     picture = flattened(read_picture(image), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
         raise ValueError(f"{image} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
-    announce_compilation(paint_blocks)
     values = source_values(picture.data, linear=linear)
     judge = Judge(truth_filter, Edge(edge), linear)
     seen = scene_of(values, scene, shape)
@@ -321,13 +316,11 @@ def animate(
     """
     from resample import registry
     from resample.command.console import progress_bar
-    from resample.command.session import announce_compilation
     from resample.command.settings import linear_color
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
     from resample_texture.command.rendering import check_memory
-    from resample_texture.texels.kernels.painting import paint_blocks
     from resample_texture.types import Edge
 
     flight = animation.Flyover(path, frames, height_and_width(size))
@@ -336,7 +329,6 @@ def animate(
     check_film(output, fps)
     check_memory(flight.size, flight.frames)
     picture = animation.with_alpha(read_picture(image).data)
-    announce_compilation(paint_blocks)
     with progress_bar("flying") as progress:
         shots = animation.shots(picture, flight, paint)
         write_film(output, shots, fps, resume=resume, progress=progress)
@@ -353,7 +345,6 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
     image
         Picture to show beside the checkerboard. A generated wall of bricks.
     """
-    from resample.command.session import announce_compilation
     from resample.files.pictures import flattened, read_picture
     from resample_texture.showing.figures import (
         FIGURE,
@@ -363,7 +354,6 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
         generated,
         write_figures,
     )
-    from resample_texture.texels.kernels.painting import paint_blocks
 
     subjects = {"checker": generated("checker")}
     if image is None:
@@ -371,7 +361,6 @@ def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> Non
     else:
         subjects["picture"] = FloorPicture(flattened(read_picture(image), (0.0, 0.0, 0.0)).data)
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation(paint_blocks)
     comparisons = compare_floors(subjects, list(FIGURE))
     sys.stdout.write(write_figures(output, comparisons, FIGURE, SHEET))
 
@@ -381,7 +370,6 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
     from resample.command.console import progress_bar
-    from resample.command.session import announce_compilation
     from resample.files.animations import write_film
     from resample_texture.command import animation
     from resample_texture.showing.figures import (
@@ -390,10 +378,8 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
         generated,
         write_figures,
     )
-    from resample_texture.texels.kernels.painting import paint_blocks
 
     output.mkdir(parents=True, exist_ok=True)
-    announce_compilation(paint_blocks)
     subjects = {name: generated(name) for name in ("checker", "bricks")}
     wall = subjects["bricks"].picture
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))

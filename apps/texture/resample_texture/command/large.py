@@ -15,7 +15,6 @@ from resample_texture.asking import method_named, within
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Aim, Target
 from resample_texture.command.rendering import (
-    announce,
     as_light,
     bytes_at_once,
     finished,
@@ -154,7 +153,6 @@ class Large:
 
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
         """First row, picture and coverage of strips of what is made, from the top."""
-        announce(self.choice)
         for first, count in self._rows():
             yield first, self._strip(first, count)
 

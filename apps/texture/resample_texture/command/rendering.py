@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 
 from resample.colors import from_srgb, to_srgb
-from resample.command.session import Session, announce_compilation, require_picture
+from resample.command.session import Session, require_picture
 from resample.files import pictures
 from resample.files.facts.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture
 from resample.types import Floats
-from resample_texture.asking import method_named
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Target
 from resample_texture.geometry.mappings import ForwardMap, Homography
@@ -40,7 +39,6 @@ def warped(
     check_memory((height, width), picture.data.shape[2])
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = _curved(picture, to_srgb) if as_encoded else picture.data
-    announce(choice)
     with session.stage("warp", bar=bar):
         image, coverage = warp(
             source,
@@ -63,15 +61,6 @@ def warped(
         result = as_light(result)
     about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
     return result._replace(about=about), coverage
-
-
-def announce(choice: Warping) -> None:
-    """Say that kernels are compiled first, if they are."""
-    from resample_texture.texels.kernels.looking import look_at
-    from resample_texture.texels.kernels.painting import paint_blocks
-
-    looks = hasattr(method_named(choice.method), "seen_tiles")
-    announce_compilation(look_at if looks else paint_blocks)
 
 
 def as_light(picture: Picture) -> Picture:

@@ -35,6 +35,16 @@ class Homography:
     ------
     ValueError
         The matrix has another shape, is not finite or has no inverse.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import Homography, warp
+    >>> twice = Homography(np.diag([2.0, 2.0, 1.0]))
+    >>> warp(np.ones((20, 30)), twice, (40, 60))
+    Warped(40 × 60 float64, 100 % covered)
+    >>> (twice.inverse() @ (60, 40, 1)).tolist()  # where the target's last corner comes from
+    [30.0, 20.0, 1.0]
     """
 
     matrix: Doubles
@@ -72,6 +82,16 @@ class ForwardMap:
     ------
     ValueError
         They are not two pictures of one shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import ForwardMap, warp
+    >>> flow = np.zeros((16, 16, 2))
+    >>> flow[..., 0] = 2.5  # px to the right
+    >>> moved = warp(np.ones((16, 16)), ForwardMap.from_flow(flow), (16, 16))
+    >>> moved.coverage[8, :4].round(3).tolist()
+    [0.0, 0.0, 0.5, 1.0]
     """
 
     x: Doubles
@@ -101,6 +121,15 @@ class BackwardMap:
     ------
     ValueError
         They are not two pictures of one shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import BackwardMap, warp
+    >>> image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    >>> x, y = np.meshgrid(np.arange(4), np.arange(3))  # as for `cv2.remap`
+    >>> warp(image, BackwardMap.from_opencv(3 - x, y), (3, 4)).image[0].tolist()
+    [3, 2, 1, 0]
     """
 
     x: Doubles

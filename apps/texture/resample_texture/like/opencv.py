@@ -81,6 +81,15 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     ------
     ValueError
         A flag is not one of these, `dst` or `borderValue` does not fit, or as `warp`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp_like_opencv
+    >>> image = np.full((48, 64), 200, np.uint8)
+    >>> small = warp_like_opencv(image, np.diag([0.25, 0.25, 1]), (20, 12), borderValue=50)
+    >>> small.shape, small[6, [8, 18]].tolist()
+    ((12, 20), [200, 50])
     """
     kind = flags & ~WARP_INVERSE_MAP & ~WARP_FILL_OUTLIERS  # the latter is what we do
     if kind not in INTERPOLATIONS:

@@ -46,6 +46,17 @@ class Source(Choices):
     spacing: Annotated[
         str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
     ] = None
+    memory: Annotated[
+        str | None,
+        Field(
+            description="Memory that a volume in chunks (OME-Zarr, zarr) may take: 2GiB. Half of "
+            "what is free."
+        ),
+    ] = None
+    level: Annotated[
+        int | None,
+        Field(ge=0, description="Size of an OME-Zarr that has several; 0 is the finest, see info."),
+    ] = None
     units: Annotated[
         Literal["hu", "hu+1024", "none"] | None,
         Field(
@@ -76,8 +87,8 @@ class Added(Choices):
         Several,
         Field(
             description="Another volume in the same scene, where its file says it is: pet.nrrd, "
-            "or pet.nrrd:window=5/10,transfer=hot:opacity=0.3; of time, channel, units, spacing, "
-            "window and, last, transfer. Where volumes overlap, extinctions add up."
+            "or pet.nrrd:window=5/10,transfer=hot:opacity=0.3; of time, channel, level, units, "
+            "spacing, window and, last, transfer. Where volumes overlap, extinctions add up."
         ),
     ] = ()
     channels: Annotated[
@@ -327,7 +338,8 @@ class Beside(Choices):
         Several,
         Field(
             description="Mesh in the volume's scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, "
-            ".stl, .glb). It needs the order rays: classify post, or first-hit."
+            ".stl, .glb). It needs the order rays: classify post, or first-hit. Planes do not cut "
+            "it, and the fit visible has it in the picture."
         ),
     ] = ()
 

@@ -50,7 +50,7 @@ BESIDE, BESIDE_PICTURE, SERVING = Beside(), BesidePicture(), Serving()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
-UNLISTED = ("histogram", "thresholds", "findings")  # which are shown in another way
+UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {  # camera and side of the picture, px
     "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
@@ -255,8 +255,8 @@ def animate(
     from resample.command.session import Session, require_picture
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation
-    from resample_volume.command.inputs import held
-    from resample_volume.command.media import filmed, media, series_of, with_meshes
+    from resample_volume.command.inputs import over_time
+    from resample_volume.command.media import can_stream, filmed, media, series_of, with_meshes
     from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
 
     check_film(output, fps)
@@ -266,7 +266,9 @@ def animate(
     resampler = look.renderer(resampling)
     meshes = beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
-    recording = held(source, volume) if source.time is None and not added.channels else None
+    recording = None
+    if source.time is None and not added.channels:
+        recording = over_time(source, volume, streamed=can_stream(look, added, resampler))
     series = None if recording is None else series_of(source, recording)
     paint = animation.Paint(resampler, shape, behind, threads)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
@@ -315,7 +317,7 @@ def view(
     require_parts()
     controls = controls_of(COMMAND, app["render"])
     shown = VolumeView(volume, source, (look, resampling, beside), controls)
-    shown.painter().check(shown.about["settings"])
+    shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
 
 
@@ -341,10 +343,12 @@ def info(
     as_json
         Print JSON instead of a table.
     """
-    from resample_volume.command.inputs import opened
+    from resample_volume.command.inputs import levels, opened
     from resample_volume.files.source import describe
 
-    facts = describe(opened(source, volume), bins)
+    facts = describe(opened(source, volume, streamed=True), bins)
+    if sizes := levels(source, volume):
+        facts["levels"] = sizes
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
 
 
@@ -368,6 +372,50 @@ def generate(name: str, /, *, output: flags.Output) -> None:
     check_suffix(output)
     check_targets(output)
     write_volume(output, generated(name))
+
+
+@app.command
+def convert(
+    volume: str,
+    output: Path,
+    /,
+    *,
+    chunk: int = 64,
+    shard: int | None = None,
+    compression: Literal["zstd", "blosc", "none"] = "zstd",
+    levels: bool = True,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+) -> None:
+    """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
+
+    Example: resample-volume convert engine.nhdr engine.ome.zarr
+
+    Parameters
+    ----------
+    volume
+        As in render; all its times and channels, or those that are chosen.
+    output
+        Written to: a folder engine.ome.zarr, which appears when it is whole.
+    chunk
+        Voxels along each side of a chunk.
+    shard
+        Voxels along each side of a file, which then holds several chunks. A file for each.
+    compression
+        Of chunks.
+    levels
+        Write coarser levels, too.
+    """
+    from resample.command.console import progress_bar, say
+    from resample_volume.command.inputs import stored
+    from resample_volume.files.stores.writing import Layered, check_store, write_store
+
+    form = Layered(chunk, shard, compression, levels)
+    check_store(output)
+    recording = stored(source, volume)
+    if recording.note:
+        say(recording.note)
+    with progress_bar("converting") as progress:
+        write_store(output, recording, form, progress)
 
 
 @app.command
@@ -464,6 +512,8 @@ def _listed(facts: dict[str, Any]) -> str:
     lines = [f"{key.replace('_', ' '):<12} {value}" for key, value in shown.items()]
     for classes, values in facts["thresholds"].items():
         lines.append(f"{f'{classes} classes':<12} {', '.join(f'{v:.6g}' for v in values)}")
+    for n, level in enumerate(facts.get("levels", ())):
+        lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
     return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"
 
 

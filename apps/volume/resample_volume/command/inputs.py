@@ -1,6 +1,7 @@
 """Volumes as the command line's files and words give them."""
 
 from dataclasses import replace
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -8,16 +9,34 @@ import numpy as np
 
 from resample import registry
 from resample.command.console import say
+from resample.memory import amount, available_memory, bytes_of
 from resample_volume.command.choices import Source
-from resample_volume.files.readers import Raw, Reader, three_numbers
-from resample_volume.files.source import open_recording, open_volume
+from resample_volume.files.readers import Raw, Reader, Streamer, three_numbers
+from resample_volume.files.source import (
+    find_reader,
+    open_recording,
+    open_streamed,
+    open_volume,
+)
+from resample_volume.files.stores.chunks import Single
+from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording, Volume
+from resample_volume.voxels.bricks import Bricks, Values, in_memory
 
 
-def opened(source: Source, name: str) -> Volume:
+def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
     """Volume of that name, a file, a folder or what is generated.
+
+    Parameters
+    ----------
+    source
+        How it is read.
+    name
+        What it is.
+    streamed
+        Values stay in their file, as bricks, where it has chunks.
 
     Raises
     ------
@@ -25,16 +44,79 @@ def opened(source: Source, name: str) -> Volume:
         See `resample_volume.files.source.open_volume`.
     """
     place, reader = _named(source, name)
-    if source.time is None and source.channel is None:
+    allowed = allowed_memory(source)
+    held = open_streamed(place, reader)
+    if held is None and allowed is not None:
+        raise ValueError(
+            f"memory is for volumes in chunks, and {name} is read as a whole; leave it out, or "
+            "convert the volume to OME-Zarr first"
+        )
+    if held is not None:
+        volume = with_memory(volume_at(held, source.time, source.channel), allowed)
+        volume = volume if streamed else in_memory(volume)
+    elif source.time is None and source.channel is None:
         volume = open_volume(place, reader)
     else:
         volume = volume_at(open_recording(place, reader), source.time, source.channel)
     return volume._replace(**_changes(source))
 
 
+def allowed_memory(source: Source) -> int | None:
+    """Bytes that a volume in chunks may take, where a user says it."""
+    return None if source.memory is None else bytes_of(source.memory)
+
+
+def with_memory(volume: Volume, allowed: int | None) -> Volume:
+    """Volume in chunks that may take so many bytes, or half of what is free."""
+    values: Values = volume.values
+    if isinstance(values, Bricks):
+        free = available_memory()
+        values.memory = allowed if allowed or free is None else free // 2
+    return volume
+
+
+def announced(volume: Volume) -> Volume:
+    """Volume, of which is said how it is read, if that is brick by brick."""
+    values: Values = volume.values
+    if isinstance(values, Bricks):
+        size = " x ".join(map(str, values.shape[::-1]))
+        limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
+        say(f"{volume.name}: {size} voxels are read brick by brick ({prod(values.count)}){limit}")
+    return volume
+
+
+def levels(source: Source, name: str) -> list[dict[str, Any]]:
+    """Sizes that a file has several of; none where it has but one, see `Streamer.levels`."""
+    place, reader = _named(source, name)
+    if not Path(place).exists():
+        return []
+    found = reader or find_reader(Path(place))
+    return found.levels(Path(place)) if isinstance(found, Streamer) else []
+
+
+def over_time(source: Source, name: str, *, streamed: bool) -> Recording | None:
+    """All times and channels of that name; None of a single volume that is better streamed."""
+    if streamed:
+        found = open_streamed(*_named(source, name))
+        if found is not None and found.values.shape[:2] == (1, 1):
+            return None
+    return held(source, name)
+
+
 def held(source: Source, name: str) -> Recording:
     """All times and channels of that name; errors as of `opened`."""
     return open_recording(*_named(source, name))._replace(**_changes(source))
+
+
+def stored(source: Source, name: str) -> Recording:
+    """What `source` chooses of that name, whose values stay in their file where it has chunks."""
+    if source.time is not None or source.channel is not None:
+        volume = opened(source, name, streamed=True)
+        if volume.colors is None:
+            values: Any = Single(volume.values)
+            return Recording(values, *volume[1:6], note=volume.note, space=volume.space)
+    streamed = open_streamed(*_named(source, name))
+    return held(source, name) if streamed is None else streamed._replace(**_changes(source))
 
 
 def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
@@ -50,6 +132,8 @@ def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
     told = {name: word for name, word in of_raw.items() if word}
     if told:
         reader = _told(Raw() if reader is None else reader, told)
+    if source.level is not None:
+        reader = with_level(reader or find_reader(Path(name)), source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
 
@@ -58,20 +142,26 @@ def _changes(source: Source) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     if source.spacing is not None:
         changes["spacing"] = np.array(three_numbers("spacing", source.spacing))
+        changes["thickness"] = 0.0
     if source.units is not None:
         changes["units"] = source.units
     return changes
 
 
-def prepared(source: Source, name: str) -> Volume:
+def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
     """Volume of that name without its padding; what was found in it is said.
+
+    Parameters
+    ----------
+    source, name, streamed
+        As of `opened`.
 
     Raises
     ------
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(opened(source, name))
+    return said(announced(opened(source, name, streamed=streamed)))
 
 
 def said(volume: Volume) -> Volume:

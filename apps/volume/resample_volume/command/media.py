@@ -5,12 +5,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from resample.command.console import progress_bar, say
-from resample.command.session import announce_compilation
-from resample.resampler import Resampler
+from resample.resampler import Projection, Resampler
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
 from resample_volume.command.inputs import held, prepared, said
-from resample_volume.command.rendering import painter
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
@@ -20,7 +18,7 @@ from resample_volume.rendering import Appearance, Medium, Subject
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 
-KEYS = ("time", "channel", "units", "spacing", "window", "transfer")
+KEYS = ("time", "channel", "level", "units", "spacing", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
 BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
 HIDDEN = "none"
@@ -45,6 +43,13 @@ def others(texts: tuple[str, ...]) -> list[Other]:
     return [_other(text) for text in texts]
 
 
+def can_stream(look: Look, added: Added, resampler: Resampler) -> bool:
+    """Whether a picture needs no more of a volume than its visible voxels."""
+    is_alone = not added.also and added.channels is None
+    is_composite = resampler.projection is Projection.COMPOSITE
+    return is_alone and is_composite and look.classify == "pre"
+
+
 def media(
     source: Source,
     name: str,
@@ -64,7 +69,7 @@ def media(
     further = others(added.also)
     if added.channels is None:
         if recording is None:
-            volume = prepared(source, name)
+            volume = prepared(source, name, streamed=can_stream(look, added, resampler))
         else:
             volume = said(volume_at(recording, None, source.channel))
         first = [(volume, look.appearance(volume, resampler))]
@@ -113,7 +118,6 @@ def filmed(
     """Times of a series, with other volumes and meshes that stay as they are."""
     further = beside(others(added.also), look, resampler)
     own = replace(look_over_time(series, look, resampler), meshes=meshes)
-    announce_compilation(painter(resampler))
 
     def subject(time: int) -> Subject:
         return Subject.of_several([(series[time], own), *further], resampler, look.fit)
@@ -206,6 +210,7 @@ def _other(text: str) -> Other:
         source = Source.model_validate(given)
     except ValueError:
         raise ValueError(
-            f"also {text!r}: time and channel are whole numbers; units are hu, hu+1024 or none"
+            f"also {text!r}: time, channel and level are whole numbers; units are hu, "
+            "hu+1024 or none"
         ) from None
     return Other(name, source, of_look)

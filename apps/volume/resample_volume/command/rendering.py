@@ -1,13 +1,12 @@
 """A volume made ready once and painted as often as is asked for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from resample.cameras.models import AnyCamera
 from resample.command.console import progress_bar, say
-from resample.command.session import Session, announce_compilation
-from resample.profiles.orders import Summing
-from resample.resampler import Primitive, Resampler
+from resample.command.session import Session
+from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample_volume.rendering import (
     Appearance,
@@ -40,7 +39,6 @@ def scene_of(
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
-    announce_compilation(painter(resampler))
     with session.stage("classify", bar="classifying"):
         subject = Subject.of_several(media, resampler, fit)
     if subject.is_empty:
@@ -91,17 +89,3 @@ def report(session: Session, frame: Frame) -> dict[str, Any]:
         "subpixels": counts.subpixels,
         "seconds": session.times(),
     }
-
-
-def painter(resampler: Resampler) -> Callable[..., None]:
-    """Kernel that takes longest to compile."""
-    from resample.engine.ellipsoids.deferred import paint_runs
-    from resample.engine.points.runs import paint_point_runs
-    from resample.engine.rays.painting import paint_rays
-    from resample.engine.slabs.painting import paint_summed_runs
-
-    if resampler.order.summing is Summing.RAYS:
-        return paint_rays
-    if resampler.order.summing is not Summing.POINTS:
-        return paint_summed_runs
-    return paint_point_runs if resampler.primitive is Primitive.POINTS else paint_runs

@@ -67,6 +67,17 @@ class Recorder(Protocol):
         """Read all times and channels; what `check` refuses before the values are read."""
 
 
+@runtime_checkable
+class Streamer(Protocol):
+    """What a reader has, too, whose files can be read brick by brick."""
+
+    def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
+        """All times and channels; one of them, once chosen, has `voxels.bricks.Bricks`."""
+
+    def levels(self, path: Path) -> list[dict[str, Any]]:
+        """Sizes that the file has, the finest first: `path`, `shape` and `spacing` of each."""
+
+
 @dataclass(frozen=True)
 class Nrrd:
     """NRRD, with the data in the same file or beside it."""

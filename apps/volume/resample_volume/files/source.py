@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample import registry
 from resample_volume.files.generated import GENERATED
-from resample_volume.files.readers import Reader, Recorder
+from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.slices import is_dicom
+from resample_volume.files.stores.opening import is_store
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.parts import slabs
+from resample_volume.voxels.bricks import Values, parts
 
 
 def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
@@ -38,11 +38,18 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
         There is no such file, or it must not be read.
     ValueError
         No reader knows it, or what it holds is no volume.
+
+    Examples
+    --------
+    >>> from resample_volume import open_volume
+    >>> open_volume("checker-box:size=16,block=4").values.shape
+    (16, 16, 16)
     """
     path = Path(name)
     if path.exists() or reader is not None:
         found = reader or find_reader(path)
-        return found(path)._replace(space=getattr(found, "space", ""))
+        volume = found(path)
+        return volume._replace(space=getattr(found, "space", volume.space))
     if str(name).partition(":")[0] in GENERATED:
         return generate(str(name))
     if _suffix(path.name, _readers()[0]):
@@ -64,13 +71,31 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     if path.exists() or reader is not None:
         found = reader or find_reader(path)
         if isinstance(found, Recorder):
-            return found.recorded(path)._replace(space=getattr(found, "space", ""))
+            recording = found.recorded(path)
+            return recording._replace(space=getattr(found, "space", recording.space))
     volume = open_volume(name, reader)
     values, colors = volume.values[np.newaxis], volume.colors
     if colors is not None:
         values = np.moveaxis(colors, -1, 0)
     facts = (colors is not None, volume.note, volume.space)
     return Recording(values[np.newaxis], *volume[1:6], *facts)
+
+
+def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
+    """The same, whose values stay in their file; None where they have to be read as a whole.
+
+    Parameters
+    ----------
+    name, reader
+        As in `open_volume`, whose errors are those of this, too.
+    """
+    path = Path(name)
+    if not path.exists():
+        return None
+    found = reader or find_reader(path)
+    if not isinstance(found, Streamer):
+        return None
+    return found.streamed(path)
 
 
 def find_reader(path: Path) -> Reader:
@@ -82,7 +107,10 @@ def find_reader(path: Path) -> Reader:
         No installed reader fits, or two do.
     """
     readers, broken = _readers()
-    suffix = _folder_suffix(path, readers) if path.is_dir() else _suffix(path.name, readers)
+    if is_store(path):
+        suffix = ".zarr"
+    else:
+        suffix = _folder_suffix(path, readers) if path.is_dir() else _suffix(path.name, readers)
     if not suffix:
         known = " ".join(sorted(readers))
         what = "holds no slices" if path.is_dir() else "has no known suffix"
@@ -123,7 +151,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     Parameters
     ----------
     volume
-        May be mapped from a file: it is gone through in slabs.
+        May be mapped from a file, or stay there as bricks: it is gone through in parts.
     bins
         Of the histogram, of equal width over the robust range.
 
@@ -139,7 +167,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
     known, nan = survey(volume), 0
     if volume.values.dtype.kind == "f":
-        nan = sum(int(np.isnan(slab).sum()) for slab in slabs(volume.values))
+        nan = sum(int(np.isnan(part).sum()) for part in parts(volume.values))
     any_known = bool(known.levels.value.size)
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
@@ -165,10 +193,10 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     }
 
 
-def _histogram(values: NDArray[Any], bins: int, limits: tuple[float, float]) -> list[int]:
+def _histogram(values: Values, bins: int, limits: tuple[float, float]) -> list[int]:
     count = np.zeros(bins, np.int64)
-    for slab in slabs(values):
-        count += np.histogram(slab[np.isfinite(slab)], bins, limits)[0]
+    for part in parts(values):
+        count += np.histogram(part[np.isfinite(part)], bins, limits)[0]
     return [int(number) for number in count]
 
 

@@ -10,6 +10,7 @@ from resample_volume.looks.materials import spread
 from resample_volume.looks.surveys import Survey, rim
 from resample_volume.looks.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import sampled
 
 WHITE, SAND, CLAY = (1.0, 1.0, 1.0), (0.95, 0.85, 0.6), (0.7, 0.5, 0.35)
 RAMP: list[tuple[float, Color, float]] = [(0.0, CLAY, 0.0), (0.2, SAND, 0.5), (1.0, WHITE, 0.8)]
@@ -43,8 +44,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     low, high = known.span
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
-    step = max(1, int(np.cbrt(volume.values.size / 2e6)))
-    some = _codes(volume.values[::step, ::step, ::step], known)
+    some = _codes(sampled(volume.values), known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     around = _codes(rim(volume.values), known)
     if np.mean(around > threshold) >= SURROUNDING and np.mean(some <= threshold) >= LEAST_WITHIN:

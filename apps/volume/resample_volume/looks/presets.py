@@ -227,6 +227,14 @@ def load_transfer(name: str | Path) -> Transfer:
         The name or a parameter is unknown, or the file's content is not what it should be.
     OSError
         The file cannot be read.
+
+    Examples
+    --------
+    >>> from resample_volume import load_transfer
+    >>> load_transfer("300..900:opacity=0.2").value.tolist()
+    [300.0, 360.0, 840.0, 900.0]
+    >>> load_transfer("40/tomato/0,120/#ffcc00/0.4").opacity.tolist()
+    [0.0, 0.4]
     """
     return Names().transfer(str(name))
 

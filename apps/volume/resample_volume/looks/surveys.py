@@ -1,5 +1,6 @@
 """What a volume's values are, found by looking at all of them: range, padding, strays, units."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +12,17 @@ from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
 from resample_volume.looks.thresholds import Counts, Levels
 from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import (
+    Bricks,
+    Values,
+    are_few,
+    count_codes,
+    parts,
+    sampled,
+    step_of,
+)
 from resample_volume.voxels.parts import slabs
 
-SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
 STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays
 STRAY_GAP = 0.5  # of the range of the others, by which strays are away from it
 PADDING_GAP = 1.0  # of the range of the others, by which padding is away from it
@@ -122,8 +131,11 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
     """
     if not known.padding and not known.infinite:
         return volume
+    is_whole = volume.values.dtype.kind in "iu"
+    if isinstance(volume.values, Bricks):
+        by = known.low if is_whole else np.nan
+        return volume._replace(values=volume.values.without(known.padding, by))
     values = np.array(volume.values)
-    is_whole = values.dtype.kind in "iu"
     for slab in slabs(values):
         slab[np.isin(slab, known.padding)] = known.low if is_whole else np.nan
         if not is_whole:
@@ -131,8 +143,10 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
     return volume._replace(values=values)
 
 
-def rim(values: NDArray[Any]) -> NDArray[Any]:
+def rim(values: Values) -> NDArray[Any]:
     """All values on the six sides of a volume (Z, Y, X)."""
+    if isinstance(values, Bricks):
+        return values.glance.rim
     sides = [values.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
     return np.concatenate(sides)
 
@@ -218,18 +232,18 @@ def _is_padding(levels: Levels, end: int, most: int) -> bool:
     return bool(gap > least * (high - low))
 
 
-def _levels(values: NDArray[Any]) -> tuple[Levels, int]:
+def _levels(values: Values) -> tuple[Levels, int]:
     """Distribution of finite values, exact at its ends, and how many are infinite."""
-    if are_countable(values):
+    if are_few(values.dtype):
         return counted(values), 0
-    step = max(1, int(np.cbrt(values.size / SAMPLED)))
-    some = np.asarray(values[::step, ::step, ::step], np.float64)
+    step = step_of(values.size)
+    some = np.asarray(sampled(values), np.float64)
     some = some[np.isfinite(some)]
     low, high = (some.min(), some.max()) if some.size else (np.inf, -np.inf)
     value, count = np.unique(some, return_counts=True)
-    beyond, infinite = [], 0
-    for slab in slabs(values):
-        outside = slab[(slab < low) | (slab > high)]
+    beyond, infinite = [np.zeros(0)], 0
+    for part in _reaching_beyond(values, low, high):
+        outside = part[(part < low) | (part > high)]
         finite = outside[np.isfinite(outside)]
         infinite += outside.size - finite.size
         beyond.append(np.asarray(finite, np.float64))
@@ -239,21 +253,27 @@ def _levels(values: NDArray[Any]) -> tuple[Levels, int]:
     return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
 
 
-def are_countable(values: NDArray[Any]) -> bool:
-    """Whether there are few possible values, for `counted`."""
-    return values.dtype.kind in "iu" and values.dtype.itemsize <= 2
+def _reaching_beyond(values: Values, low: float, high: float) -> Iterator[NDArray[Any]]:
+    """Parts of a volume that may have values outside of a range, or infinite ones."""
+    if not isinstance(values, Bricks):
+        yield from parts(values)
+        return
+    known = values.glance
+    is_beyond = (known.least < low) | (known.greatest > high) | (known.infinite > 0)
+    chosen = [index for index in values.all() if is_beyond[index]]
+    yield from values.each(values.brick, chosen)
 
 
 @found_once(lambda values: values)
-def counted(values: NDArray[Any]) -> Levels:
-    """How often each of few possible values occurs."""
-    import cv2
-
+def counted(values: Values) -> Levels:
+    """How often each of few possible values occurs, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
     total = np.zeros(size, np.int64)
-    for slab in slabs(values):
-        code = np.ascontiguousarray(slab).view(f"u{values.dtype.itemsize}").reshape(1, -1)
-        total += cv2.calcHist([code], [0], None, [size], [0, size]).ravel().astype(np.int64)
+    if isinstance(values, Bricks) and values.glance.codes is not None:
+        total += values.glance.codes
+    else:
+        for part in parts(values):
+            total += count_codes(part)
     if values.dtype.kind == "i":
         total = np.roll(total, size // 2)
     present = np.flatnonzero(total)

@@ -77,6 +77,16 @@ class TransferFunction:
     ------
     ValueError
         Shapes do not fit, values descend, or a number is outside its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import TransferFunction
+    >>> color = np.array([[0, 0, 0], [1, 0.8, 0.2]])
+    >>> ramp = TransferFunction(np.array([100.0, 300.0]), color, np.array([0.0, 0.5]))
+    >>> _, opacity = ramp.looks(np.array([0.0, 200.0, 900.0]), None, (0.0, 1000.0), 0.0)
+    >>> opacity
+    array([0.  , 0.25, 0.5 ], dtype=float32)
     """
 
     value: Doubles  # (K,) ascending; data units, or 0..1 of the data's range

@@ -123,7 +123,8 @@ def _colored(recording: Recording, time: int) -> Volume:
 def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
-    return Volume(values, *place, name, units, note=note, space=recording.space)
+    found = Volume(values, *place, name, units, note=note, space=recording.space)
+    return found._replace(thickness=recording.thickness)
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:

@@ -49,6 +49,14 @@ def rectilinear(
     ------
     ValueError
         Coordinates do not fit, turn back or are not finite; or too much memory is needed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import rectilinear
+    >>> grid = rectilinear(np.zeros((3, 2, 2)), [0, 1], [0, 1], [0, 1, 3])  # z is uneven
+    >>> grid.values.shape, grid.spacing.tolist()
+    ((4, 2, 2), [1.0, 1.0, 1.0])
     """
     if values.ndim != 3:
         raise ValueError(f"{name}: a grid has values (Z, Y, X), not {values.shape}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
+from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
 from resample.types import Doubles, Floats, Frame, View
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.rendering import Appearance, Subject
@@ -26,7 +26,14 @@ MARGIN = 0.03  # likewise
 
 @dataclass(frozen=True)
 class Annotations:
-    """What is drawn beside a volume."""
+    """What is drawn beside a volume.
+
+    Examples
+    --------
+    >>> from resample_volume import Annotations
+    >>> Annotations(cube=False, scale_bar=False)
+    Annotations(axes=True, box=True, cube=False, scale_bar=False, is_dark=False)
+    """
 
     axes: bool = True  # lines along the scene's x, y and z, from the least corner of the box
     box: bool = True  # edges of the box around the volume
@@ -45,7 +52,7 @@ ALL = Annotations()
 
 def annotate(
     frame: Frame,
-    camera: Viewpoint,
+    camera: Spelled,
     volume: Volume,
     shown: Annotations = ALL,
     *,
@@ -68,11 +75,22 @@ def annotate(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         See `render`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Annotations, annotate, as_volume, render
+    >>> volume = as_volume(np.zeros((8, 8, 8), np.uint8))  # nothing to see
+    >>> frame = render(volume, "100..300", (30, 20), size=(64, 48))
+    >>> seen = annotate(frame, (30, 20), volume, Annotations(cube=False, scale_bar=False))
+    >>> bool(frame.rgba.any()), bool(seen.rgba.any())
+    (False, True)
     """
     height, width = frame.depth.shape
     scene, middle = centered(without_padding(volume, survey(volume)))
+    camera = viewpoint_of(camera)
     if isinstance(camera, Orbit):
         look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
         eye = Subject.of(scene, look).camera(camera, height, width)

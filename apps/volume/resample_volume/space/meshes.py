@@ -18,7 +18,17 @@ ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """Triangles in the volume's own scene."""
+    """Triangles in the volume's own scene.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import scene_mesh
+    >>> corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> mesh = scene_mesh(corner, np.array([[0, 1, 2]]), opacity=0.5)
+    >>> mesh.face.shape, mesh.normal[0]
+    ((1, 3), array([0., 0., 1.]))
+    """
 
     corner: Doubles  # (V, 3) scene units
     normal: Doubles  # (V, 3)
@@ -52,6 +62,16 @@ def scene_mesh(
         0 to 1.
     smooth
         Degrees between neighbouring triangles, up to which they share normals.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Appearance, render, scene_mesh
+    >>> corner = np.array([[0.0, 0, 4], [7, 0, 4], [0, 7, 4]])
+    >>> mesh = scene_mesh(corner, np.array([[0, 1, 2]]), color=(1, 0, 0))
+    >>> look = Appearance("9..99", classification="post", meshes=(mesh,))
+    >>> render(np.zeros((8, 8, 8), np.uint8), look, "top", size=(32, 32))  # it alone
+    Frame(32 × 32 px, 13.3 % covered, depth from 26.79)
     """
     import trimesh
 
@@ -100,6 +120,17 @@ def read_mesh(text: str) -> SceneMesh:
         A choice is unknown or not allowed, or the file holds no triangles.
     OSError
         There is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import trimesh
+    >>> from resample_volume import read_mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = trimesh.creation.box().export(f"{folder}/box.ply")
+    ...     mesh = read_mesh(f"{folder}/box.ply:color=tomato,opacity=0.5")
+    >>> mesh.opacity, mesh.face.shape
+    (0.5, (12, 3))
     """
     path, choices = _parsed(text)
     if not path.is_file():

@@ -68,7 +68,7 @@ def field_voxels(
         The iso value is none that the data pass, or the voxels do not fit in memory.
     """
     lattice = lattice_of(volume)
-    data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
+    data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)

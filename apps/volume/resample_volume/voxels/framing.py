@@ -123,6 +123,17 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
     return Sphere(center, farthest + voxel)
 
 
+def around_both(ball: Sphere, corner: Doubles) -> Sphere:
+    """Ball around a ball and places (N, 3), which is the same one where these lie in it."""
+    if not corner.size or np.linalg.norm(corner - ball.center, axis=1).max() <= ball.radius:
+        return ball
+    low = np.minimum(corner.min(axis=0), ball.center - ball.radius)
+    high = np.maximum(corner.max(axis=0), ball.center + ball.radius)
+    center = (low + high) / 2
+    away = float(np.linalg.norm(corner - center, axis=1).max())
+    return Sphere(center, max(away, float(np.linalg.norm(ball.center - center)) + ball.radius))
+
+
 def _without_strays(position: Floats, voxel: float) -> Floats:
     """Places (N, 3) without the few that are far away from all others along an axis."""
     most = max(min(FEW, len(position) // 500), int(STRAY_SHARE * len(position)))

@@ -21,9 +21,10 @@ from resample.types import (
 )
 from resample_volume.files.memory import require_memory
 from resample_volume.keeping import found_once
-from resample_volume.looks.surveys import are_countable, counted
+from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import are_few
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
@@ -78,7 +79,7 @@ def gathered(
         The iso value is none that the data pass, or the field does not fit in memory.
     """
     lattice = lattice_of(volume)
-    data_range, unit = finite_range(volume.values), unit_of(transfer, lattice)
+    data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
@@ -192,7 +193,7 @@ def _number_seen(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> int:
     """How many voxels can be seen themselves, whatever their gradients."""
-    if not are_countable(volume.values):
+    if not are_few(volume.values.dtype):
         return _seen(volume, transfer, data_range, resampler).size
     levels = counted(volume.values)
     value = levels.value.astype(volume.values.dtype)

@@ -25,6 +25,14 @@ class Light:
     ------
     ValueError
         A direction of no length, or a number outside its range.
+
+    Examples
+    --------
+    >>> from resample_volume import Appearance, Light
+    >>> Light((1, -1, 2), shadows=True).ambient
+    0.3
+    >>> Appearance("bone", light=None).light is None  # colors as they are
+    True
     """
 
     direction: tuple[float, float, float] | None = None  # toward the light; None: at the eye

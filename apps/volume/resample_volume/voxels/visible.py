@@ -19,7 +19,9 @@ from resample_volume.looks.transfer import (
 )
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
-from resample_volume.voxels.parts import slabs
+from resample_volume.voxels.bricks import Bricks, Values
+from resample_volume.voxels.parts import side_by_side, slabs
+from resample_volume.voxels.streaming import Candidates, Looked, seen_in_bricks, slopes_at
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
@@ -33,6 +35,7 @@ BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
 ALL_REACHED = np.empty((0, 2), np.float32)  # nothing is in the way of light
 
 Indices = NDArray[np.int64]
+NO_SLOPE = np.empty((0, 3), np.float32)
 
 
 class Voxels(NamedTuple):
@@ -44,13 +47,6 @@ class Voxels(NamedTuple):
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     reached: Floats = ALL_REACHED  # (N, 2) shares of light that gets there; see `reaching`
-
-
-class _Seen(NamedTuple):
-    """Voxels that may be seen by their value."""
-
-    place: Indices  # (N,) index into the flat volume, z slowest
-    value: NDArray[Any]  # (N,) data units
 
 
 def classify(
@@ -90,23 +86,23 @@ def classify(
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = _in_bricks(_seen(volume, whole, data_range), volume)
-    slope = np.empty((0, 3), np.float32)
-    if gradient is not None:
-        slope = gradients_at(volume, seen.place, gradient)
+    seen = _seen_with_slopes(volume, whole, data_range, gradient)
+    slope = seen.slope
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    color, opacity = whole.looks(seen.value, length, data_range, steepness(length))
+    color, opacity = _looks(whole, seen.value, length, data_range)
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
     place, kept = seen.place, np.flatnonzero(opacity > 0)
-    require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
+    if not isinstance(volume.values, Bricks):
+        what = f"{volume.name} with {kept.size} visible voxels"
+        require_memory(BYTES_PER_VOXEL * kept.size, what)
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
     lattice = lattice_of(volume)
-    unit = unit_of(transfer, lattice)
+    unit = unit_of(transfer, volume)
     if whole.needs_gradient or labels is not None:
         thickness = extinction(opacity, unit)
     else:
@@ -123,7 +119,28 @@ def _extinctions(
     def thickness(values: NDArray[Any], data_range: DataRange) -> Floats:
         return extinction(transfer.looks(values, None, data_range, 0.0)[1], unit)
 
-    return evaluated(thickness, value, data_range)
+    found = np.empty(value.size, np.float32)
+
+    def find(share: slice) -> None:
+        found[share] = evaluated(thickness, value[share], data_range)
+
+    side_by_side(find, value.size)
+    return found
+
+
+def _looks(
+    transfer: Transfer, value: NDArray[Any], length: Floats | None, data_range: DataRange
+) -> tuple[Floats, Floats]:
+    """Colors (N, 3) and opacities (N,) of values and lengths of gradients."""
+    color, opacity = np.empty((value.size, 3), np.float32), np.empty(value.size, np.float32)
+    steep = steepness(length)
+
+    def find(share: slice) -> None:
+        slopes = None if length is None else length[share]
+        color[share], opacity[share] = transfer.looks(value[share], slopes, data_range, steep)
+
+    side_by_side(find, value.size)
+    return color, opacity
 
 
 def steepness(length: Floats | None) -> float:
@@ -138,19 +155,24 @@ def steepness(length: Floats | None) -> float:
     return float(np.percentile(length, STEEP)) if length is not None and length.size else 0.0
 
 
-def unit_of(transfer: Transfer, lattice: Doubles) -> float:
+def unit_of(transfer: Transfer, volume: Volume) -> float:
     """Thickness that opacities hold for, scene units."""
-    return transfer.opacity_unit or float(np.cbrt(abs(np.linalg.det(lattice))))
+    own = transfer.opacity_unit or volume.thickness
+    return own or float(np.cbrt(abs(np.linalg.det(lattice_of(volume)))))
 
 
 @found_once(lambda values: values)
-def finite_range(values: NDArray[Any]) -> DataRange:
+def finite_range(values: Values) -> DataRange:
     """Least and greatest value that is neither NaN nor infinite; (0, 1) where there is none."""
+    if isinstance(values, Bricks):
+        known = values.glance
+        low, high = float(known.least.min()), float(known.greatest.max())
+        return (low, high) if low <= high else (0.0, 1.0)
     low, high = np.inf, -np.inf
     for chunk in slabs(values):
-        known = chunk if values.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
-        if known.size:
-            low, high = min(low, float(known.min())), max(high, float(known.max()))
+        finite = chunk if values.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
+        if finite.size:
+            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
     return (low, high) if low <= high else (0.0, 1.0)
 
 
@@ -171,17 +193,19 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     gradient
         One of `GRADIENTS`; see `classify`.
     """
-    from resample_volume.voxels.kernels.gradients import central_gradients, sobel_gradients
-
-    values = np.asarray(volume.values).view()
-    values.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
-    to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
+    values, to_scene = np.asarray(volume.values), _to_scene(volume)
     slope = np.empty((voxel.size, 3), np.float32)
-    if gradient == "sobel":
-        sobel_gradients(values, voxel, to_scene, slope)
-    else:
-        central_gradients(values, voxel, to_scene, slope)
+
+    def find(share: slice) -> None:
+        slope[share] = slopes_at(values, voxel[share], gradient, to_scene)
+
+    side_by_side(find, voxel.size)
     return slope
+
+
+def _to_scene(volume: Volume) -> Doubles:
+    """Matrix (3, 3) that takes slopes per voxel to slopes per scene unit."""
+    return np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
 
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
@@ -190,7 +214,12 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
-    place(voxel, volume.values.shape, lattice_of(volume), origin, position)
+    lattice, shape = lattice_of(volume), volume.values.shape
+
+    def find(share: slice) -> None:
+        place(voxel[share], shape, lattice, origin, position[share])
+
+    side_by_side(find, voxel.size)
     return position
 
 
@@ -261,16 +290,30 @@ def _check(transfer: Transfer, gradient: str | None) -> None:
         raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
 
 
-def _in_bricks(seen: _Seen, volume: Volume) -> _Seen:
+def _seen_with_slopes(
+    volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
+) -> Candidates:
+    """Voxels whose value has some opacity, with neighbours close to each other."""
+    values: Values = volume.values
+    if isinstance(values, Bricks):
+        wanted = Looked(transfer, data_range, gradient, _to_scene(volume))
+        return seen_in_bricks(values, wanted, volume.name)
+    seen = _in_bricks(_seen(volume, transfer, data_range), volume)
+    if gradient is None:
+        return seen
+    return seen._replace(slope=gradients_at(volume, seen.place, gradient))
+
+
+def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
     """Voxels with neighbours close to each other, which painters are quicker with."""
     from resample_volume.voxels.kernels.gradients import brick_order
 
     order = np.empty(seen.place.size, np.int64)
     brick_order(seen.place, volume.values.shape, order)
-    return _Seen(seen.place[order], seen.value[order])
+    return Candidates(seen.place[order], seen.value[order], NO_SLOPE)
 
 
-def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> _Seen:
+def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candidates:
     """Voxels whose value has some opacity, whatever the slope."""
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
@@ -278,7 +321,8 @@ def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> _Seen:
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
         index = places_seen(transfer, value, data_range)
-        parts.append(_Seen(index + start, value[index]))
+        parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
         require_memory(size * count, f"{volume.name} with {count} visible voxels")
-    return _Seen(*map(np.concatenate, zip(*parts, strict=True)))
+    place, found = map(np.concatenate, zip(*parts, strict=True))
+    return Candidates(place, found, NO_SLOPE)

@@ -14,7 +14,18 @@ NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
 class Cloud(NamedTuple):
-    """N points of surfaces; what is not known of any of them has the length 0."""
+    """N points of surfaces; what is not known of any of them has the length 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Cloud, framed, render_cloud
+    >>> place = np.random.default_rng(1).normal(size=(2000, 3))
+    >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball
+    >>> cloud = Cloud(place, normal=place, color=np.empty((0, 3)), radius=np.empty(0))
+    >>> render_cloud(cloud, framed(cloud, size=(32, 24)), size=(32, 24)).statistics.samples
+    2000
+    """
 
     position: Floats | Doubles  # (N, 3) scene units
     normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)

@@ -67,6 +67,19 @@ def read_cloud(path: str | Path) -> Cloud:
         The format is unknown, the file is none of its kind, or it has no points.
     OSError
         The file is missing, cut off or damaged.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from resample_warp3d import read_cloud
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "scan.xyz"
+    ...     np.savetxt(path, [[0, 0, 1, 255, 0, 0], [0, 1, 1, 0, 255, 0]])
+    ...     cloud = read_cloud(path)
+    >>> cloud.position.shape, cloud.color[0].tolist()
+    ((2, 3), [1.0, 0.0, 0.0])
     """
     source = Path(path)
     reader = READERS.get(source.suffix.lower())

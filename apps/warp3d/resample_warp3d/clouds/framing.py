@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
+from resample.cameras.viewpoints import Sphere
 from resample.resampler import shape_of
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, places
@@ -74,6 +75,18 @@ def framed(
     ------
     ValueError
         The cloud has no points, or a number is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Cloud, framed
+    >>> place = np.random.default_rng(1).uniform(-1, 1, (500, 3))
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    >>> camera = framed(cloud, size=(64, 48), azimuth=30, elevation=20)
+    >>> pose = camera.world_to_camera
+    >>> x, y, z = camera.matrix @ (pose[:3, :3] @ place.T + pose[:3, 3:])
+    >>> round(np.ptp(y / z).item() / 48, 2)  # of the picture's height
+    0.95
     """
     seen = _visible(cloud)
     camera = _camera(size, fov)
@@ -117,6 +130,20 @@ def framed_together(
         sides = _sides(around, orbit(np.zeros(3), 1.0, *pair, up)[:3, :3], slope)
         away = max(away, float((sides / slope).max()))
     return [camera.moved(orbit(middle, away, *pair, up)) for pair in angles]
+
+
+def ball_around(cloud: Cloud | Surfels) -> Sphere:
+    """Middle of what is visible of a cloud and how far it reaches, scene units.
+
+    Raises
+    ------
+    ValueError
+        The cloud has no points.
+    """
+    seen = _visible(cloud)
+    middle = _middle(seen.position)
+    away = float(np.linalg.norm(seen.position - middle, axis=1).max())
+    return Sphere(middle, max(away + seen.reach, LEAST))
 
 
 def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

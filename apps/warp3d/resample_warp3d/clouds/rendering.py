@@ -61,10 +61,23 @@ class CloudStyle:
     ------
     ValueError
         A number is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Cloud, CloudStyle, framed, render_cloud
+    >>> place = np.random.default_rng(1).normal(size=(500, 3))
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.full(500, 0.1))
+    >>> camera = framed(cloud, size=(32, 24))
+    >>> for style in (CloudStyle(), CloudStyle(point_size=0.5)):
+    ...     frame = render_cloud(cloud, camera, size=(32, 24), style=style)
+    ...     print(round(float(frame.coverage.mean()), 2))
+    0.1
+    0.04
     """
 
     point_size: float = 1.0
-    light: Light | None = None
+    light: Light | str | None = None
     cull: bool = False
     subpixels: int = 4
     near: float = 0.0
@@ -72,6 +85,8 @@ class CloudStyle:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.point_size) and self.point_size > 0):
             raise ValueError(f"a point size of {self.point_size}; give a factor above 0")
+        if self.light is not None and self.light not in list(Light):
+            raise ValueError(f"light {self.light!r}; it can be {' or '.join(Light)}")
         if not 1 <= self.subpixels <= MOST_SUBPIXELS:
             raise ValueError(f"{self.subpixels} sub-pixels; give 1 to {MOST_SUBPIXELS}")
         if not (np.isfinite(self.near) and self.near >= 0):
@@ -115,6 +130,17 @@ def render_cloud(
     ValueError
         The size is none, the camera is parallel or has distortion, or backs are to be left out
         though normals do not tell them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, Cloud, render_cloud
+    >>> x, y = np.meshgrid(np.linspace(-1, 1, 20), np.linspace(-1, 1, 20))
+    >>> place = np.stack([x, y, np.full_like(x, 3)], axis=2).reshape(-1, 3)  # of a square
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.ones((400, 3)), np.empty(0))
+    >>> frame = render_cloud(cloud, Camera.from_fov(60, 24, 32), size=(32, 24))
+    >>> frame, frame.statistics.splats
+    (Frame(32 × 24 px, 33.3 % covered, depth from 3), 400)
     """
     from resample.engine import jit
 
@@ -243,7 +269,7 @@ def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: Clou
         float(max(style.near, camera.near)),
         style.subpixels,
         float(style.point_size),
-        light is Light.HEADLIGHT,
+        light == Light.HEADLIGHT,
         style.cull,
         TOLERANCE,
     )

@@ -71,6 +71,16 @@ def prepare_cloud(
     ------
     ValueError
         Lengths do not fit, or no radius is known and all points are in one place.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Cloud, prepare_cloud
+    >>> x, y = np.meshgrid(np.arange(10.0), np.arange(10.0))
+    >>> place = np.stack([x, y, 0 * x], axis=2).reshape(-1, 3)
+    >>> discs = prepare_cloud(Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.empty(0)))
+    >>> round(float(np.median(np.linalg.norm(discs.axes, axis=2))), 1)  # half a diagonal
+    0.7
     """
     points = checked(cloud)
     if not largest > 0:

@@ -333,6 +333,36 @@ class Joint(Choices):
         return replace(chosen, blend="best", colors="none") if unmixed else chosen
 
 
+class Showing(Choices):
+    """What of a warped picture is written."""
+
+    heading: ClassVar[str] = "Picture"
+
+    show: Annotated[
+        Literal["picture", "holes", "depth", "coverage", "magnification", "confidence"],
+        Field(
+            description="What of the new picture is written: itself; with its holes in the colors "
+            "of --holes; or, as false colors, its depth, the share of pixels that is covered, px "
+            "per px of the source, or how far it can be trusted."
+        ),
+    ] = "picture"
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the picture itself is written."""
+        return self.show == "picture"
+
+    def check(self, *, unmixed: bool) -> None:
+        """Refuse colors of names."""
+        if unmixed and not self.is_plain:
+            raise ValueError(f"--show {self.show} is in colors; leave out it or --unmixed")
+
+    def check_still(self) -> None:
+        """Refuse what films do not show."""
+        if not self.is_plain:
+            raise ValueError(f"--show {self.show} is made of a picture, not of a film")
+
+
 class Extras(Choices):
     """What is written beside the picture."""
 

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import Written, height_and_width, method_names
+from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
@@ -20,10 +20,11 @@ from resample_warp3d.command.choices import (
     PairDepth,
     Parallax,
     Refine,
+    Showing,
     Travel,
     Warping,
 )
-from resample_warp3d.command.clouds import CloudLook
+from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudLook, CloudStart
 
 app = App(
     name="resample-warp3d",
@@ -36,9 +37,10 @@ app.register_install_completion_command()
 
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
-TARGET = TargetCamera()
-JOINT = Joint()
+TARGET, SHOWING = TargetCamera(), Showing()
+JOINT, SERVING = Joint(), Serving()
 PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
+CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart(), CloudAim(), CloudFormat()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -59,6 +61,7 @@ def render(
     joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
+    showing: Annotated[Showing, flags.Flat] = SHOWING,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
 ) -> None:
     """Show a picture with depth from another place.
@@ -96,17 +99,18 @@ def render(
     from resample_warp3d.command.writing import check_extras, made_of, write_extras
 
     aim.check()
+    showing.check(unmixed=warping.unmixed)
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     warping.built()
     look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
     further = [view_names(text) for text in view or []]
-    film = film_with_depth(color, depth, extras, further)
+    film = film_with_depth(color, depth, extras, further, showing)
     if film is not None:
         render_film(film, output, reader, aim, warping, look, extras.depth_output)
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())
-    check_output(output, look, transparent=not warping.fill)
+    check_output(output, look, transparent=not warping.fill and showing.is_plain)
     session = Session()
     with session.stage("read"):
         taken = read_views(reader, color, depth, further)
@@ -120,7 +124,7 @@ def render(
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
-        write_picture(output, made_of(seen, kind, warping), look)
+        write_picture(output, made_of(seen, kind, warping, showing.show), look)
         write_extras(extras, seen, meaning.scale_of_z)
         if extras.export is not None:
             write_geometry(
@@ -284,14 +288,9 @@ def cloud(
     /,
     *,
     output: flags.FrameOutput,
-    camera: flags.Viewed = "30/20/1",
-    up: flags.Up = "z",
-    pose: str | None = None,
-    intrinsics: Annotated[str | None, flags.Hyphen] = None,
-    size: flags.Size = "640x480",
+    aim: Annotated[CloudAim, flags.Flat] = CLOUD_AIM,
     look: Annotated[CloudLook, flags.Flat] = CLOUD,
-    background: str | None = None,
-    bits: flags.Bits = 8,
+    form: Annotated[CloudFormat, flags.Flat] = CLOUD_FORMAT,
 ) -> None:
     """Show a point cloud with normals, where it has them, and colors.
 
@@ -302,41 +301,74 @@ def cloud(
     ----------
     file
         .ply, .pcd, .xyz, .txt, .csv or .npz.
-    pose
-        File or file:frame of a pose: in place of the camera, with intrinsics.
-    intrinsics
-        fx,fy,cx,cy[,skew] in px; for a pose.
-    background
-        Behind the picture: black, white, #rrggbb or none for transparent. None.
     """
     from resample.command.session import Session
-    from resample.command.settings import linear_color
-    from resample.files.images import check_suffix, write_frame
+    from resample.files.images import check_suffix
     from resample.files.writing import check_targets
-    from resample_warp3d.command.clouds import (
-        beside,
-        calibrated_of,
-        camera_of,
-        scene_of,
-        start_of,
-    )
+    from resample_warp3d.command.clouds import scene_of
     from resample_warp3d.command.rendering import check_memory
 
     check_suffix(output)
-    shape = height_and_width(size)
-    seen_from, calibrated = start_of(camera, up), calibrated_of(pose, intrinsics)
-    behind = None if background is None else linear_color(background)
+    shape = form.height_and_width()
+    aim.check()
     look.check(output, shape[0])
     check_targets(output)
     check_memory(shape, 4)
     session = Session()
     scene = scene_of(session, file, look)
-    placed = camera_of(scene.surfels, shape, seen_from) if calibrated is None else calibrated
     with session.stage("paint", bar="painting"):
-        frame = scene.picture(placed, shape)
-    bar = scene.bar(shape[0], behind)
-    drawn = frame._replace(rgba=beside(frame.rgba, bar, behind))
-    write_frame(output, drawn, bits=bits, background=behind)
+        frame = scene.picture(aim.camera_for(scene.surfels, shape), shape)
+    form.write(output, frame, scene)
+
+
+@app.command
+def view(
+    file: str,
+    depth: str | None = None,
+    /,
+    *,
+    eye: Annotated[SourceCamera, flags.Flat] = EYE,
+    meaning: Annotated[Depth, flags.Flat] = DEPTH,
+    aim: Annotated[Aim, flags.Flat] = AIM,
+    further: Annotated[list[str] | None, Parameter(name="--view"), flags.Switch] = None,
+    warping: Annotated[Warping, flags.Flat] = WARPING,
+    start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
+    page: Annotated[Serving, flags.Flat] = SERVING,
+) -> None:
+    """Show a picture with depth, or a cloud, in the browser: move, turn, take the command.
+
+    Example: resample-warp3d view color.jpg depth.png --depth-scale 1000 --fov 60
+
+    Parameters
+    ----------
+    file
+        A picture as of render, or a cloud as of cloud.
+    depth
+        Of the picture, as of render.
+    further
+        As of render.
+    """
+    from resample.view.server import require_parts, serve
+    from resample.view.views import Viewable, controls_of, settings_of
+    from resample_warp3d.viewing import clouds, depths
+
+    require_parts()
+    shown: Viewable
+    begin = eye, meaning, aim, warping
+    if depth is None:
+        if given := settings_of(begin):
+            raise ValueError(
+                f"--{next(iter(given))} belongs to a picture with its depth; give both"
+            )
+        controls = controls_of(clouds.COMMAND, app["cloud"])
+        shown = clouds.CloudView(Path(file), (start,), controls)
+    else:
+        if given := settings_of((start,)):
+            raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
+        controls = controls_of(depths.COMMAND, app["render"])
+        shown = depths.DepthView(file, depth, begin, further or (), controls)
+    shown.check()
+    serve(shown, host=page.host, port=page.port, browser=page.browser)
 
 
 @app.command
@@ -437,7 +469,6 @@ def compare(
     from resample.measuring.compare import check_sheet, plain
     from resample_warp3d.command.compare import compare_files
     from resample_warp3d.command.inputs import Reader, TrueView
-    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views, compare_scene, sheet
 
     names = method_names(methods)
@@ -452,7 +483,6 @@ def compare(
         chosen = [view.strip() for view in views.split(",") if view.strip()]
         check_views(chosen)
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
-        announce()
         comparison = compare_scene(names, side, chosen)
     else:
         aim.check()
@@ -498,7 +528,6 @@ def figures(
     from resample.measuring.compare import plain
     from resample_warp3d.command.compare import figure_of_files
     from resample_warp3d.command.inputs import Reader
-    from resample_warp3d.command.rendering import announce
     from resample_warp3d.showing.compare import check_views
     from resample_warp3d.showing.figures import generated_figure, write_figures
 
@@ -510,7 +539,6 @@ def figures(
     if color is None or depth is None:
         side = SIDE if aim.size is None else height_and_width(aim.size)[0]
         output.mkdir(parents=True, exist_ok=True)
-        announce()
         figure = generated_figure(side, views, names)
     else:
         aim.check()

@@ -7,16 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from cyclopts import Parameter
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from resample.command.flags import Switch
-from resample.command.settings import Choices, Threads
+from resample.command.flags import Hyphen, Switch, Up, Viewed
+from resample.command.settings import (
+    CAMERA,
+    SIZE,
+    Choices,
+    Threads,
+    height_and_width,
+    linear_color,
+    number,
+)
 
 if TYPE_CHECKING:
     from resample.cameras.lens_files import Calibration
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
+    from resample.command.settings import Color
     from resample.files.animations import Shots
     from resample.types import Floats
     from resample_warp3d.clouds.coloring import Scale
@@ -114,6 +123,109 @@ class CloudLook(Choices):
         return CloudStyle(point_size=self.point_size, light=lights[self.light], cull=self.one_sided)
 
 
+class CloudStart(Choices):
+    """From where a cloud is seen, around it."""
+
+    heading: ClassVar[str] = CAMERA
+
+    camera: Viewed = "30/20/1"
+    up: Up = "z"
+    steady: Annotated[
+        bool,
+        Switch,
+        Field(
+            description="Stand equally far from the cloud's middle at all angles, not where it "
+            "fills the picture."
+        ),
+    ] = False
+
+
+class CloudAim(CloudStart):
+    """From where a cloud is seen."""
+
+    pose: Annotated[
+        str | None,
+        Field(description="File or file:frame of a pose: in place of the camera, with intrinsics."),
+    ] = None
+    intrinsics: Annotated[
+        str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for a pose.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse what is no camera, before any work is done.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            As of `start_of` and `calibrated_of`.
+        """
+        start_of(self.camera, self.up)
+        calibrated_of(self.pose, self.intrinsics)
+
+    def camera_for(self, surfels: "Surfels", shape: Shape) -> Any:
+        """Camera for a picture (height, width) of a cloud; errors as of `check`."""
+        from resample.cameras.viewpoints import Orbit
+        from resample_warp3d.clouds.framing import ball_around
+
+        calibrated = calibrated_of(self.pose, self.intrinsics)
+        if calibrated is not None:
+            return _sized(calibrated, shape)
+        start = start_of(self.camera, self.up)
+        if self.steady and isinstance(start, Orbit):
+            return start.around(ball_around(surfels), *shape)
+        return camera_of(surfels, shape, start)
+
+
+class CloudFormat(Choices):
+    """What kind of picture of a cloud is written."""
+
+    heading: ClassVar[str] = "Picture"
+
+    size: Annotated[str, Field(description=SIZE)] = "640x480"
+    background: Annotated[
+        str | None,
+        Field(
+            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+        ),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16], BeforeValidator(number), Field(description="Per channel: 8 or 16 of a PNG.")
+    ] = 8
+
+    def height_and_width(self) -> Shape:
+        """Size, px.
+
+        Raises
+        ------
+        ValueError
+            It is none, or the background is no color.
+        """
+        self.behind()
+        return height_and_width(self.size)
+
+    def behind(self) -> "Color | None":
+        """Linear color behind the picture; None leaves it transparent."""
+        return None if self.background is None else linear_color(self.background)
+
+    def shown(self, frame: Any, scene: "CloudScene") -> Any:
+        """Frame with the bar of its colors, if that is asked for."""
+        behind = self.behind()
+        bar = scene.bar(frame.rgba.shape[0], behind)
+        return frame._replace(rgba=beside(frame.rgba, bar, behind))
+
+    def write(self, path: Path, frame: Any, scene: "CloudScene") -> None:
+        """Write a frame with its bar.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        from resample.files.images import write_frame
+
+        write_frame(path, self.shown(frame, scene), bits=self.bits, background=self.behind())
+
+
 class CloudScene(NamedTuple):
     """A cloud that is ready to be drawn."""
 
@@ -161,17 +273,14 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
     ValueError, OSError
         It is no cloud, has not what is asked for, or cannot be read.
     """
-    from resample.command.session import announce_compilation
     from resample_warp3d.clouds.coloring import colored
     from resample_warp3d.clouds.files import read_cloud
-    from resample_warp3d.clouds.kernels.painting import paint
     from resample_warp3d.clouds.spacing import LARGEST, prepare_cloud
 
     with session.stage("read"):
         cloud, scale = read_cloud(file), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
-    announce_compilation(paint)
     with session.stage("prepare", bar="measuring"):
         surfels = prepare_cloud(
             cloud,
@@ -233,7 +342,7 @@ def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
         up=viewpoint.up,
         fov=viewpoint.fov,
     )
-    return _zoomed(camera, viewpoint.zoom)
+    return _panned(_zoomed(camera, viewpoint.zoom), viewpoint.pan, surfels, shape)
 
 
 def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
@@ -346,6 +455,21 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
 def _sized(viewpoint: Any, shape: Shape) -> Any:
     """Camera that a viewpoint without angles stands for."""
     return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
+
+
+def _panned(
+    camera: "Camera", pan: tuple[float, float], surfels: "Surfels", shape: Shape
+) -> "Camera":
+    """Camera by which the cloud's middle is moved to the right and up, in shares of the picture."""
+    from resample_warp3d.clouds.framing import ball_around
+
+    if pan == (0.0, 0.0):
+        return camera
+    pose = camera.world_to_camera.copy()
+    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
+    side = depth * min(shape) / camera.fx
+    pose[:2, 3] += side * pan[0], -side * pan[1]
+    return camera.moved(pose)
 
 
 def _zoomed(camera: "Camera", zoom: float) -> "Camera":

@@ -19,7 +19,7 @@ from resample_warp3d.command.inputs import (
     read_truth,
     read_view,
 )
-from resample_warp3d.command.rendering import announce, film_of
+from resample_warp3d.command.rendering import film_of
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import Equation, Source
@@ -79,7 +79,6 @@ def _placed(
     """Prepared source, equation that leads to its new view, and the frame of that."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
     target = aim.camera(seen.pinhole, full, reader.eye.convention)
-    announce()
     source = prepare(seen.image, step=seen.step, refine=seen.refine(refine))
     return source, between(seen.pinhole, target), aim.shape(full)
 
@@ -89,7 +88,6 @@ def write_demo(folder: Path) -> None:
     from resample_warp3d.showing.figures import generated_figure, write_figures
     from resample_warp3d.showing.scenes import generated
 
-    announce()
     write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid", "mcmillan")))
     scene, session, choice = generated(DEMO_SIZE), Session(), Warping()
     image = scene.depth_image()

@@ -15,7 +15,7 @@ from resample.files.sequences import Frames, check_frames, frames_of, write_fram
 from resample.files.writing import check_targets
 from resample.types import Floats
 from resample_warp3d.command.cameras.target import Aim
-from resample_warp3d.command.choices import Extras, Warping
+from resample_warp3d.command.choices import Extras, Showing, Warping
 from resample_warp3d.command.depths import appearing, depths_of
 from resample_warp3d.command.inputs import Reader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
@@ -89,7 +89,7 @@ class DepthFilm:
 
 
 def film_with_depth(
-    color: str, depth: str, extras: Extras, further: Sequence[object]
+    color: str, depth: str, extras: Extras, further: Sequence[object], showing: Showing
 ) -> DepthFilm | None:
     """Film whose pictures have depth; None if a single picture is given.
 
@@ -104,6 +104,7 @@ def film_with_depth(
     for name in ("holes", "coverage", "export", "stats"):
         if getattr(extras, name) is not None:
             raise ValueError(f"--{name.replace('_', '-')} is made of a picture, not of a film")
+    showing.check_still()
     if further:
         raise ValueError("--view belongs to a picture; a film has one view of each moment")
     return DepthFilm(frames, depth)

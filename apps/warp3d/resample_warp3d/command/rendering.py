@@ -11,7 +11,7 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.console import say
-from resample.command.session import Session, announce_compilation, require_picture
+from resample.command.session import Session, require_picture
 from resample.files.animations import fingerprint
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
@@ -73,7 +73,6 @@ class Film(NamedTuple):
 
 def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
     """Sources ready to be warped."""
-    announce()
     with session.stage("prepare", bar="preparing"):
         return [_prepared(view, choice) for view in views]
 
@@ -264,10 +263,3 @@ def mention_holes(warped: Warped) -> None:
     told = [f"{share:.2%} {HOLES[hole]}" for hole, share in shares if share > FEW]
     if told:
         say(f"holes: {', '.join(told)}; --holes shows them, --fill makes them up")
-
-
-def announce() -> None:
-    """Say on stderr that the first run takes longer, if this is one."""
-    from resample_warp3d.depth.kernels.linking import link_rows
-
-    announce_compilation(link_rows)

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.colors import from_srgb, over
 from resample.command.console import say
+from resample.files.exchange.results import light_of
 from resample.files.pictures import (
     Kind,
     Look,
@@ -32,11 +34,22 @@ HOLE_COLORS = {
 }
 
 
-def made_of(warped: Warped, kind: Kind, choice: Warping) -> Picture:
-    """Warped picture, or label image, as it is written."""
+def made_of(warped: Warped, kind: Kind, choice: Warping, show: str = "picture") -> Picture:
+    """Warped picture, label image, or what else is shown of it, as it is written."""
     if choice.unmixed:
         return names_picture(warped, kind)
-    return warped_picture(warped, kind, filled=choice.fill)
+    if show == "picture":
+        return warped_picture(warped, kind, filled=choice.fill)
+    if show != "holes":
+        return _colored(from_srgb(np.asarray(warped.to_uint8(show) / 255.0, np.float32)))
+    holes = np.array([HOLE_COLORS[hole] for hole in Hole], np.float32)[warped.holes] / 255.0
+    seen = over(light_of(warped), (0.0, 0.0, 0.0))
+    return _colored(np.where(warped.holes[..., None] > 0, from_srgb(holes), seen))
+
+
+def _colored(light: Floats) -> Picture:
+    """Picture of 8 bits of opaque linear light (H, W, 3)."""
+    return Picture(np.asarray(light, np.float32), Kind(("R", "G", "B"), 8, is_encoded=True))
 
 
 def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:

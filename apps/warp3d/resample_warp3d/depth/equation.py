@@ -15,6 +15,15 @@ def between(source: Camera, target: Camera) -> Equation:
     ------
     ValueError
         One is no `Camera`; a parallel one has no eye to warp from or to.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, between
+    >>> camera = Camera.from_intrinsics(100, 100, 32, 24)
+    >>> equation = between(camera, camera.moved(np.c_[np.eye(3), [-0.1, 0, 0]]))
+    >>> (equation.matrix @ (40, 24, 1) + equation.epipole / 2.0).round(3).tolist()  # at z = 2
+    [35.0, 24.0, 1.0]
     """
     for camera in (source, target):
         if not isinstance(camera, Camera):
@@ -30,6 +39,13 @@ def of_rectified(fraction: float, gain: float = 1.0, zero: float = 0.0) -> Equat
 
     `fraction` 1 leads from the left view to the right one, where things are further left, −1 from
     the right view to the left one, 0.5 to the view between. What has the nearness `zero` stays.
+
+    Examples
+    --------
+    >>> from resample_warp3d import of_rectified
+    >>> half_way = of_rectified(0.5)
+    >>> (half_way.matrix @ (40, 24, 1) + 8 * half_way.epipole).tolist()  # a disparity of 8 px
+    [36.0, 24.0, 1.0]
     """
     matrix = np.eye(3)
     matrix[0, 2] = fraction * gain * zero

@@ -50,6 +50,17 @@ def prepare(
         Color and nearness do not fit, or there is no depth at all.
     LookupError
         `refine` is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, of_rectified, prepare, render
+    >>> color, disparity = np.ones((24, 32, 3), np.float32), np.full((24, 32), 8, np.float32)
+    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> source.noise
+    0.0
+    >>> render(source, of_rectified(0.5), (24, 32), "hybrid")
+    Warped(24 × 32 × 3 float32, 90.6 % covered)
     """
     for name, given in (("noise", noise), ("step", step)):
         if given is not None and not 0.0 <= given < math.inf:

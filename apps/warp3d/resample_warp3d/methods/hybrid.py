@@ -40,6 +40,17 @@ class Hybrid:
     ------
     ValueError
         The quality is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, Hybrid, warp
+    >>> names = np.float32(np.indices((24, 32))[1] // 8)  # of four stripes
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> away = camera.moved(np.c_[np.eye(3), [0.1, 0, 1.3]])
+    >>> warped = warp(names, np.full((24, 32), 2.0), camera, away, method=Hybrid(labels=True))
+    >>> np.unique(warped.image).tolist()  # none are mixed
+    [0.0, 1.0, 2.0, 3.0]
     """
 
     quality: float = 1.0

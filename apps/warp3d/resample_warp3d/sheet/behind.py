@@ -57,6 +57,16 @@ def background(source: Source, reach: float = REACH) -> Source | None:
     ------
     ValueError
         The reach is not above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, background, prepare
+    >>> color, nearness = np.ones((32, 32, 3), np.float32), np.full((32, 32), 0.25, np.float32)
+    >>> nearness[8:24, 8:24] = 1.0  # a square before a wall
+    >>> layer = background(prepare(DepthImage(color, nearness, np.empty((0, 0, 2)))))
+    >>> layer.nearness[16, 6:14].tolist()  # goes on for 3 px
+    [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.0, 0.0]
     """
     if not 0.0 < reach <= 1.0:
         raise ValueError(f"reach {reach:g}; give a share of the picture's side, above 0 up to 1")
@@ -85,6 +95,19 @@ def behind(warped: Warped, layer: Warped) -> Warped:
 
     What is outside the source or without depth stays empty, as a layer knows nothing of it. Why the
     pixels are what they are stays on record.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, background, behind, of_rectified, prepare, render
+    >>> color, disparity = np.ones((32, 32, 3), np.float32), np.full((32, 32), 1, np.float32)
+    >>> disparity[8:24, 8:24] = 6  # a square before a wall
+    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> way, size = of_rectified(1), (32, 32)
+    >>> seen = render(source, way, size, "hybrid")
+    >>> whole = behind(seen, render(background(source, 0.25), way, size, "hybrid"))
+    >>> [round(float(view.coverage[16, :-1].mean()), 2) for view in (seen, whole)]
+    [0.84, 1.0]
     """
     is_open = (warped.holes != Hole.OUTSIDE) & (warped.holes != Hole.NO_DEPTH)
     rest = is_open * (np.float32(1) - np.clip(warped.coverage, 0, 1))

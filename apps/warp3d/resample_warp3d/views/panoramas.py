@@ -59,6 +59,16 @@ def panorama(
     ------
     ValueError
         As of `faces`; or a choice cannot be worked with.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import SEAMLESS, Camera, panorama, render_together
+    >>> sources = panorama(np.ones((128, 256, 3)), np.full((128, 256), 3.0))
+    >>> window = Camera.from_fov(60, 24, 32)
+    >>> joined = render_together(sources, window, (24, 32), joining=SEAMLESS)
+    >>> joined.warped, round(joined.warped.depth[12, 16].item(), 1)
+    (Warped(24 × 32 × 3 float32, 100 % covered), 3.0)
     """
     cut = faces(as_light(color), length, world_to_camera)
     prepared = [

@@ -41,6 +41,15 @@ class Joining:
     ------
     ValueError
         A name is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, Joining, panorama, render_together
+    >>> sources = panorama(np.ones((64, 128, 3)), np.full((64, 128), 3.0))
+    >>> camera, hard = Camera.from_fov(60, 24, 32), Joining(blend="best", colors="none")
+    >>> render_together(sources, camera, (24, 32), joining=hard).warped
+    Warped(24 × 32 × 3 float32, 100 % covered)
     """
 
     blend: str = "feathered"
@@ -59,7 +68,19 @@ PLAIN = Joining("confident", "none", "none", "none")  # each view as it is
 
 
 class Standing(NamedTuple):
-    """A prepared source, and the camera that took it."""
+    """A prepared source, and the camera that took it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing, agreed, prepare
+    >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
+    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> right = camera.moved(np.c_[np.eye(3), [-0.1, 0, 0]])
+    >>> agreed([Standing(source, camera), Standing(source, right)], Joining()).scale.tolist()
+    [1.0, 1.0]
+    """
 
     source: Source
     camera: Camera
@@ -81,7 +102,20 @@ class Joined(NamedTuple):
 
 
 def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
-    """Sources made ready to be seen together; one result serves every target."""
+    """Sources made ready to be seen together; one result serves every target.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing, agreed, prepare
+    >>> color, none = np.ones((24, 32, 3), np.float32), np.empty((0, 0, 2))
+    >>> maps = [np.full((24, 32), nearness, np.float32) for nearness in (0.5, 0.51)]
+    >>> sources = [prepare(DepthImage(color, nearness, none)) for nearness in maps]
+    >>> camera = Camera.from_fov(60, 24, 32)
+    >>> together = agreed([Standing(source, camera) for source in sources], Joining())
+    >>> together.scale.round(3).tolist()  # of their nearness
+    [1.01, 0.99]
+    """
     order = sorted(range(len(given)), key=lambda n: _digest(given[n]))
     standing = [given[n] for n in order]
     equations = [[between(one.camera, other.camera) for other in standing] for one in standing]
@@ -135,6 +169,24 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     Returns
     -------
     The picture, which neither the sources' order nor the threads change by a bit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing
+    >>> from resample_warp3d import agreed, prepare, render_together
+    >>> color = np.repeat(np.linspace(0.1, 0.9, 48, dtype=np.float32), 64).reshape(48, 64, 1)
+    >>> nearness, none = np.full((48, 64), 0.5, np.float32), np.empty((0, 0, 2))
+    >>> camera = Camera.from_fov(60, 48, 64)
+    >>> views = []
+    >>> for exposure, x in ((1.0, -0.2), (0.5, 0.2)):
+    ...     source = prepare(DepthImage(exposure * color, nearness, none))
+    ...     views.append(Standing(source, camera.moved(np.c_[np.eye(3), [x, 0, 0]])))
+    >>> joined = render_together(agreed(views, Joining()), camera, (48, 64))
+    >>> joined.warped
+    Warped(48 × 64 × 1 float32, 100 % covered)
+    >>> joined.match.gain.round(2).tolist()  # of an exposure and its half
+    [[0.71], [1.41]]
     """
     from resample_warp3d.warping import render
 

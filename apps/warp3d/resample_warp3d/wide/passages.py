@@ -181,6 +181,17 @@ def way_between(source: Sight, target: Sight, shape: Shape) -> Way:
     ------
     ValueError
         The source is no camera of depth images.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, DepthImage, Equirectangular
+    >>> from resample_warp3d import prepare, render, way_between
+    >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
+    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> way = way_between(Camera.from_fov(90, 24, 32), Equirectangular(), (32, 64))
+    >>> render(source, way, (32, 64), "hybrid")
+    Warped(32 × 64 × 3 float32, 15.6 % covered)
     """
     if isinstance(source, Camera) and isinstance(target, Camera) and not is_bent(target):
         return between(source, target)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, inner_step, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, matrix_of, multiply
 from resample.types import Doubles, Floats
 
@@ -94,29 +94,42 @@ def _value(values: NDArray[Any], place: Step) -> float:
 
 
 @kernel
-def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
-    """Slopes along x, y and z from a voxel's neighbours; NaN where none is known."""
+def _slopes_at_rim(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z from those neighbours that are known; 0 where none is."""
     z, y, x = place
-    depth, height, width = values.shape
     here = _value(values, place)
-    if 0 < z < depth - 1 and 0 < y < height - 1 and 0 < x < width - 1:
-        left, right = here - float(values[z, y, x - 1]), float(values[z, y, x + 1]) - here
-        above, below = here - float(values[z, y - 1, x]), float(values[z, y + 1, x]) - here
-        before, after = here - float(values[z - 1, y, x]), float(values[z + 1, y, x]) - here
-        slope = (0.5 * (right + left), 0.5 * (below + above), 0.5 * (after + before))
-        if math.isfinite(slope[0] + slope[1] + slope[2]):
-            return slope
     left, right = here - _value(values, (z, y, x - 1)), _value(values, (z, y, x + 1)) - here
     above, below = here - _value(values, (z, y - 1, x)), _value(values, (z, y + 1, x)) - here
     before, after = here - _value(values, (z - 1, y, x)), _value(values, (z + 1, y, x)) - here
-    return _mean(left, right), _mean(above, below), _mean(before, after)
+    x_slope, y_slope, z_slope = _mean(left, right), _mean(above, below), _mean(before, after)
+    return (
+        x_slope if math.isfinite(x_slope) else 0.0,
+        y_slope if math.isfinite(y_slope) else 0.0,
+        z_slope if math.isfinite(z_slope) else 0.0,
+    )
+
+
+@inner_step
+def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z from a voxel's neighbours; 0 where none is known."""
+    z, y, x = place
+    depth, height, width = values.shape
+    if 0 < z < depth - 1 and 0 < y < height - 1 and 0 < x < width - 1:
+        k, j, i, one = np.uint64(z), np.uint64(y), np.uint64(x), np.uint64(1)  # without signs
+        here = np.float64(values[k, j, i])  # as numba's float() of a float32 stays one
+        left, right = here - values[k, j, i - one], values[k, j, i + one] - here
+        above, below = here - values[k, j - one, i], values[k, j + one, i] - here
+        before, after = here - values[k - one, j, i], values[k + one, j, i] - here
+        slope = (0.5 * (right + left), 0.5 * (below + above), 0.5 * (after + before))
+        if math.isfinite(slope[0] + slope[1] + slope[2]):
+            return slope
+    return _slopes_at_rim(values, place)
 
 
 @kernel
 def _store(turn: Matrix, slope: Vector, gradient: Floats, n: int) -> None:
-    turned = multiply(turn, slope)
-    for c in range(3):
-        gradient[n, c] = turned[c]
+    k, one = np.uint64(n), np.uint64(1)  # without signs
+    gradient[k, one - one], gradient[k, one], gradient[k, one + one] = multiply(turn, slope)
 
 
 @kernel
@@ -133,13 +146,7 @@ def central_gradients(
     for n in range(index.size):
         at = _next_place(index[n], before, at, values.shape)
         before = index[n]
-        x, y, z = _central_slopes(values, at)
-        known = (
-            x if math.isfinite(x) else 0.0,
-            y if math.isfinite(y) else 0.0,
-            z if math.isfinite(z) else 0.0,
-        )
-        _store(turn, known, gradient, n)
+        _store(turn, _central_slopes(values, at), gradient, n)
 
 
 @kernel

@@ -90,6 +90,16 @@ def refine(
         Color and nearness do not fit, or there is no depth at all.
     LookupError
         The name is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, refine
+    >>> color, nearness = np.ones((32, 32, 3), np.float32), np.full((32, 32), 0.5, np.float32)
+    >>> nearness[12:18, 12:18] = 0  # unknown
+    >>> refined = refine(DepthImage(color, nearness, np.empty((0, 0, 2))), "complete")
+    >>> refined.image.nearness[15, 15].item(), refined.confidence[15, 15].item()
+    (0.5, 0.5)
     """
     if name not in REFINES:
         raise LookupError(f"unknown refine {name!r}; known: {', '.join(REFINES)}")

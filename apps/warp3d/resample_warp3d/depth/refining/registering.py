@@ -32,6 +32,16 @@ def registered(
     ------
     ValueError
         Nothing of the depth is in view.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, registered
+    >>> sensor, camera = Camera.from_fov(60, 24, 32), Camera.from_fov(50, 48, 64)
+    >>> beside = camera.moved(np.c_[np.eye(3), [-0.05, 0, 0]])
+    >>> nearness = registered(np.full((24, 32), 0.5, np.float32), sensor, beside, (48, 64))
+    >>> nearness.shape, round(nearness[24, 32].item(), 3)
+    ((48, 64), 0.5)
     """
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.methods.hybrid import Hybrid

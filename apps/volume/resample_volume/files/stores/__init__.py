@@ -1,0 +1,1 @@
+"""Volumes in chunks: OME-Zarr and zarr arrays, in and out."""

@@ -1,0 +1,107 @@
+"""Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_volume.files.headers import WIDENED
+from resample_volume.files.stores.opening import reading
+from resample_volume.voxels.bricks import Box, Bricks, Step, Values
+
+if TYPE_CHECKING:
+    import zarr
+
+ORDER = "tczyx"
+SIDE = 64  # voxels; chunks that are smaller are read together
+
+
+@dataclass(frozen=True, eq=False)
+class Single:
+    """One volume as (1, 1, Z, Y, X), also where its values stay in a file."""
+
+    values: Values
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Elements along all five axes."""
+        return (1, 1, *self.values.shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of the voxels."""
+        return self.values.dtype
+
+    def __getitem__(self, chosen: tuple[int, int]) -> Values:
+        return self.values
+
+
+@dataclass(frozen=True, eq=False)
+class Chunked:
+    """An array as (T, C, Z, Y, X): like NumPy's as far as `recordings.volume_at` looks.
+
+    Where a time and a channel are chosen, their volume is given as `Bricks`.
+    """
+
+    array: "zarr.Array[Any]"
+    axes: str  # its letters, see `metadata.Layout`
+    order: str = ORDER  # of the first two; swapped they are "ct"
+    brick: Step | None = None  # voxels that are read together; None: as chunks lie
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Elements along the axes of `order`."""
+        return tuple(self._along(letter) for letter in self.order)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of the voxels as a volume has them."""
+        own: np.dtype[Any] = np.dtype(self.array.dtype).newbyteorder("=")
+        return np.dtype(WIDENED.get(own.name, own.name))
+
+    def swapaxes(self, first: int, second: int) -> "Chunked":
+        """The same with times for channels."""
+        letters = list(self.order)
+        letters[first], letters[second] = letters[second], letters[first]
+        return Chunked(self.array, self.axes, "".join(letters), self.brick)
+
+    def __getitem__(self, chosen: int | tuple[int, int]) -> "NDArray[Any] | Bricks":
+        if isinstance(chosen, tuple):
+            return self._bricks(dict(zip(self.order, chosen, strict=False)))
+        first, second = self.order[0], self.order[1]
+        parts = [
+            self._bricks({first: chosen, second: n}).whole() for n in range(self._along(second))
+        ]
+        return np.stack(parts)
+
+    def whole(self) -> NDArray[Any]:
+        """All values in memory."""
+        return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
+
+    def _along(self, letter: str) -> int:
+        return int(self.array.shape[self.axes.index(letter)]) if letter in self.axes else 1
+
+    def _bricks(self, at: dict[str, int]) -> Bricks:
+        """Volume of one time and channel."""
+        space = [letter for letter in self.axes if letter in "zyx"]
+        turn = tuple(space.index(letter) for letter in "zyx")
+
+        def read(box: Box) -> NDArray[Any]:
+            part = dict(zip("zyx", box, strict=True))
+            index: Any = tuple(
+                part[letter] if letter in part else at[letter] for letter in self.axes
+            )
+            with reading(self.array.name.strip("/") or "the array"):
+                found = np.asarray(self.array[index])
+            return np.ascontiguousarray(found.transpose(turn), self.dtype)
+
+        shape = (self._along("z"), self._along("y"), self._along("x"))
+        return Bricks(read, shape, self.dtype, self.brick or self._side(shape))
+
+    def _side(self, shape: Step) -> Step:
+        """Whole chunks along z, y and x, of about `SIDE` voxels."""
+        own = dict(zip(self.axes, self.array.chunks, strict=True))
+        sides = [max(1, SIDE // own[letter]) * own[letter] for letter in "zyx"]
+        z, y, x = (min(side, size) for side, size in zip(sides, shape, strict=True))
+        return z, y, x

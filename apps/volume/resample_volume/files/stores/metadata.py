@@ -1,0 +1,187 @@
+"""What OME-Zarr 0.4 and 0.5 say of an image: axes, levels and where these lie."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, Field, ValidationError
+
+from resample.types import Doubles
+from resample.words import one_line
+
+VERSIONS = ("0.4", "0.5")
+KINDS = {"time": "t", "channel": "c"}  # of axes that are not of space
+SPACE = "zyx"
+METERS = {
+    "angstrom": 1e-10,
+    "nanometer": 1e-9,
+    "micrometer": 1e-6,
+    "millimeter": 1e-3,
+    "centimeter": 1e-2,
+    "meter": 1.0,
+}
+OWN = "hybrid-resample"  # key of what the format cannot say of a volume that we have written
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Axis(BaseModel):
+    """One axis of all arrays."""
+
+    name: str
+    type: str | None = None
+    unit: str | None = None
+
+
+class _Transformation(BaseModel):
+    """Scale or translation; numbers in a file of their own are of older versions."""
+
+    type: Literal["identity", "scale", "translation"]
+    scale: list[Number] | None = None
+    translation: list[Number] | None = None
+
+
+class _Dataset(BaseModel):
+    """One level."""
+
+    path: str
+    transformations: Annotated[
+        list[_Transformation], Field(alias="coordinateTransformations", min_length=1)
+    ]
+
+
+class _Multiscale(BaseModel):
+    """One image at several sizes."""
+
+    axes: Annotated[list[_Axis], Field(min_length=2, max_length=5)]
+    datasets: Annotated[list[_Dataset], Field(min_length=1)]
+    transformations: Annotated[list[_Transformation], Field(alias="coordinateTransformations")] = []
+
+
+class _Own(BaseModel):
+    """What the format cannot say; see `writing`."""
+
+    direction: Annotated[list[list[Number]], Field(min_length=3, max_length=3)] | None = None
+    units: str = ""
+    space: str = ""
+    color: bool = False
+
+
+class Level(NamedTuple):
+    """An array and where it lies; numbers are of its axes, in their order."""
+
+    path: str  # from the group on
+    scale: Doubles  # (D,) scene units from one element to the next
+    start: Doubles  # (D,) scene units, place of the first element
+    is_placed: bool  # whether the file says where, and not only how large its voxels are
+
+
+class Layout(NamedTuple):
+    """All that is said of an image."""
+
+    axes: str  # letters of t, c, z, y and x in the order of the arrays
+    levels: tuple[Level, ...]  # the finest first
+    unit: str = ""  # of length; empty: not told
+    direction: Doubles | None = None  # (3, 3) as of `Volume`
+    units: str = ""  # of values, as of `Volume`
+    space: str = ""  # as of `Volume`
+    is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
+
+
+def layout_of(attributes: Mapping[str, Any], name: str) -> Layout | None:
+    """What a group's attributes say of an image; None where they speak of none.
+
+    Raises
+    ------
+    ValueError
+        They are of another version, are not as this demands, or the axes are none of space.
+    """
+    told = attributes.get("ome", attributes)
+    if not isinstance(told, Mapping) or "multiscales" not in told:
+        return None
+    images = told["multiscales"]
+    first = images[0] if isinstance(images, list) and images else None
+    if not isinstance(first, Mapping):
+        raise ValueError(f"{name}: multiscales must be a list of images, not {images!r:.40}")
+    version = str(told.get("version") or first.get("version") or VERSIONS[0])
+    if version not in VERSIONS:
+        raise ValueError(
+            f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are read: convert it, "
+            "or name one of its arrays"
+        )
+    try:
+        image = _Multiscale.model_validate(first)
+        own = _Own.model_validate(attributes.get(OWN, {}))
+    except ValidationError as error:
+        raise ValueError(f"{name}, multiscales: {one_line(error)}") from None
+    axes, factor, unit = _axes(image.axes, name)
+    levels = tuple(_level(level, image.transformations, factor, name) for level in image.datasets)
+    turned = None if own.direction is None else np.array(own.direction, np.float64)
+    return Layout(axes, levels, unit, turned, own.units, own.space, own.color)
+
+
+def moved(layout: Layout, number: int) -> Level:
+    """Level in its place, also where its file does not say it: among means of finer voxels.
+
+    Where writers leave the translation out, voxels of coarser levels are taken for means of those
+    of the finest, whose corner they share.
+    """
+    level, finest = layout.levels[number], layout.levels[0]
+    if level.is_placed or number == 0:
+        return level
+    return level._replace(start=finest.start + (level.scale - finest.scale) / 2)
+
+
+def _axes(given: list[_Axis], name: str) -> tuple[str, Doubles, str]:
+    """Letters of axes; what their lengths are multiplied by; and the unit that these are in."""
+    letters = [_letter(axis, name) for axis in given]
+    if len(set(letters)) < len(letters) or set(letters) < set(SPACE):
+        listed = ", ".join(axis.name for axis in given)
+        raise ValueError(
+            f"{name} has the axes {listed}; a volume has z, y and x once each, and beside them "
+            "time and channel at most"
+        )
+    units = {letter: axis.unit or "" for letter, axis in zip(letters, given, strict=True)}
+    unit, factor = units["x"], np.ones(len(given))
+    for axis, letter in enumerate(letters):
+        own = units[letter]
+        if letter in SPACE and own != unit:
+            if own not in METERS or unit not in METERS:
+                raise ValueError(
+                    f"{name}: lengths along {letter} are in {own or 'no unit'}, along x in "
+                    f"{unit or 'no unit'}; give both the same unit, of {', '.join(METERS)}"
+                )
+            factor[axis] = METERS[own] / METERS[unit]
+    return "".join(letters), factor, unit
+
+
+def _letter(axis: _Axis, name: str) -> str:
+    """Letter of an axis: by its type, else by its name."""
+    letter = KINDS.get(axis.type or "", axis.name.lower())
+    if letter not in (*SPACE, *KINDS.values()):
+        raise ValueError(
+            f"{name} has an axis {axis.name!r} of type {axis.type!r}; known are time, channel and "
+            "the axes of space z, y and x"
+        )
+    return letter
+
+
+def _level(given: _Dataset, after: list[_Transformation], factor: Doubles, name: str) -> Level:
+    """Level after its own transformations and those of the image."""
+    scale, start, is_placed = np.ones(factor.size), np.zeros(factor.size), False
+    for step in [*given.transformations, *after]:
+        if step.type == "scale":
+            along = _numbers(step.scale, factor.size, f"{name}/{given.path}, scale")
+            scale, start = along * scale, along * start
+        elif step.type == "translation":
+            is_placed = True
+            start = start + _numbers(
+                step.translation, factor.size, f"{name}/{given.path}, translation"
+            )
+    return Level(given.path, factor * scale, factor * start, is_placed)
+
+
+def _numbers(given: list[float] | None, count: int, where: str) -> Doubles:
+    if given is None or len(given) != count:
+        raise ValueError(f"{where}: {given} are not {count} numbers, one for each axis")
+    return np.array(given, np.float64)

@@ -1,0 +1,84 @@
+"""Folders and zip files of zarr, opened: what is in them, and what is wrong with them."""
+
+import json
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from resample.words import one_line
+
+MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
+ZIPS = (".zip", ".ozx")
+
+
+def is_store(path: Path) -> bool:
+    """Whether a folder is a group or an array of zarr."""
+    return path.is_dir() and any((path / mark).is_file() for mark in MARKS)
+
+
+def require_zarr(what: str) -> Any:
+    """The package zarr, which is an extra.
+
+    Raises
+    ------
+    ValueError
+        It is not installed; the message says how to do that.
+    """
+    try:
+        import zarr
+    except ImportError as error:
+        raise ValueError(
+            f"{what} is of zarr, and {error.name} is not installed: "
+            "pip install 'hybrid-resample[zarr]'"
+        ) from None
+    return zarr
+
+
+def open_node(path: Path) -> Any:
+    """Group or array in a folder or a zip file.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed, there is none, or its metadata cannot be read.
+    OSError
+        There is nothing of that name, or it must not be read.
+    """
+    zarr = require_zarr(path.name)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: there is no such file or folder")
+    with reading(path.name):
+        if path.is_dir():
+            store: Any = zarr.storage.LocalStore(path, read_only=True)
+            root = "" if is_store(path) else None
+        else:
+            root = _root_of_zip(path)
+            store = zarr.storage.ZipStore(path, mode="r")
+        if root is None:
+            raise ValueError("there is no zarr.json, .zgroup or .zarray")
+        return zarr.open(store, path=root, mode="r")
+
+
+def _root_of_zip(path: Path) -> str | None:
+    """Where in a zip file the metadata are that lie above all others; None: nowhere."""
+    with zipfile.ZipFile(path) as packed:
+        names = packed.namelist()
+    found = [name for name in names if name.rpartition("/")[2] in MARKS]
+    return min(found, key=len).rpartition("/")[0] if found else None
+
+
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """Say in one line what cannot be read, and why; damaged chunks fail in many ways."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except PermissionError as error:
+        raise PermissionError(f"{what} cannot be read: {one_line(error)}") from None
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{what}: its metadata are no JSON: {one_line(error)}") from None
+    except Exception as error:
+        raise ValueError(f"{what} is no zarr, or damaged: {one_line(error):.300}") from None

@@ -1,0 +1,50 @@
+"""Coarser levels: exact means of two voxels along each axis."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_volume.voxels.bricks import Step
+
+SMALLEST = 64  # voxels along the longest axis of the last level
+
+
+def sizes(shape: Step) -> list[Step]:
+    """Shapes of all levels, the finest first; each halves the one before, rounded up."""
+    found = [shape]
+    while max(found[-1]) > SMALLEST:
+        z, y, x = (
+            -(-size // per) for size, per in zip(found[-1], per_axis(found[-1]), strict=True)
+        )
+        found.append((z, y, x))
+    return found
+
+
+def per_axis(shape: Step) -> Step:
+    """Voxels along each axis that become one; a volume keeps two along each."""
+    z, y, x = (2 if size > 2 else 1 for size in shape)
+    return z, y, x
+
+
+def halved(values: NDArray[Any], per: Step) -> NDArray[Any]:
+    """Means of so many voxels along z, y and x, or of fewer where values end; of the same type.
+
+    Integers are rounded to the nearest, halves to even; values that are missing or infinite take no
+    part, and where there is no other the mean is missing.
+    """
+    shape = tuple(-(-size // step) for size, step in zip(values.shape, per, strict=True))
+    is_whole = values.dtype.kind in "iu"
+    total = np.zeros(shape, np.int64 if is_whole else np.float64)
+    count = np.zeros(shape, np.uint8)
+    for start in product(*map(range, per)):
+        part = values[tuple(slice(n, None, step) for n, step in zip(start, per, strict=True))]
+        inside = tuple(map(slice, part.shape))
+        known = True if is_whole else np.isfinite(part)
+        total[inside] += part if is_whole else np.where(known, part, 0.0)
+        count[inside] += known
+    if is_whole:
+        return np.rint(total / count).astype(values.dtype)
+    with np.errstate(invalid="ignore"):
+        return (total / count).astype(values.dtype)

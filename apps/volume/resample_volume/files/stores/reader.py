@@ -1,0 +1,222 @@
+"""The reader of OME-Zarr and of plain zarr arrays."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from resample_volume.files.headers import Header, check_alone, check_nothing, header, stem
+from resample_volume.files.memory import require_memory
+from resample_volume.files.readers import Check, Numbers, three_numbers
+from resample_volume.files.stores.chunks import Chunked
+from resample_volume.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample_volume.files.stores.opening import open_node, reading
+from resample_volume.media.recordings import alone
+from resample_volume.types import Recording, Volume
+from resample_volume.voxels.bricks import Step
+
+if TYPE_CHECKING:
+    import zarr
+
+LOSS = {1: "27 to 44", 2: "21 to 39"}  # dB that pictures of coarser levels have had
+SERIES = "bioformats2raw.layout"  # attribute of a group of images, which are 0, 1 and so on
+LETTERS = {3: "zyx", 4: "tzyx", 5: "tczyx"}  # of plain arrays, by their dimensions
+
+
+@dataclass(frozen=True)
+class Zarr:
+    """OME-Zarr 0.4 and 0.5, or a plain array of zarr 2 or 3; a folder, or zipped.
+
+    Plain arrays are (Z, Y, X), (T, Z, Y, X) or (T, C, Z, Y, X), unless they name their axes.
+    """
+
+    level: int = 0  # of an image at several sizes; 0 is the finest
+    spacing: Numbers = ""  # of a plain array, which does not know it: "1x1x1.4" (x, y, z)
+
+    suffixes: ClassVar[tuple[str, ...]] = (
+        *(".ome.zarr", ".zarr", ".ome.zarr.zip", ".zarr.zip", ".ozx", ".zip"),
+    )
+
+    def __post_init__(self) -> None:
+        if self.spacing:
+            three_numbers("spacing", self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        found = self.streamed(path, check)
+        chunked: Any = found.values
+        require_memory(int(np.prod(chunked.shape)) * chunked.dtype.itemsize, found.name)
+        return found._replace(values=chunked.whole())
+
+    def streamed(
+        self, path: Path, check: Check = check_nothing, brick: Step | None = None
+    ) -> Recording:
+        """All times and channels, whose values stay in the file, see `Chunked`.
+
+        Parameters
+        ----------
+        path
+            Folder or zip file.
+        check
+            May refuse what the file says of itself.
+        brick
+            Voxels along z, y and x that are read together; as chunks lie.
+
+        Raises
+        ------
+        ValueError, OSError
+            It cannot be read, or holds no such level.
+        """
+        name = stem(path.resolve(), self.suffixes)
+        layout, node = _image(path, name)
+        number = self._number(layout, name)
+        level = moved(layout, number)
+        array = _array(node, level, name)
+        if array.ndim != len(layout.axes):
+            raise ValueError(
+                f"{name}/{level.path} has {array.ndim} dimensions, its metadata {layout.axes}"
+            )
+        known = self._header(layout, level, array, name)
+        check(known)
+        values: Any = Chunked(array, layout.axes, brick=brick)
+        place = (known.spacing, known.origin, known.direction)
+        told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
+        if not number:
+            return told
+        finest = _lengths(layout.levels[0], layout.axes)[0]
+        note = _coarser(layout, number, level, known.shape)
+        return told._replace(note=note, thickness=float(np.cbrt(abs(finest.prod()))))
+
+    def levels(self, path: Path) -> list[dict[str, Any]]:
+        """Levels with their `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
+        name = stem(path.resolve(), self.suffixes)
+        layout, node = _image(path, name)
+        listed = []
+        for level in layout.levels:
+            size = dict(zip(layout.axes, _array(node, level, name).shape, strict=True))
+            spacing = _lengths(level, layout.axes)[0]
+            shape = tuple(size[letter] for letter in SPACE[::-1])
+            listed.append({"path": level.path, "shape": shape, "spacing": spacing.tolist()})
+        return listed
+
+    def _number(self, layout: Layout, name: str) -> int:
+        count = len(layout.levels)
+        if not 0 <= self.level < count:
+            raise ValueError(
+                f"{name} has {count} levels, 0 (the finest) to {count - 1}; there is no level "
+                f"{self.level}"
+            )
+        return self.level
+
+    def _header(self, layout: Layout, level: Level, array: "zarr.Array[Any]", name: str) -> Header:
+        size = dict(zip(layout.axes, map(int, array.shape), strict=True))
+        spacing, origin = _lengths(level, layout.axes)
+        direction = np.diag(np.where(spacing < 0, -1.0, 1.0))
+        if layout.direction is not None:
+            direction = layout.direction @ direction
+        if self.spacing:
+            spacing = np.array(three_numbers("spacing", self.spacing))
+        known = header(
+            tuple(size[letter] for letter in SPACE[::-1]),
+            array.dtype,
+            name,
+            spacing=np.abs(spacing),
+            origin=origin,
+            direction=direction,
+        )
+        times, parts = size.get("t", 1), size.get("c", 1)
+        return known._replace(times=times, parts=parts, is_color=layout.is_color)
+
+
+def with_level(reader: Any, level: int) -> Any:
+    """Reader of a coarser level.
+
+    Raises
+    ------
+    ValueError
+        Its files have none.
+    """
+    if not isinstance(reader, Zarr):
+        raise ValueError(
+            "level chooses a size of an OME-Zarr; this file has one size, leave it out"
+        )
+    return replace(reader, level=level)
+
+
+def _image(path: Path, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
+    """What a file says of its image, and where that is."""
+    node = open_node(path)  # says what is missing
+    import zarr
+
+    if isinstance(node, zarr.Array):
+        return _plain(node, name), node
+    attributes = dict(node.attrs)
+    told = attributes.get("ome", attributes)
+    if isinstance(told, dict) and SERIES in told and "multiscales" not in told:
+        with reading(name):
+            keys = sorted(key for key, _ in node.groups() if key.isdigit())
+            node = node[keys[0]] if len(keys) == 1 else node
+        if len(keys) != 1:
+            raise ValueError(
+                f"{name} holds {len(keys)} images; name one of them, such as "
+                f"{path / (keys[0] if keys else '0')}"
+            )
+        attributes = dict(node.attrs)
+    layout = layout_of(attributes, name)
+    if layout is None:
+        with reading(name):
+            held = ", ".join(sorted(node.keys()))
+        raise ValueError(
+            f"{name} is a group without multiscales, so no image of OME-Zarr; name one of what it "
+            f"holds ({held or 'nothing'}) if that is a volume"
+        )
+    return layout, node
+
+
+def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
+    """Array that is no part of an image."""
+    named = getattr(array.metadata, "dimension_names", None) or array.attrs.get("_ARRAY_DIMENSIONS")
+    letters = "".join(str(axis).lower()[:1] for axis in named or ())
+    if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
+        letters = LETTERS.get(array.ndim, "")
+    if len(letters) != array.ndim or len(set(letters)) < len(letters):
+        raise ValueError(
+            f"{name} has {array.ndim} dimensions; a volume has 3 (z, y, x), or 4 or 5 with times "
+            "and channels before them"
+        )
+    count = array.ndim
+    return Layout(letters, (Level("", np.ones(count), np.zeros(count), is_placed=True),))
+
+
+def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
+    """Array of a level."""
+    import zarr
+
+    if isinstance(node, zarr.Array):
+        return node
+    with reading(f"{name}/{level.path}"):
+        found = node.get(level.path)
+    if found is None:
+        raise ValueError(f"{name} names a level {level.path!r}, which is not there; is it whole?")
+    if not isinstance(found, zarr.Array):
+        raise ValueError(f"{name}/{level.path} is a group; a level is an array")
+    return found
+
+
+def _coarser(layout: Layout, number: int, level: Level, shape: tuple[int, ...]) -> str:
+    """What a user should know of a level that is not the finest."""
+    size = " x ".join(map(str, shape))
+    where = "" if layout.levels[number].is_placed else ", whose place the file does not tell"
+    return (
+        f"level {number} of 0 to {len(layout.levels) - 1} ({level.path}{where}) has {size} voxels: "
+        f"its pictures are {LOSS.get(number, 'less than 39')} dB from those of level 0"
+    )
+
+
+def _lengths(level: Level, axes: str) -> "tuple[Any, Any]":
+    """Spacing and origin (3,) along x, y and z."""
+    order = [axes.index(letter) for letter in SPACE[::-1]]
+    return level.scale[order], level.start[order]

@@ -1,0 +1,254 @@
+"""Volumes written as OME-Zarr 0.5, brick by brick."""
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample.watching import Progress
+from resample.words import one_line
+from resample_volume.files.stores.metadata import OWN
+from resample_volume.files.stores.opening import require_zarr
+from resample_volume.files.stores.pyramid import halved, per_axis, sizes
+from resample_volume.types import Recording
+from resample_volume.voxels.bricks import Box, Bricks, Step, Values
+
+if TYPE_CHECKING:
+    import zarr
+
+VERSION = "0.5"
+SUFFIX = ".zarr"
+COMPRESSIONS = ("zstd", "blosc", "none")
+NAMES = {"t": "time", "c": "channel", "z": "space", "y": "space", "x": "space"}
+
+
+@dataclass(frozen=True)
+class Layered:
+    """How chunks lie in files.
+
+    Raises
+    ------
+    ValueError
+        A side is below 8 voxels, a shard is not of whole chunks, or the compression is unknown.
+    """
+
+    chunk: int = 64  # voxels along each side
+    shard: int | None = None  # voxels along each side of a file that holds chunks; None: one each
+    compression: str = "zstd"  # one of COMPRESSIONS
+    is_layered: bool = True  # whether coarser levels are made
+
+    def __post_init__(self) -> None:
+        if self.chunk < 8:
+            raise ValueError(f"chunks of {self.chunk} voxels; their sides are 8 or more")
+        if self.shard is not None and (self.shard % self.chunk or self.shard < self.chunk):
+            raise ValueError(
+                f"shards of {self.shard} voxels are not of whole chunks of {self.chunk}; give a "
+                f"multiple such as {4 * self.chunk}"
+            )
+        if self.compression not in COMPRESSIONS:
+            raise ValueError(
+                f"unknown compression {self.compression!r}; known are {', '.join(COMPRESSIONS)}"
+            )
+
+    @property
+    def step(self) -> int:
+        """Voxels along each side of what is written at once."""
+        return self.shard or self.chunk
+
+
+def write_store(
+    path: Path, recording: Recording, form: Layered, progress: Progress | None = None
+) -> None:
+    """Write all times and channels of a recording, of which a brick at a time is in memory.
+
+    What OME-Zarr cannot say, a direction that is not upright, units of values and whether channels
+    are colors, is kept in an attribute of our own, which other programs do not look at.
+
+    Parameters
+    ----------
+    path
+        A folder that is not there yet. It appears when it is whole.
+    recording
+        Whose values are an array, `Chunked` or `Single`.
+    form
+        How chunks lie.
+    progress
+        Called with the share of the bricks that is written.
+
+    Raises
+    ------
+    ValueError
+        There is something of that name, or the extra is not installed.
+    OSError
+        The store cannot be written; nothing of it stays.
+    """
+    zarr = require_zarr(path.name)
+    with _appearing(path) as temporary:
+        group = zarr.open_group(temporary, mode="w-", zarr_format=3)
+        shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
+        levels = [_array(group, str(n), shape, recording, form) for n, shape in enumerate(shapes)]
+        for share in _fill(levels, recording, form):
+            if progress is not None:
+                progress(share)
+        group.attrs.update(_attributes(recording, shapes))
+
+
+def check_store(path: Path) -> None:
+    """Refuse a store that could not be written in the end, before any work is done.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `write_store`.
+    """
+    require_zarr(path.name)
+    if not path.name.lower().endswith(SUFFIX):
+        raise ValueError(f"{path}: volumes are converted to OME-Zarr, as volume.ome.zarr")
+    if path.exists():
+        raise ValueError(f"{path} is there already; remove it or give another name")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent}: there is no such folder")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{path.parent} must not be written to")
+
+
+@contextmanager
+def _appearing(path: Path) -> Iterator[Path]:
+    """Folder beside a path, which takes its name when all went well, and else is removed."""
+    check_store(path)
+    temporary = path.with_name(f".{path.name}.tmp{secrets.token_hex(4)}")
+    try:
+        yield temporary
+        temporary.rename(path)
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {one_line(error)}") from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _space(recording: Recording) -> Step:
+    z, y, x = map(int, recording.values.shape[-3:])
+    return z, y, x
+
+
+def _letters(recording: Recording) -> str:
+    """Axes that are written: times and channels only where there are several."""
+    times, parts = recording.values.shape[:2]
+    return ("t" if times > 1 else "") + ("c" if parts > 1 else "") + "zyx"
+
+
+def _array(
+    group: "zarr.Group", name: str, shape: Step, recording: Recording, form: Layered
+) -> "zarr.Array[Any]":
+    """Empty array of one level."""
+    letters = _letters(recording)
+    before = tuple(
+        n for n, letter in zip(recording.values.shape[:2], "tc", strict=True) if letter in letters
+    )
+    ones = (1,) * len(before)
+    return group.create_array(
+        name,
+        shape=(*before, *shape),
+        chunks=(*ones, *(form.chunk,) * 3),
+        shards=None if form.shard is None else (*ones, *(form.shard,) * 3),
+        dtype=recording.values.dtype.newbyteorder("="),
+        compressors=_compressors(form.compression),
+        dimension_names=list(letters),
+        fill_value=0,
+    )
+
+
+def _compressors(name: str) -> Any:
+    from zarr.codecs import BloscCodec, ZstdCodec
+
+    if name == "blosc":
+        return BloscCodec(cname="zstd", clevel=5)
+    return ZstdCodec(level=3) if name == "zstd" else None
+
+
+def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) -> Iterator[float]:
+    """Write all levels, the finest first; tells the share that is written."""
+    letters, times, parts = _letters(recording), *recording.values.shape[:2]
+    shapes = [level.shape[-3:] for level in levels]
+    boxes = [_boxes(shape, form.step) for shape in shapes]
+    total, done = times * parts * sum(map(len, boxes)), 0
+    for time, part in product(range(times), range(parts)):
+        at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
+        given = _given(recording, time, part)
+        for n, level in enumerate(levels):
+            for box in boxes[n]:
+                if n == 0:
+                    values = given(box)
+                else:
+                    per = per_axis(shapes[n - 1])
+                    values = halved(np.asarray(levels[n - 1][(*at, *_finer(box, per))]), per)
+                level[(*at, *box)] = values
+                done += 1
+                yield done / total
+
+
+def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
+    """What gives the values of a box."""
+    values: Values = recording.values[time, part]
+    if isinstance(values, Bricks):
+        return values.read
+    array = values
+    return lambda box: array[box]
+
+
+def _boxes(shape: Step, step: int) -> list[Box]:
+    """Boxes of whole chunks or shards that fill a level, z slowest."""
+    found = []
+    for start in product(*(range(0, size, step) for size in shape)):
+        z, y, x = (slice(n, min(n + step, size)) for n, size in zip(start, shape, strict=True))
+        found.append((z, y, x))
+    return found
+
+
+def _finer(box: Box, per: Step) -> Box:
+    """Voxels of the level before that a box is made of."""
+    z, y, x = (slice(n * side.start, n * side.stop) for side, n in zip(box, per, strict=True))
+    return z, y, x
+
+
+def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
+    """What OME-Zarr says of an image, and what we add."""
+    letters = _letters(recording)
+    unit = {"unit": "millimeter"} if recording.space == "lps" else {}
+    axes = [
+        {"name": axis, "type": NAMES[axis], **(unit if NAMES[axis] == "space" else {})}
+        for axis in letters
+    ]
+    image = {"name": recording.name, "axes": axes, "datasets": _datasets(recording, shapes)}
+    own = {
+        "direction": recording.direction.tolist(),
+        "units": recording.units,
+        "space": recording.space,
+        "color": recording.is_color,
+    }
+    return {"ome": {"version": VERSION, "multiscales": [image]}, OWN: own}
+
+
+def _datasets(recording: Recording, shapes: list[Step]) -> list[dict[str, Any]]:
+    """Levels with their place: voxels are means, so their centers lie between finer ones."""
+    found, ones = [], [1.0] * (len(_letters(recording)) - 3)
+    spacing, origin = np.array(recording.spacing), np.array(recording.origin)
+    for n, shape in enumerate(shapes):
+        steps = [
+            {"type": "scale", "scale": ones + spacing[::-1].tolist()},
+            {"type": "translation", "translation": [0.0] * len(ones) + origin[::-1].tolist()},
+        ]
+        found.append({"path": str(n), "coordinateTransformations": steps})
+        per: Doubles = np.array(per_axis(shape)[::-1], np.float64)
+        origin = origin + recording.direction @ (spacing * (per - 1) / 2)
+        spacing = spacing * per
+    return found

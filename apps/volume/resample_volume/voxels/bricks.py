@@ -1,0 +1,240 @@
+"""Values that stay in their file: read brick by brick, and looked at once."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from math import prod
+from threading import Lock
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory import amount
+from resample.types import Doubles
+from resample_volume.files.memory import require_memory
+from resample_volume.types import Volume
+from resample_volume.voxels.parts import slabs, threads_at_work
+
+Step = tuple[int, int, int]  # z, y, x
+Box = tuple[slice, slice, slice]  # z, y, x
+R = TypeVar("R")
+
+SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
+
+
+class Glance(NamedTuple):
+    """What is known of the values of bricks after each was read once."""
+
+    least: Doubles  # (Z, Y, X) of each brick's finite values; inf where there is none
+    greatest: Doubles  # (Z, Y, X) likewise; -inf
+    infinite: int  # voxels
+    missing: int  # voxels
+    some: NDArray[Any]  # every so many voxels along each axis, see `step_of`
+    rim: NDArray[Any]  # (N,) all on the six sides
+    codes: NDArray[np.int64] | None  # how often each value occurs, by its bits, where these are few
+
+
+@dataclass(eq=False)
+class Bricks:
+    """Values (Z, Y, X) of a volume in a file, in place of an array of NumPy's.
+
+    What is asked of all values is found in one pass and kept.
+    """
+
+    read: Callable[[Box], NDArray[Any]]  # values of a box, from the file
+    shape: Step
+    dtype: np.dtype[Any]
+    side: Step  # voxels of a brick, but for the last along each axis
+    replaced: tuple[NDArray[Any], Any] | None = None  # values that stand for none: by what
+    found: dict[Any, Any] = field(default_factory=dict)  # see `resample_volume.keeping`
+    memory: int | None = None  # bytes that what is made of them may take; None: the machine's
+    reads: int = 0  # bricks that were read
+    most_held: int = 0  # bytes of bricks that were in memory together, at most
+    _lock: Lock = field(default_factory=Lock)
+
+    @property
+    def size(self) -> int:
+        """Voxels."""
+        return prod(self.shape)
+
+    @property
+    def count(self) -> Step:
+        """Bricks along z, y and x."""
+        z, y, x = (-(-size // side) for size, side in zip(self.shape, self.side, strict=True))
+        return z, y, x
+
+    def box(self, index: Step) -> Box:
+        """Voxels of a brick."""
+        z, y, x = (
+            slice(n * side, min((n + 1) * side, size))
+            for n, side, size in zip(index, self.side, self.shape, strict=True)
+        )
+        return z, y, x
+
+    def all(self) -> list[Step]:
+        """Indices of all bricks, z slowest."""
+        return [(z, y, x) for z, y, x in product(*map(range, self.count))]
+
+    def brick(self, index: Step) -> NDArray[Any]:
+        """Values of a brick."""
+        values = self.read(self.box(index))
+        with self._lock:
+            self.reads += 1
+        if self.replaced is None:
+            return values
+        padding, by = self.replaced
+        is_none = np.isin(values, padding)
+        if self.dtype.kind == "f":
+            is_none |= np.isinf(values)
+        return np.where(is_none, np.asarray(by, self.dtype), values)
+
+    def hold(self, count: int) -> None:
+        """Note that so many bricks are in memory."""
+        size = prod(map(min, self.side, self.shape)) * self.dtype.itemsize
+        self.most_held = max(self.most_held, count * size)
+
+    def each(self, job: Callable[[Step], R], indices: Sequence[Step]) -> Iterator[R]:
+        """What a job gives for bricks, in their order; several are worked on at a time."""
+        threads = threads_at_work()
+        pool, waiting = ThreadPoolExecutor(threads), deque[Future[R]]()
+        try:
+            for index in indices:
+                waiting.append(pool.submit(job, index))
+                if len(waiting) > threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def whole(self) -> NDArray[Any]:
+        """All values in memory."""
+        values = np.empty(self.shape, self.dtype)
+
+        def put(index: Step) -> None:
+            values[self.box(index)] = self.brick(index)
+
+        for _ in self.each(put, self.all()):
+            pass
+        return values
+
+    def without(self, padding: Sequence[float], by: Any) -> "Bricks":
+        """The same without values that stand for none, nor infinite ones."""
+        replaced = (np.array(padding), by)
+        return Bricks(self.read, self.shape, self.dtype, self.side, replaced, memory=self.memory)
+
+    @cached_property
+    def glance(self) -> Glance:
+        """What is known of all values; the first time, each brick is read."""
+        step = step_of(self.size)
+        some = np.empty([-(-size // step) for size in self.shape], self.dtype)
+        sides = [
+            np.empty(self.shape[:n] + self.shape[n + 1 :], self.dtype) for n in (0, 0, 1, 1, 2, 2)
+        ]
+        least, greatest = np.full(self.count, np.inf), np.full(self.count, -np.inf)
+        count = np.zeros(1 << 8 * self.dtype.itemsize, np.int64) if are_few(self.dtype) else None
+
+        def look(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
+            values, box = self.brick(index), self.box(index)
+            least[index], greatest[index], infinite, missing = _extent(values)
+            _keep_some(some, values, box, step)
+            for axis, end in product(range(3), (0, 1)):
+                if box[axis].start == 0 if end == 0 else box[axis].stop == self.shape[axis]:
+                    others = tuple(part for n, part in enumerate(box) if n != axis)
+                    sides[2 * axis + end][others] = values.take(-end, axis)
+            return infinite, missing, None if count is None else count_codes(values)
+
+        infinite = missing = 0
+        for more, none, codes in self.each(look, self.all()):
+            infinite, missing = infinite + more, missing + none
+            if count is not None and codes is not None:
+                count += codes
+        rim = np.concatenate([side.ravel() for side in sides])
+        return Glance(least, greatest, infinite, missing, some, rim, count)
+
+
+Values = NDArray[Any] | Bricks
+
+
+def in_memory(volume: Volume) -> Volume:
+    """Volume whose values are an array, also where they are bricks.
+
+    Raises
+    ------
+    ValueError
+        They do not fit in memory, or cannot be read.
+    """
+    values: Values = volume.values
+    if not isinstance(values, Bricks):
+        return volume
+    size = values.size * values.dtype.itemsize
+    if values.memory is not None and size > values.memory:
+        raise ValueError(
+            f"{volume.name} is needed as a whole for this, which takes {amount(size)}; "
+            f"{amount(values.memory)} are allowed: give more memory or a coarser level, or render "
+            "it by classify pre and composite"
+        )
+    require_memory(size, volume.name)
+    return volume._replace(values=values.whole())
+
+
+def parts(values: Values) -> Iterator[NDArray[Any]]:
+    """Values of a volume, a part at a time, in no particular order."""
+    if isinstance(values, Bricks):
+        yield from values.each(values.brick, values.all())
+    else:
+        yield from slabs(values)
+
+
+def sampled(values: Values) -> NDArray[Any]:
+    """Some of the values of a volume, evenly spread; see `step_of`."""
+    if isinstance(values, Bricks):
+        return values.glance.some
+    step = step_of(values.size)
+    return values[::step, ::step, ::step]
+
+
+def step_of(size: int) -> int:
+    """Voxels from one to the next that a sample of so many is made of."""
+    return max(1, int(np.cbrt(size / SAMPLED)))
+
+
+def are_few(dtype: np.dtype[Any]) -> bool:
+    """Whether there are few possible values of a type."""
+    return dtype.kind in "iu" and dtype.itemsize <= 2
+
+
+def count_codes(values: NDArray[Any]) -> NDArray[np.int64]:
+    """How often each of few possible values occurs, by its bits."""
+    import cv2
+
+    size = 1 << (values.dtype.itemsize * 8)
+    code = np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}").reshape(1, -1)
+    count = cv2.calcHist([code], [0], None, [size], [0, size])
+    return np.asarray(count.ravel().astype(np.int64))
+
+
+def _extent(values: NDArray[Any]) -> tuple[float, float, int, int]:
+    """Least and greatest finite value, and how many are infinite and missing."""
+    if values.dtype.kind in "iu":
+        return float(values.min()), float(values.max()), 0, 0
+    is_finite = np.isfinite(values)
+    known = values if is_finite.all() else values[is_finite]
+    missing = int(np.isnan(values).sum()) if known.size < values.size else 0
+    infinite = values.size - known.size - missing
+    if not known.size:
+        return np.inf, -np.inf, infinite, missing
+    return float(known.min()), float(known.max()), infinite, missing
+
+
+def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int) -> None:
+    """Put those of a brick's values into a sample that belong there."""
+    starts = [-(-part.start // step) for part in box]
+    firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
+    found = values[tuple(slice(first, None, step) for first in firsts)]
+    ends = [n + size for n, size in zip(starts, found.shape, strict=True)]
+    some[tuple(map(slice, starts, ends))] = found

@@ -1,0 +1,244 @@
+"""Voxels that may be seen, found brick by brick: the others are never in memory together."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample import memory
+from resample.types import Doubles, Floats
+from resample.watching import look
+from resample_volume.looks.transfer import DataRange, Transfer, places_seen
+from resample_volume.voxels.bricks import Box, Bricks, Step, are_few
+from resample_volume.voxels.parts import threads_at_work
+
+BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at most
+BYTES_OF_SLOPE = 16  # more of the same where its look depends on its slope
+REMEDY = "give more memory, take a coarser level, or show less of it"
+
+Indices = NDArray[np.int64]
+
+
+class Candidates(NamedTuple):
+    """Voxels that may be seen by their value."""
+
+    place: Indices  # (N,) index into the flat volume, z slowest
+    value: NDArray[Any]  # (N,) data units
+    slope: Floats  # (N, 3) data units per scene unit; or (0, 3)
+
+
+class Looked(NamedTuple):
+    """What bricks are looked at with."""
+
+    transfer: Transfer
+    data_range: DataRange
+    gradient: str | None  # see `visible.GRADIENTS`
+    to_scene: Doubles  # (3, 3) takes slopes per voxel to slopes per scene unit
+
+
+def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
+    """Voxels whose value has some opacity, in the order of the painter's bricks.
+
+    A brick of which no value can be seen is not read, unless slopes beside it ask for it; every
+    other one is read once. They are, value by value, those of an array, and in its order.
+
+    Parameters
+    ----------
+    bricks
+        Values, and the memory that is allowed.
+    wanted
+        What they are looked at with.
+    name
+        Of the volume.
+
+    Raises
+    ------
+    ValueError
+        They do not fit in memory.
+    """
+    chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
+    parts, count = [_nothing(bricks)], 0
+    found = (
+        _with_slopes(bricks, wanted, chosen) if wanted.gradient else _plain(bricks, wanted, chosen)
+    )
+    for n, part in enumerate(found):
+        parts.append(part)
+        count += part.place.size
+        _require(bricks, wanted.transfer, count, name)
+        look(n + 1, len(chosen))
+    return _in_order(parts, bricks)
+
+
+def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
+    """Refuse so many visible voxels if they do not fit in what is allowed.
+
+    Bricks that were let go count as well: what they took is not always used again.
+    """
+    each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
+    what, size = f"{name} with {count} visible voxels", each * count + bricks.most_held
+    if bricks.memory is not None and size > bricks.memory:
+        raise ValueError(
+            f"{what} or more needs {memory.amount(size)}, {memory.amount(bricks.memory)} are "
+            f"allowed; {REMEDY}"
+        )
+    memory.require_memory(size, what, REMEDY)
+
+
+def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) -> list[Step]:
+    """Bricks that may have a value with some opacity; of few values, those that have one."""
+    least, greatest = bricks.glance.least, bricks.glance.greatest
+    is_seen = least <= greatest
+    if are_few(bricks.dtype):
+        info = np.iinfo(bricks.dtype)
+        every = np.arange(info.min, info.max + 1).astype(bricks.dtype)
+        seen = np.append(0, np.cumsum(transfer.opacities(every, data_range) > 0))
+        low = np.where(is_seen, least, 0).astype(np.int64) - info.min
+        high = np.where(is_seen, greatest, 0).astype(np.int64) - info.min
+        is_seen &= seen[high + 1] > seen[low]
+    else:
+        values = np.where(is_seen, least, 0).astype(bricks.dtype)
+        is_opaque = transfer.opacities(values.ravel(), data_range).reshape(values.shape) > 0
+        is_seen &= is_opaque | (least < greatest)
+    return [index for index in bricks.all() if is_seen[index]]
+
+
+def _nothing(bricks: Bricks) -> Candidates:
+    """What typed arrays are made of where there is nothing."""
+    value = np.zeros(0, bricks.dtype)
+    return Candidates(np.zeros(0, np.int64), value, np.zeros((0, 3), np.float32))
+
+
+def _plain(bricks: Bricks, wanted: Looked, chosen: Sequence[Step]) -> Iterator[Candidates]:
+    """What is seen of bricks whose slopes make no difference."""
+
+    def see(index: Step) -> Candidates:
+        box = bricks.box(index)
+        return _seen(bricks.brick(index), box, tuple(part.start for part in box), bricks, wanted)
+
+    yield from bricks.each(see, chosen)
+
+
+def _with_slopes(bricks: Bricks, wanted: Looked, chosen: Sequence[Step]) -> Iterator[Candidates]:
+    """What is seen of bricks, with slopes that their neighbours have part in."""
+    threads = threads_at_work()
+    pool, waiting = ThreadPoolExecutor(threads), deque[Future[Candidates]]()
+    window = _Window(bricks, chosen, pool, threads)
+
+    def see(index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
+        box = bricks.box(index)
+        values, corner = _padded(box, around, bricks)
+        return _seen(values, box, corner, bricks, wanted)
+
+    try:
+        for n, index in enumerate(chosen):
+            waiting.append(pool.submit(see, index, window.around(n)))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+class _Window:
+    """Bricks that are near those that are looked at: read once, a little ahead, and let go."""
+
+    def __init__(
+        self, bricks: Bricks, chosen: Sequence[Step], pool: ThreadPoolExecutor, ahead: int
+    ) -> None:
+        self._bricks, self._chosen, self._pool, self._ahead = bricks, chosen, pool, ahead
+        self._held: dict[Step, Future[NDArray[Any]]] = {}
+        is_needed = np.zeros([n + 2 for n in bricks.count], bool)
+        for z, y, x in chosen:
+            is_needed[z : z + 3, y : y + 3, x : x + 3] = True
+        self._left = deque(i for i in bricks.all() if is_needed[i[0] + 1, i[1] + 1, i[2] + 1])
+
+    def around(self, n: int) -> dict[Step, NDArray[Any]]:
+        """Brick n and those beside it; what comes before all that later ones need is let go."""
+        index, later = self._chosen[n], self._chosen[min(n + self._ahead, len(self._chosen) - 1)]
+        last = (later[0] + 1, later[1] + 1, later[2] + 1)
+        while self._left and self._left[0] <= last:
+            following = self._left.popleft()
+            self._held[following] = self._pool.submit(self._bricks.brick, following)
+        first = (index[0] - 1, index[1] - 1, index[2] - 1)
+        while self._held and (oldest := next(iter(self._held))) < first:
+            del self._held[oldest]
+        self._bricks.hold(len(self._held))
+        beside = product(*(range(at - 1, at + 2) for at in index))
+        return {at: self._held[at].result() for at in beside if at in self._held}
+
+
+def _padded(
+    box: Box, around: dict[Step, NDArray[Any]], bricks: Bricks
+) -> tuple[NDArray[Any], Step]:
+    """Values of a box and of one voxel around it, within the volume; and where they begin."""
+    sizes = zip(box, bricks.shape, strict=True)
+    limits = [(max(0, part.start - 1), min(size, part.stop + 1)) for part, size in sizes]
+    values = np.empty([stop - start for start, stop in limits], bricks.dtype)
+    for index, brick in around.items():
+        own = bricks.box(index)
+        shared = [
+            (max(part.start, start), min(part.stop, stop))
+            for part, (start, stop) in zip(own, limits, strict=True)
+        ]
+        if any(start >= stop for start, stop in shared):
+            continue
+        both = list(zip(shared, limits, own, strict=True))
+        to = tuple(slice(start - first, stop - first) for (start, stop), (first, _), _ in both)
+        of = tuple(slice(start - p.start, stop - p.start) for (start, stop), _, p in both)
+        values[to] = brick[of]
+    z, y, x = (start for start, _ in limits)
+    return values, (z, y, x)
+
+
+def _seen(
+    values: NDArray[Any], box: Box, corner: Sequence[int], bricks: Bricks, wanted: Looked
+) -> Candidates:
+    """What is seen of a box, of values that begin at a corner."""
+    inner = tuple(slice(p.start - c, p.stop - c) for p, c in zip(box, corner, strict=True))
+    own = np.ascontiguousarray(values[inner])
+    flat = own.reshape(-1)
+    local = places_seen(wanted.transfer, flat, wanted.data_range)
+    within = np.unravel_index(local, own.shape)
+    at = [n + part.start for n, part in zip(within, box, strict=True)]
+    place = (at[0] * bricks.shape[1] + at[1]) * bricks.shape[2] + at[2]
+    slope = np.empty((0, 3), np.float32)
+    if wanted.gradient is not None:
+        beside = [n - c for n, c in zip(at, corner, strict=True)]
+        index = (beside[0] * values.shape[1] + beside[1]) * values.shape[2] + beside[2]
+        slope = slopes_at(values, index, wanted.gradient, wanted.to_scene)
+    return Candidates(place, flat[local], slope)
+
+
+def slopes_at(values: NDArray[Any], index: Indices, gradient: str, to_scene: Doubles) -> Floats:
+    """Gradients (N, 3) at flat indices of values (Z, Y, X); see `visible.gradients_at`."""
+    from resample_volume.voxels.kernels.gradients import central_gradients, sobel_gradients
+
+    given = values.view()
+    given.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
+    slope = np.empty((index.size, 3), np.float32)
+    find = sobel_gradients if gradient == "sobel" else central_gradients
+    find(given, index, to_scene, slope)
+    return slope
+
+
+def _in_order(parts: list[Candidates], bricks: Bricks) -> Candidates:
+    """Voxels of all bricks in the order in which an array gives them; parts are used up."""
+    from resample_volume.voxels.kernels.gradients import brick_order
+
+    place = np.concatenate([part.place for part in parts])
+    order = np.empty(place.size, np.int64)
+    if all(side % 8 == 0 for side in bricks.side):
+        brick_order(place, bricks.shape, order)
+    else:  # bricks of the painter lie in several of the file's
+        ascending = np.argsort(place, kind="stable")
+        brick_order(place[ascending], bricks.shape, order)
+        order = ascending[order]
+    value = np.concatenate([part.value for part in parts])[order]
+    slope = np.concatenate([part.slope for part in parts])
+    parts.clear()
+    return Candidates(place[order], value, slope[order] if len(slope) else slope)

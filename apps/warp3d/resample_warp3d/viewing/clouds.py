@@ -1,0 +1,217 @@
+"""Clouds in a page: what is shown of one file, and `cloud_picture` makes without a page.
+
+A page's state is options of `cloud`.
+"""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.command.session import Session
+from resample.files.images import screen_levels
+from resample.view.files import file_of, levels_in
+from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.watching import Cancel, cancellable
+from resample_warp3d.clouds.spacing import Surfels
+from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudLook, CloudScene, scene_of
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COMMAND = "resample-warp3d cloud"
+SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page changes
+LEFT_OUT = (
+    *("size", "bits", "threads", "no-cache", "color-bar"),
+    *("output", "settings", "save-settings"),
+)
+PER = 2  # px each way of a whole picture that are one of its preview
+FEW = 200_000  # points of previews
+PREPARED = ("color_by", "colormap", "span", "disc_limit", "no_cache")  # what a scene is made for
+
+
+class _CloudWish(NamedTuple):
+    """What options ask for."""
+
+    look: CloudLook
+    aim: CloudAim
+    form: CloudFormat
+
+
+@dataclass
+class CloudPainter:
+    """Pictures of a cloud for one page.
+
+    Parameters
+    ----------
+    path
+        Of the cloud.
+    """
+
+    path: Path
+    _kept: tuple[Any, CloudScene, CloudScene] | None = field(init=False, default=None)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        width, height = size
+        if quick:
+            size = -(-width // PER), -(-height // PER)
+        with cancellable(cancel):
+            wish, scene, camera = self._placed(settings, size, quick=quick)
+            frame = wish.form.shown(scene.picture(camera, size[::-1]), scene)
+        return Painting(screen_levels(frame.rgba, background=wish.form.behind()), quick)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Place that is seen at a pixel, see `resample.view.views.Painter`."""
+        _, scene, camera = self._placed(settings, size)
+        frame = scene.picture(camera, size[::-1])
+        column, row = min(int(x), size[0] - 1), min(int(y), size[1] - 1)
+        depth = float(frame.depth[row, column])
+        if not np.isfinite(depth):
+            return {}
+        place = _place(camera, column + 0.5, row + 0.5, depth)
+        return {"position": ", ".join(f"{part:.6g}" for part in place), "depth": f"{depth:.5g}"}
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            An option is not allowed, or a file cannot be read or written.
+        """
+        wish, scene, camera = self._placed(settings, size)
+        wish.form.write(path, scene.picture(camera, size[::-1]), scene)
+
+    def surfels(self, settings: Settings) -> Surfels:
+        """The cloud, measured; errors as of `save`."""
+        return self._scene(_checked(settings).look)[0].surfels
+
+    def _placed(
+        self, settings: Settings, size: Size, *, quick: bool = False
+    ) -> tuple[_CloudWish, CloudScene, Camera]:
+        """What is asked for, the cloud, or fewer of its points, and the camera."""
+        wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        whole, few = self._scene(wish.look)
+        camera = wish.aim.camera_for(whole.surfels, size[::-1])
+        scene = few if quick else whole
+        return wish, scene._replace(look=wish.look), camera
+
+    def _scene(self, look: CloudLook) -> tuple[CloudScene, CloudScene]:
+        """Cloud that is colored and measured once while other things change, and its preview."""
+        key = tuple(getattr(look, name) for name in PREPARED)
+        if self._kept is None or self._kept[0] != key:
+            scene = scene_of(Session(), self.path, look)
+            self._kept = key, scene, scene._replace(surfels=_fewer(scene.surfels))
+        return self._kept[1:]
+
+
+@dataclass
+class CloudView:
+    """A cloud that is looked at in pages.
+
+    Parameters
+    ----------
+    path
+        Of the cloud.
+    begin
+        Options to begin with.
+    controls
+        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    """
+
+    path: Path
+    begin: Sequence[Any] = ()
+    controls: Sequence[dict[str, Any]] = ()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What a page has to know, see `resample.view.views.Viewable`."""
+        begin = {"camera": "30/20/1", "steady": True, **settings_of(self.begin)}
+        return {
+            "title": self.path.name,
+            "subtitle": f"{len(self._first.surfels(begin).position):,} points",
+            "command": COMMAND,
+            "package": "resample_warp3d",
+            "function": "cloud_picture",
+            "inputs": [str(self.path)],
+            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "settings": begin,
+        }
+
+    def check(self, settings: Settings | None = None) -> None:
+        """Read the cloud and measure it, see `resample.view.views.Viewable`."""
+        _ = self.about
+        if settings is not None:
+            _checked(settings)
+
+    def painter(self) -> CloudPainter:
+        """What paints for a page that has been opened."""
+        return copy(self._first)
+
+    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command would write."""
+        return file_of(partial(self.painter().save, settings, size), suffix)
+
+    @cached_property
+    def _first(self) -> CloudPainter:
+        """What has read the files; pages begin with what it knows."""
+        return CloudPainter(self.path)
+
+
+def cloud_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
+    """Picture that `resample-warp3d cloud` makes of a cloud with these options.
+
+    Parameters
+    ----------
+    path
+        Of the cloud.
+    settings
+        Options by name, as settings files have them: `{"camera": "40/20/1.5", "up": "y"}`.
+
+    Returns
+    -------
+    Pillow's image of its levels, with 8 bits per channel.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+    """
+    from PIL import Image
+
+    size = _checked(settings).form.height_and_width()[::-1]
+    file = file_of(partial(CloudPainter(Path(path)).save, settings, size), ".png")
+    return Image.fromarray(levels_in(file))
+
+
+def _checked(settings: Settings) -> _CloudWish:
+    """Options, which go together."""
+    wish = _CloudWish(*chosen(settings, SHOWN))
+    wish.aim.check()
+    wish.look.check(Path("picture.png"), wish.form.height_and_width()[0])
+    return wish
+
+
+def _fewer(surfels: Surfels) -> Surfels:
+    """Some of the points, which stand for all of them."""
+    per = -(-len(surfels.position) // FEW)
+    if per < 2:
+        return surfels
+    return surfels._replace(
+        position=np.ascontiguousarray(surfels.position[::per]),
+        axes=np.ascontiguousarray(surfels.axes[::per] * np.float32(np.sqrt(per))),
+        color=np.ascontiguousarray(surfels.color[::per]),
+    )
+
+
+def _place(camera: Camera, x: float, y: float, depth: float) -> Any:
+    """Place (3,) in the scene at a depth behind a place of the picture."""
+    ray = np.linalg.solve(camera.matrix, [x, y, 1.0])
+    pose = camera.world_to_camera
+    return pose[:3, :3].T @ (depth * ray / ray[2] - pose[:3, 3])

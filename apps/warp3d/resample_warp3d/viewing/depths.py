@@ -1,0 +1,267 @@
+"""Depth images in a page: what is shown of two files, and `picture` makes without a page.
+
+A page's state is options of `render`.
+"""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from resample.command.session import Session
+from resample.command.settings import Written
+from resample.files.pictures import Kind, Look, Picture, look_of, page_of, write_picture
+from resample.view.files import file_of, levels_in, shown
+from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.watching import Cancel, cancellable
+from resample_warp3d.command.animation import Range
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.cameras.target import Aim
+from resample_warp3d.command.choices import Depth, Joint, Showing, Warping
+from resample_warp3d.command.inputs import Reader, Taken, read_views, view_names
+from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
+from resample_warp3d.command.writing import made_of
+from resample_warp3d.types import Hole, Warped
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COMMAND = "resample-warp3d render"
+SHOWN = (SourceCamera, Depth, Aim, Joint, Warping, Written, Showing)  # options that a page changes
+LEFT_OUT = (
+    *("size", "view", "bits", "threads", "coverage", "holes", "depth-output", "export"),
+    *("export-as", "stats", "output", "settings", "save-settings"),
+)
+PER = 2  # px each way of a whole picture that are one of its preview
+HOLES = {
+    Hole.NONE: "none",
+    Hole.DISOCCLUDED: "hidden in the source",
+    Hole.OUTSIDE: "outside of the source",
+    Hole.NO_DEPTH: "without depth",
+    Hole.CRACK: "a crack that is filled",
+}
+
+
+class _DepthWish(NamedTuple):
+    """What options ask for."""
+
+    eye: SourceCamera
+    meaning: Depth
+    aim: Aim
+    joint: Joint
+    warping: Warping
+    written: Written
+    showing: Showing
+
+    @property
+    def look(self) -> Look:
+        """How the picture is written."""
+        if self.warping.unmixed:
+            return Look(self.written.bits, is_light=False)
+        return look_of(self.written)
+
+
+class _Ready(NamedTuple):
+    """Sources, read and prepared."""
+
+    taken: Taken
+    sources: list[Prepared]
+
+
+class _Sighted(NamedTuple):
+    """What a camera sees."""
+
+    wish: _DepthWish
+    kind: Kind
+    warped: Warped
+
+    def picture(self) -> Picture:
+        """What of it is written."""
+        wish = self.wish
+        return made_of(self.warped, self.kind, wish.warping, wish.showing.show)
+
+
+@dataclass
+class DepthPainter:
+    """Views of a depth image for one page.
+
+    Parameters
+    ----------
+    color, depth
+        Files, as the command takes them.
+    further
+        Further views, COLOR,DEPTH,POSE.
+    """
+
+    color: str
+    depth: str
+    further: Sequence[str] = ()
+    _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # with what it is made of
+    _last: _Sighted | None = field(init=False, default=None)  # what is picked from
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        width, height = size
+        with cancellable(cancel):
+            if quick:
+                seen = self._seen(settings, (-(-width // PER), -(-height // PER)))
+            else:
+                seen = self._last = self._seen(settings, size)
+            page = page_of(Path("picture.png"), seen.picture(), seen.wish.look)
+        return Painting(shown(page.data), quick)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Depth and what else is known of a pixel, see `resample.view.views.Painter`."""
+        seen = self._last
+        if seen is None or seen.warped.coverage.shape != size[::-1]:
+            seen = self._seen(settings, size)
+        warped = seen.warped
+        at = min(int(y), size[1] - 1), min(int(x), size[0] - 1)
+        hole = HOLES[Hole(int(warped.holes[at]))]
+        if not np.isfinite(warped.depth[at]):
+            return {"hole": hole}
+        return {
+            "depth": f"{warped.depth[at]:.5g}",
+            "magnification": f"{warped.magnification[at]:.3g}",
+            "confidence": f"{warped.confidence[at]:.2f}",
+            "hole": hole,
+        }
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            An option is not allowed, or a file cannot be read or written.
+        """
+        seen = self._seen(settings, size)
+        write_picture(path, seen.picture(), seen.wish.look)
+
+    def taken(self, settings: Settings) -> Taken:
+        """The files, read and prepared; errors as of `save`."""
+        return self._sources(_checked(settings)).taken
+
+    def _seen(self, settings: Settings, size: Size) -> _Sighted:
+        wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        taken, sources = self._sources(wish)
+        target = wish.aim.sight(taken.camera, taken.shape, wish.eye.convention)
+        joining = joining_of(taken, wish.joint.joining(unmixed=wish.warping.unmixed))
+        together = joined(Session(), sources, target, size[::-1], wish.warping, joining)
+        return _Sighted(wish, taken.picture.kind, together.warped)
+
+    def _sources(self, wish: _DepthWish) -> _Ready:
+        """Sources, read and prepared once while only the camera moves."""
+        eye, meaning, warping = wish.eye, wish.meaning, wish.warping
+        key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
+        if self._ready is None or self._ready[0] != key:
+            reader = Reader.checked(eye, meaning, labels=warping.unmixed)
+            further = [view_names(text) for text in self.further]
+            taken = read_views(reader, self.color, self.depth, further)
+            self._ready = key, _Ready(taken, prepared(Session(), taken.views, warping))
+        return self._ready[1]
+
+
+@dataclass
+class DepthView:
+    """A depth image that is looked at in pages.
+
+    Parameters
+    ----------
+    color, depth
+        Files, as the command takes them.
+    begin
+        Options to begin with.
+    further
+        Further views, COLOR,DEPTH,POSE.
+    controls
+        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    """
+
+    color: str
+    depth: str
+    begin: Sequence[Any] = ()
+    further: Sequence[str] = ()
+    controls: Sequence[dict[str, Any]] = ()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What a page has to know, see `resample.view.views.Viewable`."""
+        begin = {"move": "0,0,0", **settings_of(self.begin)}
+        taken = self._first.taken(begin)
+        height, width = taken.shape
+        far = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
+        return {
+            "title": Path(self.color).name,
+            "subtitle": f"{width} × {height}, from {far.near:.4g} on, mostly {far.middle:.4g}",
+            "command": COMMAND,
+            "package": "resample_warp3d",
+            "inputs": [self.color, self.depth],
+            "fixed": {"view": list(self.further)} if self.further else {},
+            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "gestures": "walk",
+            "extent": [width, height],
+            "distance": [far.near, far.middle],
+            "settings": begin,
+        }
+
+    def check(self, settings: Settings | None = None) -> None:
+        """Read the files and prepare them, see `resample.view.views.Viewable`."""
+        _ = self.about
+        if settings is not None:
+            _checked(settings)
+
+    def painter(self) -> DepthPainter:
+        """What paints for a page that has been opened."""
+        return copy(self._first)
+
+    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command would write."""
+        return file_of(partial(self.painter().save, settings, size), suffix)
+
+    @cached_property
+    def _first(self) -> DepthPainter:
+        """What has read the files; pages begin with what it knows."""
+        return DepthPainter(self.color, self.depth, self.further)
+
+
+def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -> "Image":
+    """Picture that `resample-warp3d render` makes of a depth image with these options.
+
+    Parameters
+    ----------
+    color, depth
+        Files, as the command takes them.
+    settings
+        Options by name, as settings files have them: `{"fov": 60, "move": "0.1,0,0"}`.
+
+    Returns
+    -------
+    Pillow's image of its levels, with 8 bits per channel.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+    """
+    from PIL import Image
+
+    given = dict(settings)
+    painter = DepthPainter(str(color), str(depth), given.pop("view", ()))
+    (aim,) = (part for part in _checked(given) if isinstance(part, Aim))
+    size = aim.shape(painter.taken(given).shape)[::-1]
+    file = file_of(partial(painter.save, given, size), ".png")
+    return Image.fromarray(levels_in(file))
+
+
+def _checked(settings: Settings) -> _DepthWish:
+    """Options, which go together."""
+    wish = _DepthWish(*chosen(settings, SHOWN))
+    wish.aim.check()
+    wish.showing.check(unmixed=wish.warping.unmixed)
+    wish.warping.built()
+    return wish

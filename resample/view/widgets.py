@@ -1,0 +1,181 @@
+"""A viewer in a notebook: the page's own module, which talks to the kernel instead of a server."""
+
+import asyncio
+import json
+import threading
+from collections.abc import Mapping
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from resample.view.exports import exports_of
+from resample.view.messages import message_of
+from resample.view.server import MOST_PAGES, PAGE
+from resample.view.sessions import Session
+from resample.view.views import Viewable
+
+try:
+    import anywidget
+    import traitlets
+except ImportError as error:
+    raise ImportError(
+        f"view needs {error.name}, which is not installed: pip install 'hybrid-resample[notebook]'"
+    ) from None
+
+SIZE = (480, 360)  # px, until a page says how large it is
+
+
+class Viewer(anywidget.AnyWidget):
+    """What is looked at, in a cell's output.
+
+    `settings` are the options that differ from the command's defaults, by name: changes on the page
+    appear there, and what is set from Python appears on the page.
+
+    Parameters
+    ----------
+    view
+        What is looked at.
+    settings
+        Options to begin with, besides the view's own.
+    holds
+        What has to live as long as the widget, such as a folder of files.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        An option is not allowed, or a file cannot be read.
+    """
+
+    _esm = PAGE / "viewer.js"
+    _style = traitlets.Unicode((PAGE / "style.css").read_text(encoding="utf-8")).tag(sync=True)
+    settings = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self, view: Viewable, settings: Mapping[str, Any] | None = None, holds: Any = None
+    ) -> None:
+        self._view, self._holds, self._size = view, holds, SIZE
+        self._sessions: dict[str, Session] = {}
+        super().__init__(settings={**view.about["settings"], **(settings or {})})
+        self.on_msg(self._heard)
+
+    @property
+    def frame(self) -> Any:
+        """Picture of the settings: what the Python of `to_python` makes."""
+        about = self._view.about
+        home = import_module(f"{about['package']}.viewing")
+        made_by = getattr(home, about.get("function", "picture"))
+        width, height = self._size
+        whole = {**about.get("fixed", {}), **self._given(), "size": f"{width}x{height}"}
+        return made_by(*about["inputs"], whole)
+
+    def to_python(self) -> str:
+        """Python that makes the picture without the widget."""
+        return exports_of(self._view.about, self._given(), self._size)["python"]
+
+    def to_command(self) -> str:
+        """Command that writes the picture."""
+        return exports_of(self._view.about, self._given(), self._size)["command"]
+
+    def close(self) -> None:
+        """Stop what is painted and let go of everything."""
+        for page in list(self._sessions):
+            _soon(self._forget(page))
+        super().close()
+
+    def _given(self) -> dict[str, Any]:
+        """Settings without those that only a page fills in."""
+        return {key: value for key, value in self.settings.items() if value != ""}
+
+    @traitlets.validate("settings")
+    def _checked(self, proposal: Mapping[str, Any]) -> dict[str, Any]:
+        given: dict[str, Any] = proposal["value"]
+        self._view.check({key: value for key, value in given.items() if value != ""})
+        return given
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> Any:
+        """The widget; and a picture, for notebooks that are read without a kernel."""
+        found = super()._repr_mimebundle_(**kwargs)
+        parts, facts = found if isinstance(found, tuple) else (found, {})
+        return {**(parts or {}), "image/png": self._view.save(self._given(), SIZE, ".png")}, facts
+
+    def _heard(self, _: Any, content: Any, __: Any) -> None:
+        """Take what a page says."""
+        if isinstance(content, dict) and isinstance(content.get("page"), str):
+            _soon(self._told(content["page"], content))
+
+    async def _told(self, page: str, content: dict[str, Any]) -> None:
+        session = self._sessions.get(page)
+        if content.get("kind") == "opened" and len(self._sessions) < MOST_PAGES:
+            send = partial(self._say, page)
+            self._sessions[page] = Session(self._view, send)
+            about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
+            await send(json.dumps({"kind": "about", **about}))
+        elif content.get("kind") == "closed":
+            await self._forget(page)
+        elif session is not None:
+            try:
+                message = message_of(str(content.get("text")))
+            except ValueError:
+                unknown = {"kind": "error", "number": 0, "text": "not understood"}
+                await self._say(page, json.dumps(unknown))
+                return
+            self._size = message.width, message.height
+            await session.told(message)
+
+    async def _forget(self, page: str) -> None:
+        session = self._sessions.pop(page, None)
+        if session is not None:
+            await session.close()
+
+    async def _say(self, page: str, data: str | bytes) -> None:
+        if isinstance(data, str):
+            self.send({"page": page, "text": data})
+        else:
+            self.send({"page": page}, buffers=[data])
+
+
+def shown(view: Viewable, settings: Mapping[str, Any], holds: Any = None) -> Viewer:
+    """Widget of a view; options are named as in Python, `opacity_unit`, or as on the page."""
+    named = {key.replace("_", "-"): value for key, value in settings.items()}
+    return Viewer(view, named, holds)
+
+
+def kept(name: str, given: Any) -> tuple[Path, TemporaryDirectory[str] | None]:
+    """File of a picture, and the folder it was written to where it is no file yet.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is no picture, or one whose levels have not 8 or 16 bits.
+    """
+    if isinstance(given, str | Path):
+        return Path(given), None
+    from resample.files.exchange.inputs import as_picture
+
+    picture = as_picture(given)
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"a picture of {picture.dtype}; give 8 or 16 bits, or a file such as .exr")
+    import cv2
+
+    folder = TemporaryDirectory(prefix="view-")
+    channels = picture.shape[2] if picture.ndim == 3 else 1
+    stored = picture[..., [2, 1, 0, 3][:channels]] if channels > 2 else picture
+    path = Path(folder.name) / name
+    cv2.imwrite(str(path), np.ascontiguousarray(stored))
+    return path, folder
+
+
+@cache
+def _loop() -> asyncio.AbstractEventLoop:
+    """Loop of all sessions of this process, in a thread of its own."""
+    loop = asyncio.new_event_loop()
+    threading.Thread(target=loop.run_forever, name="viewer", daemon=True).start()
+    return loop
+
+
+def _soon(work: Any) -> None:
+    asyncio.run_coroutine_threadsafe(work, _loop())

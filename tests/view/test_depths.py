@@ -1,0 +1,190 @@
+"""Depth images and clouds in pages: what is seen is what the exported command writes."""
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from resample.view.views import controls_of
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.cli import app
+from resample_warp3d.viewing import CloudView, DepthView, clouds, depths, suits
+from tests.commands import ended, refused
+from tests.view.conftest import Served, levels, served
+
+WISHES: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "moved": {"move": "0.3,0,0.1"},
+    "turned, wider": {"turn": "5,2,1", "target-fov": 80},
+    "filled": {"move": "-0.4,0,0", "fill": True, "background": "white"},
+    "holes": {"move": "0.4,0,0", "show": "holes"},
+    "depth": {"show": "depth", "method": "mesh"},
+}
+CLOUD_WISHES: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "turned": {"camera": "70/10/1.4/0.1/-0.1", "up": "y", "steady": True},
+    "colored": {"color-by": "z", "range": "10%,90%", "background": "white"},
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
+    """A picture, its depth (a square before a wall), and a cloud."""
+    folder = tmp_path_factory.mktemp("view")
+    rng = np.random.default_rng(3)
+    color = cv2.GaussianBlur(rng.integers(0, 256, (30, 36, 3), np.uint8), (5, 5), 0)
+    depth = np.full((30, 36), 3000, np.uint16)
+    depth[8:20, 10:24] = 1500
+    cv2.imwrite(str(folder / "a color.png"), color)
+    cv2.imwrite(str(folder / "depth.png"), depth)
+    points = rng.random((500, 3)) * [2, 1, 0.1]
+    np.savetxt(folder / "cloud.xyz", points)
+    return tuple(str(folder / name) for name in ("a color.png", "depth.png", "cloud.xyz"))
+
+
+@pytest.fixture(scope="module")
+def place(files: tuple[str, str, str]) -> Iterator[Served]:
+    begin = SourceCamera(fov=60), Depth(depth_scale=1000)
+    controls = controls_of(depths.COMMAND, app["render"])
+    with served(DepthView(*files[:2], begin, controls=controls)) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def around(files: tuple[str, str, str]) -> Iterator[Served]:
+    controls = controls_of(clouds.COMMAND, app["cloud"])
+    with served(CloudView(Path(files[2]), controls=controls)) as address:
+        yield address
+
+
+def check_export(place: Served, wish: dict[str, Any], *, in_python: bool) -> None:
+    """Page, saved file, command and Python make one picture; a preview has its size."""
+    with place.page() as page:
+        settings = page.about["settings"] | wish
+        head, data = page.drawn(settings)
+        assert not head["preview"]
+        page.say("export", settings)
+        texts = page.told("exported")["texts"]
+        page.say("save", settings, suffix=".png")
+        saved = page.answer()[1]
+        head, preview = page.drawn(settings, moving=True)
+        assert head["preview"]
+    words = shlex.split(texts["command"])
+    assert words[0] == "resample-warp3d"
+    assert ended(app, *words[1:]) == 0
+    written = levels(Path("picture.png").read_bytes())
+    np.testing.assert_array_equal(levels(data), written)
+    np.testing.assert_array_equal(levels(saved), written)
+    assert written.std() > 5
+    assert preview
+    if in_python:
+        subprocess.run([sys.executable, "-c", texts["python"]], check=True)
+        np.testing.assert_array_equal(levels(Path("picture.png").read_bytes()), written)
+
+
+@pytest.mark.parametrize("wish", WISHES)
+def test_the_exported_command_makes_the_page_s_picture(
+    wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    check_export(place, WISHES[wish], in_python=wish == "moved")
+
+
+@pytest.mark.parametrize("wish", CLOUD_WISHES)
+def test_the_exported_command_makes_the_page_s_cloud(
+    wish: str, around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    check_export(around, CLOUD_WISHES[wish], in_python=wish == "colored")
+
+
+def test_pages_know_depth_images_and_what_pixels_show(place: Served) -> None:
+    with place.page() as page:
+        about = page.about
+        assert (about["gestures"], about["extent"]) == ("walk", [36, 30])
+        np.testing.assert_allclose(about["distance"], [1.5, 3], rtol=0.01)
+        keys = {control["key"] for control in about["controls"]}
+        assert {"move", "turn", "show", "method", "fov", "depth-scale"} <= keys
+        assert not {"output", "size", "holes", "settings", "view"} & keys
+        page.say("pick", about["settings"], x=24, y=18.5)
+        assert float(page.told("picked")["found"]["depth"]) == pytest.approx(1.5, rel=0.01)
+        page.say("pick", about["settings"] | {"move": "3,0,0"}, x=46, y=20)
+        assert page.told("picked")["found"] == {"hole": "outside of the source"}
+
+
+def test_a_point_of_a_cloud_is_picked(around: Served, tmp_path: Path) -> None:
+    with around.page() as page:
+        settings = page.about["settings"] | {"camera": "top"}
+        page.say("pick", settings, x=24, y=20)
+        place = [float(part) for part in page.told("picked")["found"]["position"].split(",")]
+        np.testing.assert_allclose(place, [1, 0.5, 0.05], atol=0.1)
+        page.say("pick", settings, x=0.5, y=0.5)
+        assert page.told("picked")["found"] == {}
+        np.savetxt(
+            tmp_path / "pose.txt", [[1, 0, 0, -1], [0, 1, 0, -0.5], [0, 0, 1, 2], [0, 0, 0, 1]]
+        )
+        calibrated = {"pose": str(tmp_path / "pose.txt"), "intrinsics": "30,30,24,20"}
+        page.say("pick", settings | calibrated, x=24, y=20)
+        place = [float(part) for part in page.told("picked")["found"]["position"].split(",")]
+        np.testing.assert_allclose(place, [1, 0.5, 0.05], atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"move": "1,2"}, "move"),
+        ({"method": "magic"}, "magic"),
+        ({"show": "holes", "unmixed": True}, "leave out"),
+        ({"depth-kind": "disparity"}, "--baseline"),
+        ({"magic": 1}, "no option"),
+    ],
+)
+def test_mistakes_are_said_in_a_line(wrong: dict[str, Any], said: str, place: Served) -> None:
+    with place.page() as page:
+        page.say("draw", page.about["settings"] | wrong, moving=False)
+        told = page.told("error")["text"]
+        assert said in told
+        assert "\n" not in told
+        assert page.drawn(page.about["settings"])[0]["kind"] == "frame"
+
+
+def test_options_of_the_other_kind_are_refused(
+    files: tuple[str, str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    color, depth, cloud = files
+    assert "belongs to a picture" in refused(app, capsys, "view", cloud, "--fov", 60)
+    assert "belongs to a cloud" in refused(app, capsys, "view", color, depth, "--camera", "top")
+    assert "give --intrinsics" in refused(app, capsys, "view", color, depth)
+
+
+def test_what_is_shown_is_known_by_its_files(files: tuple[str, str, str]) -> None:
+    color, depth, cloud = files
+    assert suits([color, depth])
+    assert suits([cloud])
+    for names in ([color], [color, "none.png"], [depth, cloud], [color, depth, depth]):
+        assert not suits(names)
+
+
+def test_films_and_names_have_no_other_parts(
+    files: tuple[str, str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    color, depth, _ = files
+    words = ["--fov", 60, "--depth-scale", 1000, "--move", "0.1,0,0", "--show", "depth"]
+    said = refused(app, capsys, "render", color, depth, *words, "--unmixed", "-o", "a.png")
+    assert "--show depth is in colors" in said
+    assert ended(app, "render", color, depth, *words, "-o", "a.jpg") == 0  # nothing transparent
