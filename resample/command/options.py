@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.console import listening, say
+from resample.command.stopping import INTERRUPTED, StoppedError
 from resample.words import one_line
 
 if TYPE_CHECKING:
     import cyclopts
 
 USER_ERROR = 2  # exit status of a mistake in the arguments, files or settings
-INTERRUPTED = 130  # what shells report for Ctrl-C
 
 
 def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
@@ -38,6 +38,8 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     try:
         with listening():
             status = _call(app, arguments)
+    except StoppedError:
+        raise
     except (KeyboardInterrupt, SystemExit) as end:  # cyclopts turns the first into the second
         if isinstance(end, SystemExit) and end.code != INTERRUPTED:
             raise

@@ -37,6 +37,7 @@ from numba.core.caching import (
 )
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
@@ -178,6 +179,8 @@ def _in_turn(index: str) -> Iterator[None]:
             if fcntl is not None:
                 lock = held.enter_context(Path(f"{index}.lock").open("ab"))
                 fcntl.flock(lock, fcntl.LOCK_EX)
+                # To close the file is not enough: a forked process may hold it, too.
+                held.callback(fcntl.flock, lock, fcntl.LOCK_UN)
         yield
 
 
@@ -404,8 +407,26 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "resample")
 
 
+def _compile_nothing() -> None:
+    """Wait until no thread compiles: a process that is forked the while could never compile."""
+    _packs.acquire()
+    global_compiler_lock.acquire()
+
+
+def _compile_again() -> None:
+    global_compiler_lock.release()
+    _packs.release()
+
+
+def _begin_anew() -> None:
+    _compile_again()
+    _pool.cache_clear()
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)
+    os.register_at_fork(
+        before=_compile_nothing, after_in_parent=_compile_again, after_in_child=_begin_anew
+    )
 
 
 @kernel

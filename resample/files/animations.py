@@ -13,7 +13,6 @@ quality. PyAV is under the BSD licence, the x264 in its wheels under the GPL. GI
 pillow's.
 """
 
-import glob
 import hashlib
 import json
 import os
@@ -33,11 +32,15 @@ from resample.files.writing import check_targets, replacing, write_json
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
 FRAMES = "frame-[0-9]*.png"
-TEMPORARY = ".tmp" + 8 * "[0-9a-f]"  # see `resample.files.writing.replacing`
 FACTS = "animation.json"  # in the folder of the frames: what they belong to
 MOST_FRAMES = 10_000
 
 Levels = NDArray[np.uint8]
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 def _has_no_more(_: int) -> bool:
@@ -120,17 +123,43 @@ def write_film(
     write = None if target.is_dir() else _WRITERS.get(path.suffix.lower())
     kept = target if write is None else target.with_name(f".{target.name}.frames")
     kept.mkdir(exist_ok=True)
-    _tidy(target.parent, glob.escape(target.stem), glob.escape(target.suffix))
-    _tidy(kept, "frame-*", ".png")
-    _tidy(kept, "animation", ".json")
-    _claim(kept, {"frames": shots.total, **shots.job}, resume)
-    with _kept_if_any(kept):
-        _make(kept, shots, progress)
+    with _alone(kept, path):
+        _claim(kept, {"frames": shots.total, **shots.job}, resume)
+        with _kept_if_any(kept):
+            _make(kept, shots, progress)
+            if write is not None:
+                with replacing(target) as temporary:
+                    write(temporary, [kept / name for name in _names(shots.total)], fps)
         if write is not None:
-            with replacing(target) as temporary:
-                write(temporary, [kept / name for name in _names(shots.total)], fps)
-    if write is not None:
-        shutil.rmtree(kept)
+            shutil.rmtree(kept)
+
+
+@contextmanager
+def _alone(folder: Path, path: Path) -> Iterator[None]:
+    """Let no other process make frames in a folder."""
+    if fcntl is None:
+        yield
+        return
+    opened = os.open(folder, os.O_RDONLY)
+    try:
+        if _is_taken(opened, folder):
+            raise OSError(
+                f"{path} is being made by another process; wait for its end, or give another name"
+            )
+        yield
+    finally:
+        os.close(opened)
+
+
+def _is_taken(opened: int, folder: Path) -> bool:
+    """Whether another process works in a folder, or has just removed it; else it is ours now."""
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return not os.path.samestat(os.fstat(opened), os.stat(folder))
+    except (BlockingIOError, FileNotFoundError):
+        return True
+    except OSError:  # a file system without locks
+        return False
 
 
 def _make(folder: Path, shots: Shots, progress: Progress | None) -> None:
@@ -161,12 +190,6 @@ def _kept_if_any(folder: Path) -> Iterator[None]:
             with suppress(OSError):  # it holds other files
                 folder.rmdir()
         raise
-
-
-def _tidy(folder: Path, stem: str, suffix: str) -> None:
-    """Remove what a run was writing when it was killed."""
-    for left in folder.glob(f".{stem}{TEMPORARY}{suffix}"):
-        left.unlink(missing_ok=True)
 
 
 def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:

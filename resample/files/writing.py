@@ -1,14 +1,28 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all.
+
+What is written beside a target says in its name which process of which machine does so. A process
+that is killed leaves it there; the next one that writes into the folder removes it.
+"""
 
 import errno
 import json
 import math
 import os
+import re
 import secrets
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
+from platform import node
 from typing import Any
+
+LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\.[^.]*)?")
+MOST = 40  # letters of a target's name, as file systems take few
+_being_written: set[str] = set()  # names, without folders
+_tidied: set[Path] = set()  # folders, once per process
 
 
 @contextmanager
@@ -33,17 +47,79 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         raise OSError(errno.EISDIR, "is not a regular file, so it is not replaced", str(path))
-    temporary = target.with_name(f".{target.stem}.tmp{secrets.token_hex(4)}{target.suffix}")
-    try:
-        temporary.open("xb").close()
-    except OSError as error:
-        raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
-    try:
+    with beside(target) as temporary:
+        try:
+            temporary.open("xb").close()
+        except OSError as error:
+            raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
         yield temporary
         temporary.replace(target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+
+
+@contextmanager
+def beside(target: Path) -> Iterator[Path]:
+    """Name beside a target that nothing has, for what is to take the target's place.
+
+    Parameters
+    ----------
+    target
+        File or folder. What killed processes left in the folder that it lies in is removed.
+
+    Yields
+    ------
+    The name, which hides a file, and keeps the suffix. What still has it in the end, is removed.
+    """
+    if target.parent not in _tidied:
+        _tidied.add(target.parent)
+        remove_left(target.parent)
+    owner = f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
+    temporary = target.with_name(f".{target.stem[:MOST]}.tmp-{owner}{target.suffix}")
+    _being_written.add(temporary.name)
+    try:
+        yield temporary
+    finally:
+        _remove(temporary)
+        _being_written.discard(temporary.name)
+
+
+def remove_left(folder: Path) -> None:
+    """Remove what processes of this machine that are no more were writing into a folder.
+
+    What another machine's, or any living process writes stays, as does what must not be removed.
+    """
+    with suppress(OSError):
+        for name in os.listdir(folder):
+            left = LEFT.fullmatch(name)
+            if left and left[1] == _machine() and not _is_at_work(int(left[2]), name):
+                _remove(folder / name)
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _is_at_work(process: int, name: str) -> bool:
+    """Whether the process lives; one of this number may have died before this one began."""
+    if process == os.getpid():
+        return name in _being_written
+    if os.name == "nt":  # where asking would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except PermissionError:  # it is another user's
+        return True
+    except (ProcessLookupError, OverflowError):
+        return False
+    return True
+
+
+@cache
+def _machine() -> str:
+    return sha256(node().encode()).hexdigest()[:6]
 
 
 def rows_as_json(rows: Sequence[Mapping[str, object]]) -> str:

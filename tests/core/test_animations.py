@@ -139,22 +139,6 @@ def test_a_frame_cut_short_is_made_again(tmp_path):
     assert frame.read_bytes() == whole
 
 
-def test_what_a_killed_run_was_writing_is_removed(tmp_path):
-    write_film(tmp_path, shots(2), 24)
-    (tmp_path / ".frame-0001.tmp01234567.png").write_bytes(b"half")
-    (tmp_path / ".animation.tmp01234567.json").write_bytes(b"half")
-    write_film(tmp_path, shots(2), 24, resume=True)
-    assert files(tmp_path) == ["animation.json", "frame-0000.png", "frame-0001.png"]
-
-
-def test_half_a_film_of_a_killed_run_is_removed_and_nothing_else(tmp_path):
-    half, others = ".a[b].tmp01234567.gif", [".a[b].tmpfile.gif", ".b.tmp01234567.gif"]
-    for name in (half, *others):
-        (tmp_path / name).write_bytes(b"half")
-    write_film(tmp_path / "a[b].gif", shots(2), 24)
-    assert files(tmp_path) == sorted([*others, "a[b].gif"])
-
-
 KILLED_AT_EVERY_STEP = """
 import itertools, os, signal, sys
 from pathlib import Path
@@ -216,6 +200,22 @@ def test_a_run_killed_at_any_file_operation_is_gone_on_with(tmp_path):
     )
     assert ended.returncode == 0, ended.stderr.decode()
     assert all(int(steps) > 15 for steps in ended.stdout.split())
+
+
+@pytest.mark.parametrize("name", ["a.gif", "frames"])
+def test_a_film_that_another_process_makes_is_refused_and_left_alone(name, tmp_path):
+    target = tmp_path / name
+
+    def frame(n):
+        with pytest.raises(OSError, match=f"{name} is being made by another process; wait"):
+            write_film(target, shots(2), 24)
+        return shots(2).frame(n)
+
+    if not target.suffix:
+        target.mkdir()
+    write_film(target, shots(2)._replace(frame=frame), 24)
+    assert (target if target.is_file() else target / "frame-0001.png").exists()
+    write_film(target, shots(2), 24)
 
 
 def test_frames_of_another_job_are_refused(tmp_path):

@@ -1,10 +1,12 @@
 import multiprocessing
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event, Timer
 
 import numba
 import numpy as np
@@ -181,6 +183,45 @@ def fail_at_seven(counter, done):
 def test_an_error_in_a_task_reaches_the_caller():
     with pytest.raises(ValueError, match="the seventh"):
         jit.parallel_kernel(fail_at_seven)(np.zeros(20))
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_process_that_is_forked_while_another_thread_compiles_can_compile():
+    compiling, forking = Event(), Event()
+
+    def compiles():
+        with jit.global_compiler_lock:
+            compiling.set()
+            assert forking.wait(PATIENCE)
+
+    with ThreadPoolExecutor(1) as threads:
+        threads.submit(compiles)
+        assert compiling.wait(PATIENCE)
+        Timer(0.1, forking.set).start()  # the fork waits for it
+        child = os.fork()
+        if child == 0:
+            signal.alarm(PATIENCE)
+            with jit.global_compiler_lock, jit._packs:
+                os._exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_does_not_keep_others_from_compiling(tmp_path):
+    ends, lives = os.pipe()
+    with jit._in_turn(str(tmp_path / "index")):
+        child = os.fork()
+        if child == 0:
+            os.close(lives)
+            os.read(ends, 1)  # lives on, with all that was open
+            os._exit(0)
+    lock = os.open(tmp_path / "index.lock", os.O_RDWR)
+    jit.fcntl.flock(lock, jit.fcntl.LOCK_EX | jit.fcntl.LOCK_NB)
+    for opened in (lock, ends, lives):
+        os.close(opened)
+    os.waitpid(child, 0)
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")

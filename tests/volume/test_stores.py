@@ -521,7 +521,7 @@ def test_a_store_that_is_being_written_does_not_look_whole(monkeypatch):
     seen = []
 
     def killed(*_):
-        (half,) = Path().glob(".b.ome.zarr.tmp*")
+        (half,) = Path().glob(".b.ome.tmp-*.zarr")
         with pytest.raises(ValueError, match="group without multiscales"):
             open_volume(half)
         seen.append(Path("b.ome.zarr").exists())

@@ -1,8 +1,6 @@
 """Volumes written as OME-Zarr 0.5, brick by brick."""
 
 import os
-import secrets
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.writing import beside
 from resample.types import Doubles
 from resample.watching import Progress
 from resample.words import one_line
@@ -125,14 +124,12 @@ def check_store(path: Path) -> None:
 def _appearing(path: Path) -> Iterator[Path]:
     """Folder beside a path, which takes its name when all went well, and else is removed."""
     check_store(path)
-    temporary = path.with_name(f".{path.name}.tmp{secrets.token_hex(4)}")
     try:
-        yield temporary
-        temporary.rename(path)
+        with beside(path) as temporary:
+            yield temporary
+            temporary.rename(path)
     except OSError as error:
         raise OSError(f"{path} cannot be written: {one_line(error)}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _space(recording: Recording) -> Step:

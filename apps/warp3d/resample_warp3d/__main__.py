@@ -1,0 +1,14 @@
+"""The `resample-warp3d` command as a process; `python -m resample_warp3d` is the same."""
+
+from typing import NoReturn
+
+from resample.command.stopping import start
+
+
+def main() -> NoReturn:
+    """Run the command line, which signals can stop at any moment."""
+    start("resample_warp3d.command.cli")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""Commands that are told to stop, or are killed, at random moments: what they leave and say.
+
+    python -m benchmarks.signals --count 300 --seed 1
+
+Every command runs once to its end; then again and again, and gets SIGINT, SIGTERM or SIGKILL at a
+moment of its life, in one case of four with no compiled kernels. A target must be whole or not be
+there, or still be what it was. No traceback may be said, the status must be that of the signal, and
+after the next whole run no hidden file may be left.
+"""
+
+import argparse
+import contextlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}
+PATIENCE = 300  # seconds
+EARLIEST = 0.05  # seconds, in which Python itself begins
+VOLUME, TEXTURE, WARP3D = "resample_volume", "resample_texture", "resample_warp3d"
+CORNERS = "4,2 90,4 100,70 2,60"
+COMMANDS = {
+    "a.png": (VOLUME, "render", "checker-box:size=48", "--size", "96", "-o"),
+    "b.png": (TEXTURE, "warp", "photo.png", "--corners", CORNERS, "-o"),
+    "c.png": (WARP3D, "render", "photo.png", "depth.npy", "--fov", "60", "--move", "0.1,0,0", "-o"),
+    "d.gif": (VOLUME, "animate", "checker-box:size=24", "--size", "48", "--frames", "6", "-o"),
+    "e.html": (
+        TEXTURE,
+        "compare",
+        "photo.png",
+        "--scene",
+        "floor",
+        "--methods",
+        "paper,hybrid",
+        "-o",
+    ),
+    "f.png": (WARP3D, "cloud", "points.csv", "--camera", "40/20/1.5", "--size", "80", "-o"),
+    "g.ome.zarr": (VOLUME, "convert", "volume.npy"),
+    "h.png": ("resample", "compare", "photo.png", "-R", "photo.png", "-o"),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run that is stopped."""
+
+    target: str
+    number: signal.Signals
+    share: float  # of the time that a whole run takes
+    is_compiling: bool  # whether it finds no kernels on disk
+    is_there: bool  # whether its target is
+
+    def faults(self, seconds: float) -> Iterator[str]:
+        """Run it in this folder; what is wrong with how it ends."""
+        target = Path(self.target)
+        remove(target)
+        if self.is_there and target.suffix != ".zarr":  # stores are not replaced
+            target.write_bytes(b"old")
+        before, left = content(target), hidden()
+        with tempfile.TemporaryDirectory() as kernels:
+            process = begun(self.target, kernels if self.is_compiling else None)
+            time.sleep(max(EARLIEST, self.share * seconds))
+            process.send_signal(self.number)
+            said = process.communicate(timeout=PATIENCE)[1]
+        if process.returncode not in (0, STATUS[self.number]):
+            yield f"status {process.returncode}: {said[-300:]}"
+        if "Traceback" in said or "Exception" in said:
+            yield f"said {said[-900:]}"
+        if not is_whole(target) and (process.returncode == 0 or content(target) != before):
+            yield "its target is damaged"
+        left = hidden() - left - {f".{self.target}.frames"}  # films are gone on with
+        if self.number != signal.SIGKILL and left:
+            yield f"left {left}"
+
+
+def begun(target: str, kernels: str | None = None) -> subprocess.Popen[str]:
+    """A command at work in this folder."""
+    return subprocess.Popen(
+        [sys.executable, "-m", *COMMANDS[target], target],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=dict(os.environ) | ({} if kernels is None else {"NUMBA_CACHE_DIR": kernels}),
+    )
+
+
+def ended(target: str) -> float:
+    """Seconds that a run to the end took, whose target is kept for comparison."""
+    remove(Path(target))
+    start = time.perf_counter()
+    process = begun(target)
+    said = process.communicate(timeout=PATIENCE)[1]
+    if process.returncode or hidden():
+        raise RuntimeError(f"{target}: {said}, left {hidden()}")
+    seconds = time.perf_counter() - start
+    kept = Path("whole") / target
+    remove(kept)
+    Path(target).rename(kept)
+    return seconds
+
+
+def is_whole(target: Path) -> bool:
+    """Whether a target is that of a run to the end; reports tell other times every time."""
+    if target.suffix == ".html":
+        return target.is_file() and target.read_text("utf-8").rstrip().endswith("</html>")
+    return content(target) == content(Path("whole") / target)
+
+
+def content(path: Path) -> dict[str, bytes]:
+    """What a file or folder holds, by name."""
+    files = [path] if path.is_file() else path.rglob("*")
+    return {str(file.relative_to(path)): file.read_bytes() for file in files if file.is_file()}
+
+
+def hidden() -> set[str]:
+    """Names of files that users do not see."""
+    return {path.name for path in Path().iterdir() if path.name.startswith(".")}
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder, if it is there."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
+
+
+def inputs() -> None:
+    """Write what the commands read."""
+    rng = np.random.default_rng(1)
+    levels = rng.integers(0, 255, (80, 120, 3), np.uint8)
+    Path("whole").mkdir()
+    Image.fromarray(levels).save("photo.png")
+    np.save("depth.npy", np.full((80, 120), 2.0, np.float32))
+    np.save("volume.npy", rng.integers(0, 255, (70, 70, 70), np.uint8))
+    np.savetxt("points.csv", rng.normal(size=(2000, 3)), delimiter=",", header="x,y,z", comments="")
+
+
+def cases(count: int, seed: int) -> Iterator[Case]:
+    """Cases by turns of all commands and signals."""
+    rng = random.Random(seed)
+    for n in range(count):
+        target = list(COMMANDS)[n % len(COMMANDS)]
+        number = list(STATUS)[n // len(COMMANDS) % len(STATUS)]
+        yield Case(target, number, 1.1 * rng.random(), rng.random() < 0.25, rng.random() < 0.5)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Stop commands; 1 if one of them is at fault."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.signals", description=__doc__)
+    parser.add_argument("--count", type=int, default=300, help="of runs that are stopped")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", help="one target, such as a.png")
+    choices = parser.parse_args(arguments)
+    found: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory(prefix="signals-") as folder, contextlib.chdir(folder):
+        inputs()
+        seconds = {name: ended(name) for name in COMMANDS if choices.only in (None, name)}
+        for case in cases(choices.count, choices.seed):
+            if case.target in seconds:
+                faults = list(case.faults(seconds[case.target]))
+                found[case.number.name] += 1
+                found["faults"] += bool(faults)
+                for fault in faults:
+                    sys.stdout.write(f"{case}: {fault}\n")
+                    sys.stdout.flush()
+        for name in seconds:
+            ended(name)  # and leaves nothing of those that were killed
+    sys.stdout.write(", ".join(f"{count} {name}" for name, count in sorted(found.items())) + "\n")
+    return int(found["faults"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

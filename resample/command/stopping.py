@@ -1,0 +1,103 @@
+"""Commands that are told to stop, at any moment of their life.
+
+A signal ends the work of the main thread by an exception, as Python does for Ctrl-C, so that what
+is being written is tidied up. Four things are added. SIGTERM does so, too. It is caught while
+modules are imported. Where Python cannot raise it, in a finalizer or in what a library calls back,
+it is raised a little later instead of being printed. And when the command has ended, signals change
+nothing any more.
+"""
+
+import signal
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from threading import Timer, main_thread
+from types import FrameType
+from typing import Any, NoReturn
+
+from resample.command.console import say
+
+INTERRUPTED = 128 + signal.SIGINT  # what shells report for Ctrl-C
+WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+SOON = 0.05  # seconds, after which what could not be raised is raised again
+ONCE = 1.0  # seconds, in which a second signal is taken for the same wish
+
+Handler = Callable[[int, FrameType | None], None]
+
+
+class StoppedError(SystemExit):
+    """A signal told the process to stop.
+
+    No KeyboardInterrupt: Python, once one has passed through code that was given as a text, ends
+    by the signal whatever was made of it.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(128 + number)
+        self.number = signal.Signals(number)
+
+
+def start(module: str) -> NoReturn:
+    """Run the `main` of a module as this process's command.
+
+    Parameters
+    ----------
+    module
+        Its name. It is imported here.
+
+    Raises
+    ------
+    SystemExit
+        Always: with the status of the command, 130 after SIGINT and 143 after SIGTERM.
+    """
+    stop = _stopping()
+    for number in WORDS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and shells' jobs have it
+            signal.signal(number, stop)
+    status: Any = 0
+    try:
+        import_module(module).main()
+    except StoppedError as end:
+        say(WORDS[end.number])
+        status = end.code
+    except SystemExit as end:
+        status = end.code
+    finally:
+        for number in WORDS:
+            signal.signal(number, signal.SIG_IGN)
+    raise SystemExit(status)
+
+
+def _stopping() -> Handler:
+    """What handles signals; it makes Python raise again what Python could only print."""
+    last = -ONCE
+    report = sys.unraisablehook
+
+    def stop(number: int, _: FrameType | None) -> None:
+        nonlocal last
+        before, last = last, time.monotonic()
+        if last - before >= ONCE:
+            raise StoppedError(number)
+
+    def again(unraisable: Any) -> None:
+        nonlocal last
+        error = unraisable.exc_value
+        if not isinstance(error, StoppedError):
+            report(unraisable)
+            return
+        last = -ONCE
+        timer = Timer(SOON, _tell_main_thread, [error.number])
+        timer.daemon = True
+        timer.start()
+
+    sys.unraisablehook = again
+    return stop
+
+
+def _tell_main_thread(number: signal.Signals) -> None:
+    """Send a signal where it wakes who sleeps."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
