@@ -74,7 +74,8 @@ class Case:
             time.sleep(max(EARLIEST, self.share * seconds))
             process.send_signal(self.number)
             said = process.communicate(timeout=PATIENCE)[1]
-        if process.returncode not in (0, STATUS[self.number]):
+        # Before Python has begun a signal ends it by itself, which shells tell alike.
+        if process.returncode not in (0, STATUS[self.number], -self.number):
             yield f"status {process.returncode}: {said[-300:]}"
         if "Traceback" in said or "Exception" in said:
             yield f"said {said[-900:]}"

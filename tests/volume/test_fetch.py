@@ -1,17 +1,21 @@
+import gzip
 import hashlib
 import io
 import json
 import socket
 import time
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 import pytest
-from rich.progress import Progress
 from werkzeug import Response
 
-from resample_volume.files import fetch as module
-from resample_volume.files.fetch import available, fetch
+from resample_volume.files.public import downloads
+from resample_volume.files.public import fetch as module
+from resample_volume.files.public.fetch import available, fetch
 from resample_volume.files.source import open_volume
+from tests.processes import PATIENCE
 
 VALUES = np.arange(24, dtype="<u2").reshape(2, 3, 4)
 FILE = "tiny_4x3x2_uint16.raw"
@@ -76,7 +80,7 @@ def test_the_environment_names_the_folder(serving, tmp_path, monkeypatch):
 
 
 def test_another_file_is_refused_and_not_kept(httpserver, tmp_path):
-    httpserver.expect_request(f"/{FILE}").respond_with_data(b"something else")
+    httpserver.expect_request(f"/{FILE}").respond_with_data(bytes(48))
     with pytest.raises(ValueError, match=r"wrong SHA-512.*nothing was kept$"):
         fetch("tiny", folder=tmp_path, base_url=httpserver.url_for(""))
     assert list(tmp_path.iterdir()) == []
@@ -135,15 +139,69 @@ def test_a_terminal_gets_a_bar(serving, tmp_path, monkeypatch):
     assert FILE in terminal.getvalue()
 
 
-def test_the_bar_ends_where_the_file_ends():
-    with Progress(disable=True) as progress:
-        bar = module.Bar(progress, "tiny")
-        bar.total = 48
-        bar.update(40)
-        bar.reset()
-        bar.update(48)
-        assert progress.finished
-        bar.close()
+def refused(httpserver, folder, error, match):
+    """A download fails in one line and leaves nothing."""
+    with pytest.raises(error, match=match) as caught:
+        fetch("tiny", folder=folder, base_url=httpserver.url_for(""))
+    assert "\n" not in str(caught.value)
+    assert list(folder.iterdir()) == []
+
+
+def test_a_body_without_an_end_is_not_listened_to(httpserver, tmp_path):
+    sent = []
+
+    def endless():
+        while len(sent) < 10_000:
+            sent.append(None)
+            yield bytes(1 << 16)
+
+    httpserver.expect_request(f"/{FILE}").respond_with_handler(lambda _: Response(endless()))
+    refused(httpserver, tmp_path, ValueError, "gave more than the 48 bytes that it has")
+    assert len(sent) < 1000
+
+
+def test_a_body_that_grows_when_it_is_unpacked_is_refused(httpserver, tmp_path):
+    bomb = gzip.compress(bytes(10_000_000))
+    httpserver.expect_request(f"/{FILE}").respond_with_data(
+        bomb, headers={"Content-Encoding": "gzip"}
+    )
+    refused(httpserver, tmp_path, ValueError, "gave more than the 48 bytes that it has")
+
+
+def test_a_silent_server_is_left(httpserver, tmp_path, monkeypatch):
+    going = Event()
+
+    def silent():
+        yield VALUES.tobytes()[:20]
+        going.wait(PATIENCE)
+
+    monkeypatch.setattr(downloads, "SILENCE", 0.2)
+    httpserver.expect_request(f"/{FILE}").respond_with_handler(lambda _: Response(silent()))
+    try:
+        refused(httpserver, tmp_path, ConnectionError, "cannot be reached")
+    finally:
+        going.set()
+
+
+def test_a_server_that_is_too_slow_is_left(serving, tmp_path, monkeypatch):
+    monkeypatch.setattr(downloads, "PATIENCE", 0.0)
+    monkeypatch.setattr(downloads, "SLOWEST", 1e12)
+    refused(serving, tmp_path, ConnectionError, "came in 0 s, which is too slow; try again later")
+
+
+def test_a_disk_without_room_is_named_before_anything_is_asked_for(tmp_path, monkeypatch):
+    usage = downloads.shutil.disk_usage(tmp_path)._replace(free=40)
+    monkeypatch.setattr(downloads.shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(OSError, match=f"has 0.00 MiB left, and {FILE} 0.00 MiB"):
+        fetch("tiny", folder=tmp_path, base_url="http://tiny.invalid")
+
+
+def test_at_once_processes_fetch_one_whole_file(serving, tmp_path):
+    with ThreadPoolExecutor(4) as threads:
+        url = serving.url_for("")
+        paths = list(threads.map(lambda _: fetch("tiny", folder=tmp_path, base_url=url), range(8)))
+    assert set(paths) == {tmp_path / "tiny.nhdr"}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tiny.nhdr", FILE]
 
 
 def test_nothing_else_is_printed(serving, tmp_path, capfd):

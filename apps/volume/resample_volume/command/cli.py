@@ -431,7 +431,7 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
     folder
         Where to keep it; the user's cache.
     """
-    from resample_volume.files import fetch as store
+    from resample_volume.files.public import fetch as store
 
     if name is None:
         entries = store.available()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from resample_volume.files.fetch import FOLDER_VARIABLE
+from resample_volume.files.public.fetch import FOLDER_VARIABLE
 from resample_volume.files.source import generate, open_volume
 from resample_volume.types import Volume
 
@@ -25,7 +25,7 @@ class Subject(NamedTuple):
 
 @dataclass(frozen=True)
 class Shelf:
-    """Where volumes are looked for: a folder, and what `files.fetch` has downloaded.
+    """Where volumes are looked for: a folder, and what `files.public.fetch` has downloaded.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def missing(name: str) -> str:
 
 
 def _cache() -> Path:
-    """Folder in which `resample_volume.files.fetch.fetch` keeps what it downloads."""
+    """Folder in which `resample_volume.files.public.fetch.fetch` keeps what it downloads."""
     import pooch
 
     return Path(os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))

@@ -35,7 +35,7 @@ def make(
         Which figures: some of `FIGURES`, or 1 to 4 for the halves of two of them; None for all.
     data
         Folder with the paper's volumes as NAME.nhdr; what it lacks is looked for where
-        `resample_volume.files.fetch` keeps its downloads.
+        `resample_volume.files.public.fetch` keeps its downloads.
     quick
         Make them as small as is of any use: for trials and tests.
 

@@ -1,0 +1,1 @@
+"""Public volumes, downloaded once and checked."""

@@ -1,0 +1,123 @@
+"""Files from servers that may be slow, wrong or endless: bounded, checked, whole or not there."""
+
+import hashlib
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from resample.files.writing import replacing
+from resample.memory import amount
+
+TRIES = 3
+CONNECTING, SILENCE = 10.0, 30.0  # seconds that a server may take to answer, and to say nothing
+SLOWEST = 10_000  # bytes per second in the mean, from a minute on
+PATIENCE = 60.0  # seconds
+CHUNK = 1 << 16  # bytes
+
+Advance = Callable[[int], object]
+
+
+class WrongFileError(ValueError):
+    """What came is not what was asked for."""
+
+
+def download(url: str, target: Path, size: int, sha512: str) -> None:
+    """Fetch a file that is known beforehand, unless it is there.
+
+    Parameters
+    ----------
+    url
+        Where it is.
+    target
+        Where it is kept; its folder is made.
+    size
+        Bytes that it has. A server that sends more is not listened to.
+    sha512
+        Digest of its content.
+
+    Raises
+    ------
+    ValueError
+        Another file came, every time. It is not kept.
+    OSError
+        The server cannot be reached, refuses, is silent or is too slow; or the folder cannot be
+        written or has not that much room.
+    """
+    if target.is_file() and _digest(target) == sha512:
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(target.parent).free
+    if free < size:
+        raise OSError(f"{target.parent} has {amount(free)} left, and {target.name} {amount(size)}")
+    for attempt in range(TRIES):
+        try:
+            with replacing(target) as temporary, _progress(target.name, size) as advance:
+                _receive(url, temporary, size, advance)
+                if _digest(temporary) != sha512:
+                    raise WrongFileError(
+                        f"{url} gave another file than the collection lists (wrong SHA-512); "
+                        "nothing was kept"
+                    )
+            return
+        except (ConnectionError, WrongFileError):
+            if attempt == TRIES - 1:
+                raise
+            time.sleep(attempt + 1)
+
+
+def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
+    """Write what a server sends, which is `size` bytes or refused."""
+    import requests
+
+    begin, count = time.monotonic(), 0
+    try:
+        with (
+            requests.get(url, stream=True, timeout=(CONNECTING, SILENCE)) as answer,
+            target.open("wb") as file,
+        ):
+            answer.raise_for_status()
+            for chunk in answer.iter_content(CHUNK):
+                count += len(chunk)
+                if count > size:
+                    break
+                file.write(chunk)
+                advance(len(chunk))
+                passed = time.monotonic() - begin
+                if passed > PATIENCE and count < SLOWEST * passed:
+                    raise ConnectionError(
+                        f"{url}: {amount(count)} of {amount(size)} came in {passed:.0f} s, which "
+                        "is too slow; try again later"
+                    )
+    except requests.HTTPError as error:
+        status = error.response.status_code if error.response is not None else "nothing"
+        raise ConnectionError(f"{url}: the server answers {status}; try again later") from None
+    except requests.RequestException as error:
+        raise ConnectionError(
+            f"{url} cannot be reached ({type(error).__name__}); put the file into {target.parent} "
+            "by hand, or try again"
+        ) from None
+    if count != size:
+        more = "more than" if count > size else f"{count} of"
+        raise WrongFileError(f"{url} gave {more} the {size} bytes that it has; nothing was kept")
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha512").hexdigest()
+
+
+@contextmanager
+def _progress(name: str, size: int) -> Iterator[Advance]:
+    """Draw a bar on a terminal, which is told of bytes."""
+    if not sys.stderr.isatty():
+        yield int
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task(name, total=size)
+        yield lambda count: progress.advance(task, count)
