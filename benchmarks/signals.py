@@ -28,7 +28,7 @@ from PIL import Image
 
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}
 PATIENCE = 300  # seconds
-EARLIEST = 0.05  # seconds, in which Python itself begins
+EARLIEST = 0.2  # seconds, in which Python itself begins
 VOLUME, TEXTURE, WARP3D = "resample_volume", "resample_texture", "resample_warp3d"
 CORNERS = "4,2 90,4 100,70 2,60"
 COMMANDS = {

@@ -10,20 +10,17 @@ nothing any more.
 import signal
 import sys
 import time
-from collections.abc import Callable
-from importlib import import_module
-from threading import Timer, main_thread
-from types import FrameType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from resample.command.console import say
+# Little else, so that signals find somebody soon.
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
 
 INTERRUPTED = 128 + signal.SIGINT  # what shells report for Ctrl-C
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 SOON = 0.05  # seconds, after which what could not be raised is raised again
 ONCE = 1.0  # seconds, in which a second signal is taken for the same wish
-
-Handler = Callable[[int, FrameType | None], None]
 
 
 class StoppedError(SystemExit):
@@ -57,8 +54,12 @@ def start(module: str) -> NoReturn:
             signal.signal(number, stop)
     status: Any = 0
     try:
+        from importlib import import_module
+
         import_module(module).main()
     except StoppedError as end:
+        from resample.command.console import say
+
         say(WORDS[end.number])
         status = end.code
     except SystemExit as end:
@@ -69,12 +70,12 @@ def start(module: str) -> NoReturn:
     raise SystemExit(status)
 
 
-def _stopping() -> Handler:
+def _stopping() -> "Callable[[int, FrameType | None], None]":
     """What handles signals; it makes Python raise again what Python could only print."""
     last = -ONCE
     report = sys.unraisablehook
 
-    def stop(number: int, _: FrameType | None) -> None:
+    def stop(number: int, _: "FrameType | None") -> None:
         nonlocal last
         before, last = last, time.monotonic()
         if last - before >= ONCE:
@@ -87,6 +88,8 @@ def _stopping() -> Handler:
             report(unraisable)
             return
         last = -ONCE
+        from threading import Timer
+
         timer = Timer(SOON, _tell_main_thread, [error.number])
         timer.daemon = True
         timer.start()
@@ -97,6 +100,8 @@ def _stopping() -> Handler:
 
 def _tell_main_thread(number: signal.Signals) -> None:
     """Send a signal where it wakes who sleeps."""
+    from threading import main_thread
+
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(main_thread().ident or 0, number)
     else:
