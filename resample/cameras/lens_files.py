@@ -1,8 +1,6 @@
 """Calibrated lenses as files and words say them, in OpenCV's numbers."""
 
 import errno
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,8 +11,10 @@ from numpy.typing import ArrayLike
 from resample.cameras.calibrations.plain_yaml import plain_yaml
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
+from resample.reading.limits import check_size
+from resample.reading.texts import json_of, text_of, toml_of
 from resample.types import Doubles
-from resample.words import naming, numbers_in, text_of
+from resample.words import naming, numbers_in
 
 SUFFIXES = (".yml", ".yaml", ".xml", ".json", ".toml")
 MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "matrix", "mtx", "K")
@@ -214,10 +214,11 @@ def _facts(path: Path) -> Mapping[str, Any]:
         return _opencv_facts(path)
     with naming(str(path)):
         if suffix == ".toml":
-            return tomllib.loads(text)
+            return toml_of(text)
         if suffix != ".json":
+            check_size("its YAML", len(text), "tree")
             return plain_yaml(text)
-        loaded = json.loads(text)
+        loaded = json_of(text)
         if not isinstance(loaded, dict):
             raise ValueError("it holds no names")
         return loaded

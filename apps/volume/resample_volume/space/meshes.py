@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
+from resample.reading.meshes import check_mesh, trimesh_resolver
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
@@ -165,8 +166,10 @@ def _parsed(text: str) -> tuple[Path, dict[str, str]]:
 def _geometries(path: Path) -> list[Any]:
     import trimesh
 
+    check_mesh(path)
     try:
-        found = [one for one in trimesh.load_scene(path, process=False).dump() if len(one.faces)]
+        scene = trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
+        found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
     except Exception as error:  # trimesh and its parsers raise anything at all
         line = " ".join(str(error).split())[:200] or type(error).__name__
         raise ValueError(f"{path} cannot be read as a mesh: {line}") from None

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.reading.arrays import read_npz
+from resample.reading.limits import check_size
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, some_of
 
@@ -149,14 +151,7 @@ def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _read_arrays(path: Path) -> Cloud:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            known = {name: stored[name] for name in stored.files}
-    except FileNotFoundError:
-        raise
-    except Exception as error:  # zip files are damaged in many ways
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise OSError(f"{path} is damaged: {reason}") from None
+    known: dict[str, Any] = read_npz(path)
     if "position" not in known:
         raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
     count = len(known["position"]) if known["position"].ndim else 0
@@ -179,6 +174,7 @@ def _is_column(part: NDArray[Any], count: int) -> bool:
 def _read_columns(path: Path) -> Cloud:
     """Cloud of numbers in columns, with commas, semicolons or blanks between them."""
     try:
+        check_size(str(path), path.stat().st_size)
         lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
     except UnicodeDecodeError:
         raise ValueError("is no text") from None
