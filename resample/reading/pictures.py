@@ -1,10 +1,13 @@
 """Sizes of pictures, looked at before their pixels are decoded."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from resample.reading.limits import check_free, check_unpacked
+from resample.words import one_line
 
 FORMS = {"uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "half": 2, "double": 8}  # others have 4
 
@@ -32,3 +35,20 @@ def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
     count, stored = math.prod(shape), FORMS.get(str(spec.format), 4)
     check_unpacked(str(path), Path(path).stat().st_size, count * stored)
     check_free(str(path), count * (size or stored))
+
+
+@contextmanager
+def decoding(path: str | Path) -> Iterator[None]:
+    """Make one error of all that decoders written in Python raise where a file is damaged.
+
+    Raises
+    ------
+    OSError
+        Something else than a lack of memory was raised.
+    """
+    try:
+        yield
+    except (MemoryError, FileNotFoundError, PermissionError):
+        raise
+    except Exception as error:  # Pillow's plugins raise a dozen kinds
+        raise OSError(f"{path} is not a picture that can be read: {one_line(error):.200}") from None

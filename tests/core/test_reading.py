@@ -169,6 +169,35 @@ def test_a_header_that_lists_very_many_files_is_refused(tmp_path):
     refused(Nrrd(), every, match="900000000 files named")
 
 
+NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n{}data file: a.raw\n"
+MHD = "ObjectType = Image\nNDims = {}\nDimSize = 4 4 4\n{}ElementType = MET_UCHAR\n"
+
+
+@pytest.mark.parametrize(
+    "line", ["spacings: 1 1 " + "a." * 3000, "a" * 5000, "sizes: 4 4 4 4 4", "spacings: x 1 1"]
+)
+def test_nrrd_headers_that_end_itk_s_process_are_refused(line, tmp_path):
+    put(tmp_path / "a.raw", bytes(64))
+    refused(Nrrd(), put(tmp_path / "a.nhdr", NRRD.format(line + "\n")), match="a.nhdr: ")
+
+
+@pytest.mark.parametrize(
+    ("axes", "line"),
+    [("256", ""), ("1e38", ""), ("3", "Offset = 0 (((0 0"), ("3", "ElementSpacing = 1 1")],
+)
+def test_metaimage_headers_that_end_itk_s_process_are_refused(axes, line, tmp_path):
+    text = MHD.format(axes, line + "\n" if line else "") + "ElementDataFile = a.raw\n"
+    put(tmp_path / "a.raw", bytes(64))
+    refused(MetaImage(), put(tmp_path / "a.mhd", text), match="a.mhd: ")
+
+
+def test_lenses_that_end_opencv_s_process_are_refused(tmp_path):
+    text = "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   [[[[cols]]]]: 3\n"
+    refused(read_lens, str(put(tmp_path / "a.yml", text)))
+    for xml in ("<opencv_storage>" + "<a>" * 9000, "<!DOCTYPE a><opencv_storage/>", "<b/>"):
+        refused(read_lens, str(put(tmp_path / "a.xml", xml)))
+
+
 # Depth and numbers
 
 

@@ -74,6 +74,8 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
         return _joined([_piece(one, opened) for one in geometries])
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
+    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+        raise ValueError(f"{source.name} cannot be read as a mesh: {_line(error)}") from None
 
 
 def _line(error: Exception) -> str:

@@ -14,6 +14,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from resample.reading.headers import (
+    check_meta_numbers,
+    check_nrrd_numbers,
+    whole,
+)
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.neighbours import neighbour
 from resample_volume.files.headers import Header
@@ -73,6 +78,7 @@ def check_nrrd(path: Path) -> tuple[Path, str] | None:
         It is not there.
     """
     value = text_fields(path, ":").value
+    check_nrrd_numbers(path, value)
     data = value.get("data file", value.get("datafile", ""))
     if not data or _check_many(path, data):
         return None
@@ -110,6 +116,7 @@ def check_metaimage(path: Path, known: Header | None = None) -> None:
         Too few bytes, too many in a file of their own, or a damaged compressed stream.
     """
     value, end = text_fields(path, "=", "elementdatafile")
+    check_meta_numbers(path, value)
     data = value.get("elementdatafile", "")
     if not data:
         raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
@@ -117,7 +124,7 @@ def check_metaimage(path: Path, known: Header | None = None) -> None:
         return
     local = data.upper() == "LOCAL"
     file = path if local else _beside(path, data)
-    skipped = _whole(path, value.get("headersize", "0"))
+    skipped = whole(path, value.get("headersize", "0"))
     start = (end if local else 0) + max(0, skipped)
     if known is None or value.get("binarydata", "true").lower() == "false":
         return
@@ -182,7 +189,7 @@ def _check_many(path: Path, data: str) -> bool:
         names = [line.strip() for line in lines[heads[0] + 1 :]] if heads else []
     elif "%" in data:
         pattern, *numbers = data.split()
-        first, last, step = (_whole(path, word) for word in [*numbers, *"111"][:3])
+        first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
         check_items(path.name, abs(last - first) // max(1, abs(step)) + 1, "files named")
         names = [pattern.partition("%")[0] or "."]
     else:
@@ -192,14 +199,6 @@ def _check_many(path: Path, data: str) -> bool:
     for name in named:
         neighbour(path, name)
     return True
-
-
-def _whole(path: Path, word: str) -> int:
-    """Whole number of a header."""
-    try:
-        return int(word[:20])
-    except ValueError:
-        raise ValueError(f"{path.name}: {word!r:.40} is no whole number; correct it") from None
 
 
 def _beside(path: Path, name: str) -> Path:
