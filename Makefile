@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all bench guard lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -33,6 +33,10 @@ test: $(VENV)/.dev
 	$(PYTEST) -m "not sweep" $(ARGS)
 test-all: $(VENV)/.dev
 	$(PYTEST) $(ARGS)
+# Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
+fuzz: SECONDS ?= 600
+fuzz: $(VENV)/.dev
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) $(ARGS)
 # All of it takes long and wants a quiet machine; GROUPS="volume core" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(GROUPS) --json bench.json --markdown bench.md $(if $(DATA),--data $(DATA)) $(ARGS)

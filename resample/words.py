@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 
 def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
@@ -29,20 +28,26 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
     return numbers
 
 
-def text_of(path: Path) -> str:
-    """Text of a file.
+def visible(text: str) -> str:
+    r"""Text whose control characters, which a terminal would obey, are written as codes.
 
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is no text.
+    Examples
+    --------
+    >>> from resample.words import visible
+    >>> visible("scan\x1b[2J.ply")
+    'scan\\x1b[2J.ply'
     """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is not a text") from None
+    if text.isprintable():
+        return text
+    return "".join(letter if _is_shown(letter) else _code(letter) for letter in text)
+
+
+def _is_shown(letter: str) -> bool:
+    return letter.isprintable() or letter == " "
+
+
+def _code(letter: str) -> str:
+    return letter.encode("unicode_escape").decode("ascii")
 
 
 @contextmanager
@@ -57,7 +62,11 @@ def naming(place: str) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """Message of an error without line breaks, for a user's eyes."""
+    """Message of an error without line breaks or control characters, for a user's eyes."""
+    return visible(_message(error))
+
+
+def _message(error: BaseException) -> str:
     cause = error.__cause__
     if cause is not None and hasattr(cause, "error_count"):  # pydantic's, wrapped by cyclopts
         error = cause
@@ -75,4 +84,12 @@ def _field_error(detail: dict[str, object]) -> str:
     place = detail["loc"]
     field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
     message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
-    return f"{field}: {message} (got {detail['input']!r:.60})" if field else message
+    return f"{field}: {message} (got {_shortly(detail['input'])})" if field else message
+
+
+def _shortly(given: object) -> str:
+    """What was given, as far as it can be said; numbers may have too many digits."""
+    try:
+        return f"{given!r:.60}"
+    except (ValueError, RecursionError):
+        return type(given).__name__

@@ -1,6 +1,5 @@
 """Cameras at certain times, and those in between."""
 
-import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -13,8 +12,9 @@ from resample.cameras.files import left_out, read_shots
 from resample.cameras.models import Camera
 from resample.cameras.tables import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
+from resample.reading.texts import text_of, toml_of
 from resample.types import Doubles
-from resample.words import naming, text_of
+from resample.words import naming
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -103,7 +103,7 @@ def read_keyframes(path: Path) -> Keyframes:
         The file cannot be read.
     """
     with naming(str(path)):
-        content = _File.model_validate(tomllib.loads(text_of(path)))
+        content = _File.model_validate(toml_of(text_of(path)))
         cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
         time = [keyframe.time for keyframe in content.camera]
         _check_times(time)

@@ -1,11 +1,9 @@
 """Calibrated lenses as files and words say them, in OpenCV's numbers."""
 
 import errno
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +11,13 @@ from numpy.typing import ArrayLike
 from resample.cameras.calibrations.plain_yaml import plain_yaml
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
+from resample.reading.limits import check_size, limits, refused
+from resample.reading.texts import json_of, text_of, toml_of
 from resample.types import Doubles
-from resample.words import naming, numbers_in, text_of
+from resample.words import naming, numbers_in
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 SUFFIXES = (".yml", ".yaml", ".xml", ".json", ".toml")
 MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "matrix", "mtx", "K")
@@ -207,49 +210,53 @@ def _facts(path: Path) -> Mapping[str, Any]:
     """Names and values of a file."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
-        return _opencv_facts(path)
+        return _xml_facts(path)
     text = text_of(path)
-    is_opencv = text.startswith("%YAML:") or "!!opencv-" in text
-    if suffix in (".yml", ".yaml") and is_opencv:
-        return _opencv_facts(path)
     with naming(str(path)):
         if suffix == ".toml":
-            return tomllib.loads(text)
+            return toml_of(text)
         if suffix != ".json":
+            check_size("its YAML", len(text), "tree")
             return plain_yaml(text)
-        loaded = json.loads(text)
+        loaded = json_of(text)
         if not isinstance(loaded, dict):
             raise ValueError("it holds no names")
         return loaded
 
 
-def _opencv_facts(path: Path) -> Mapping[str, Any]:
-    """Values of a file that `cv2.FileStorage` wrote."""
-    import cv2
+def _xml_facts(path: Path) -> Mapping[str, Any]:
+    """Values of an XML file that `cv2.FileStorage` wrote, which itself crashes on damaged ones."""
+    from xml.etree import ElementTree
 
+    text = text_of(path)
+    check_size("its XML", len(text), "tree")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError(f"{path} defines things of its own, which are not read")
     try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-        facts = {name: _of_node(storage.getNode(name)) for name in storage.root().keys()}  # noqa: SIM118
-        storage.release()
-    except (cv2.error, SystemError, UnicodeDecodeError):
-        raise ValueError(
-            f"{path} is no file of cv2.FileStorage; such a .yml begins with %YAML:1.0"
-        ) from None
-    return facts
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is no file of cv2.FileStorage: {error}") from None
+    if root.tag != "opencv_storage":
+        raise ValueError(f"{path} is no file of cv2.FileStorage: it begins with {root.tag!r:.40}")
+    with naming(str(path)):
+        return {child.tag: _of_element(child, 0) for child in root}
 
 
-def _of_node(node: Any) -> Any:
-    """Matrix, text, number or list of numbers; None of what else there is."""
-    if node.isMap():
-        names = node.keys()
-        if "dt" in names:
-            return node.mat()
-        return {name: _of_node(node.getNode(name)) for name in names}
-    if node.isSeq():
-        return [_of_node(node.at(n)) for n in range(node.size())]
-    if node.isString():
-        return node.string()
-    return node.real() if node.isInt() or node.isReal() else None
+def _of_element(element: "Element", depth: int) -> Any:
+    """Matrix, text, number or list of numbers."""
+    if depth > limits().depth:
+        raise refused("too deep", "things within each other", "depth")
+    if len(element):
+        return {child.tag: _of_element(child, depth + 1) for child in element}
+    text = (element.text or "").strip()
+    words = [] if text.startswith('"') else text.split()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return text.strip('"')
+    if element.tag == "data" or len(numbers) > 1:
+        return numbers
+    return numbers[0] if numbers else text.strip('"')
 
 
 def _named(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles:

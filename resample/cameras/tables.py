@@ -1,6 +1,5 @@
 """Cameras from TOML files."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.cameras.models import Camera
 from resample.cameras.trajectories import Entry, Shot, entry_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
-from resample.words import naming, text_of
+from resample.reading.texts import text_of, toml_of
+from resample.words import naming
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -99,13 +99,13 @@ def read_viewpoint(path: Path) -> Viewpoint:
         The file cannot be read.
     """
     with naming(str(path)):
-        return viewpoint_of(tomllib.loads(text_of(path)))
+        return viewpoint_of(toml_of(text_of(path)))
 
 
 def read_toml(path: Path) -> list[Entry]:
     """Cameras that have a place of their own: one as `read_viewpoint` takes it, or `[[camera]]`."""
     with naming(str(path)):
-        content = tomllib.loads(text_of(path))
+        content = toml_of(text_of(path))
     if not isinstance(content.get("camera"), list):
         return [entry_of(str(path), "", _shot, content)]
     tables = content["camera"]

@@ -13,8 +13,10 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import camera_to_world, from_quaternion, rigid
+from resample.reading.arrays import read_npy
+from resample.reading.texts import text_of
 from resample.types import Doubles
-from resample.words import naming, text_of
+from resample.words import naming
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 
@@ -94,8 +96,7 @@ def read_log(path: Path) -> list[Entry]:
 
 def _npy_matrices(path: Path) -> Doubles:
     """Matrices (N, rows, columns) of an NPY."""
-    with naming(str(path)), path.open("rb") as file:
-        given = np.lib.format.read_array(file, allow_pickle=False)
+    given = read_npy(path)
     if given.ndim < 2 or given.dtype.kind not in "uif" or not given.size:
         raise ValueError(f"{path} holds {given.dtype} of shape {given.shape}, not (3, 4) or (4, 4)")
     return given.reshape(-1, *given.shape[-2:]).astype(np.float64)

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from resample.words import visible
+
 Progress = Callable[[float], None]
 
 LOUDNESS = "RESAMPLE_LOG"  # name of an environment variable
@@ -14,7 +16,7 @@ LEVELS = ("debug", "info", "warning")
 
 def say(text: str) -> None:
     """One line to the user, beside the results."""
-    sys.stderr.write(f"resample: {text}\n")
+    sys.stderr.write(f"resample: {visible(text)}\n")
 
 
 class _Listener(logging.Handler):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.writing import replacing
+from resample.reading.pictures import check_picture
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
@@ -70,7 +71,9 @@ def read_deep(path: Path) -> list[list[Floats]]:
     source = OpenImageIO.ImageInput.open(str(path))
     if source is None or not source.spec().deep:
         raise OSError(f"{path} is not a deep picture that can be read")
-    spec, data = source.spec(), source.read_native_deep_image()
+    spec = source.spec()
+    check_picture(path, spec)
+    data = source.read_native_deep_image()
     source.close()
     if data is None:
         raise OSError(f"{path} is damaged")

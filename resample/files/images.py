@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from resample.colors import Background, from_srgb, over, straight, to_srgb
 from resample.files.facts.origin import state
 from resample.files.writing import replacing
+from resample.reading.pictures import check_picture
 from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")
@@ -207,6 +208,7 @@ def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDA
     source, header = _open(path, page)
     spec, form = source.spec(), str(source.spec().format)
     order = [header.names.index(name) for name in channels]
+    check_picture(path, spec)
     levels, done = np.empty((spec.height, spec.width, len(order)), form), 0
     for strip in _stored_strips(path, source, STRIP, form):
         levels[done : done + len(strip)] = strip[..., order]
@@ -361,6 +363,7 @@ def _pixels(path: str | Path, source: Any, header: _ImageHeader) -> _ImageHeader
 
 def _stored(path: str | Path, source: Any, form: str) -> NDArray[Any]:
     """Pixels (H, W, C), read as values of OpenImageIO's type `form`."""
+    check_picture(path, source.spec(), 4)
     data = source.read_image(form)
     complaint, spec = source.geterror(), source.spec()
     source.close()

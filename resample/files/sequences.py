@@ -30,6 +30,7 @@ from resample.files.pictures import (
     write_pages,
 )
 from resample.files.writing import replacing
+from resample.reading.pictures import decoding
 
 ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well
 FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg")
@@ -146,7 +147,7 @@ def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
 def _animated_times(path: Path) -> tuple[float, ...]:
     from PIL import Image
 
-    try:
+    with decoding(path):
         with Image.open(path) as image:
             count = getattr(image, "n_frames", 1)
             seconds = []
@@ -156,16 +157,15 @@ def _animated_times(path: Path) -> tuple[float, ...]:
                 seconds.append(float(image.info.get("duration", 0.0)) / 1000.0 or USUAL)
         if path.suffix.lower() == ".gif" and not path.read_bytes().rstrip(b"\0").endswith(b";"):
             say(f"{path.name} is cut off: it has no end after {max(count, 1)} frames")
-    except (OSError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
-        raise OSError(f"{path} is not a picture that can be read: {error}") from None
     return tuple(seconds)
 
 
 def _animated_frames(path: Path) -> Iterator[Picture]:
     from PIL import Image
 
-    with Image.open(path) as image:
-        for n in range(getattr(image, "n_frames", 1)):
+    with decoding(path), Image.open(path) as image:
+        count = getattr(image, "n_frames", 1)
+        for n in range(count):
             image.seek(n)
             yield _shades(np.asarray(image.convert("RGBA")))
 

@@ -29,6 +29,50 @@ from resample.types import (
     View,
 )
 
+LENGTHS = (1e-12, 1e12)  # scene units, within which cubes of lengths are numbers of float32
+MOST_STRETCHED = 1e6  # steps of a lattice, how many times as long as others
+
+
+def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
+    """Steps (3, 3) to a sample's neighbours that kernels can work with.
+
+    Raises
+    ------
+    ValueError
+        They are not finite, all but in one plane, or absurdly short, long or uneven.
+    """
+    steps = np.ascontiguousarray(lattice, np.float64)
+    if steps.shape != (3, 3) or not _is_regular(steps):
+        raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
+    length = np.linalg.norm(steps, axis=0)
+    if not (LENGTHS[0] <= length.min() and length.max() <= LENGTHS[1]):
+        raise ValueError(
+            f"{what} has steps of {length.min():g} to {length.max():g} scene units; they lie within"
+            f" {LENGTHS[0]:g} and {LENGTHS[1]:g}: choose another unit"
+        )
+    if length.max() > MOST_STRETCHED * length.min():
+        raise ValueError(
+            f"{what} has steps of {length.min():g} and of {length.max():g} scene units; one is at "
+            f"most {MOST_STRETCHED:g} times as long as another"
+        )
+    return steps
+
+
+def check_places(position: Floats | Doubles, what: str) -> None:
+    """Refuse places beyond what kernels can work with.
+
+    Raises
+    ------
+    ValueError
+        They are not finite, or too far away.
+    """
+    if not _is_finite(position):
+        raise ValueError(f"{what} is not finite; leave such samples out")
+    if position.size and max(position.max(), -position.min()) > LENGTHS[1]:
+        raise ValueError(
+            f"{what} lies more than {LENGTHS[1]:g} scene units away; choose another unit"
+        )
+
 
 def check_samples(samples: Samples) -> Samples:
     """Samples as contiguous float32 arrays that fit together.
@@ -42,16 +86,15 @@ def check_samples(samples: Samples) -> Samples:
     position = np.ascontiguousarray(samples.position, np.float32)
     color = np.ascontiguousarray(samples.color, np.float32)
     extinction = np.ascontiguousarray(samples.extinction, np.float32)
-    lattice = np.ascontiguousarray(samples.lattice, np.float64)
     count = extinction.size
     if extinction.ndim != 1 or position.shape != (count, 3) or color.shape != (count, 3):
         raise ValueError(
             f"positions {position.shape}, colors {color.shape} and extinctions {extinction.shape} "
             "do not fit; they have shapes (N, 3), (N, 3) and (N,)"
         )
-    if lattice.shape != (3, 3) or not _is_regular(lattice):
-        raise ValueError("the lattice must be a finite, regular matrix (3, 3)")
-    for name, array in (("position", position), ("color", color), ("extinction", extinction)):
+    lattice = check_lattice(samples.lattice, "the lattice")
+    check_places(position, "a sample's position")
+    for name, array in (("color", color), ("extinction", extinction)):
         if not _is_finite(array):
             raise ValueError(f"a sample's {name} is not finite; leave such samples out")
     if count and extinction.min() < 0:

@@ -340,7 +340,7 @@ def test_an_npy_without_a_pose_is_refused(tmp_path, given):
 def test_an_npz_in_the_place_of_an_npy_is_refused(tmp_path):
     np.savez(tmp_path / "pose.npz", np.eye(4))
     path = (tmp_path / "pose.npz").rename(tmp_path / "pose.npy")
-    with pytest.raises(ValueError, match=r"pose\.npy: the magic string is not correct"):
+    with pytest.raises(OSError, match=r"pose\.npy holds .*: the magic string is not correct"):
         read_shots(path)
 
 

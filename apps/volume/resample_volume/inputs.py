@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.painting.scene import check_lattice, check_places
 from resample.types import Doubles
+from resample_volume.files.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.media.recordings import in_color, is_color
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks
 
 AXES = ("z", "y", "x")
 TAKEN = (
@@ -55,7 +58,7 @@ def as_volume(given: Any, name: str = "array") -> Volume:
     dtype('uint8')
     """
     if isinstance(given, Volume):
-        return given
+        return _checked(given)
     if isinstance(given, str | PathLike):
         return open_volume(str(given))
     if type(given).__module__.partition(".")[0] == "SimpleITK":
@@ -63,6 +66,48 @@ def as_volume(given: Any, name: str = "array") -> Volume:
     if hasattr(given, "dims") and hasattr(given, "coords"):
         return _from_labeled(given)
     return _placed(_array(given), name)
+
+
+def _checked(given: Volume) -> Volume:
+    """Volume with values of a known type at a place that kernels can work with.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It has none.
+    """
+    made = given
+    if not isinstance(given.values, Bricks):
+        values = _array(given.values)
+        if values.ndim != 3 or 0 in values.shape:
+            raise ValueError(
+                f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}"
+            )
+        made = given if values is given.values else given._replace(values=values)
+    check_place(given)
+    return made
+
+
+def check_place(given: Volume) -> None:
+    """Refuse a spacing, an origin or a direction that is none, or absurd.
+
+    Raises
+    ------
+    ValueError
+        It is not finite or above 0, singular, or far too small, large or uneven.
+    """
+    spacing, origin, direction = (np.asarray(part) for part in given[1:4])
+    shapes = (spacing.shape, origin.shape, direction.shape)
+    kinds = {part.dtype.kind for part in (spacing, origin, direction)}
+    if shapes != ((3,), (3,), (3, 3)) or not kinds <= set("iuf"):
+        raise ValueError(
+            f"{given.name}: spacing, origin and direction are numbers (3,), (3,) and (3, 3), not "
+            f"{', '.join(map(str, shapes))}"
+        )
+    if not (spacing > 0).all():
+        raise ValueError(f"{given.name}: spacing {spacing.tolist()} must be above 0")
+    check_lattice(direction * spacing, f"{given.name}: its lattice")
+    check_places(origin, f"{given.name}: its origin")
 
 
 def _array(given: Any) -> NDArray[Any]:
@@ -75,6 +120,8 @@ def _array(given: Any) -> NDArray[Any]:
         raise ValueError("lists of different lengths are no volume; give " + TAKEN) from None
     if values.dtype.kind not in "biuf":
         raise TypeError(f"a volume of {values.dtype}; its values must be real numbers")
+    if type(values) is np.ndarray and values.dtype.isnative and values.dtype.name in KEPT:
+        return values
     if isinstance(values, np.ma.MaskedArray):
         wide = np.asarray(values.data, np.result_type(values.dtype, np.float32))
         values = np.where(np.ma.getmaskarray(values), np.nan, wide)

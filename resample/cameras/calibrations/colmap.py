@@ -11,7 +11,8 @@ from resample.cameras.calibrations.colmap_binary import Posed
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_quaternion, rigid
 from resample.cameras.trajectories import Entry, Refused, Shot, entry_of, lines_of
-from resample.words import naming, text_of
+from resample.reading.texts import text_of
+from resample.words import naming
 
 # Where fx, fy, cx, cy and then OpenCV's coefficients stand; −1 is 0.
 MODELS = {

@@ -1,6 +1,5 @@
 """Cameras of NeRF's transforms.json; their pixel centers are at + 0.5."""
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,8 +10,9 @@ import numpy as np
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
 from resample.cameras.trajectories import Entry, Refused, Shot, entry_of
+from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
-from resample.words import naming, text_of
+from resample.words import naming
 
 PINHOLES = ("", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "FULL_OPENCV", "RADIAL", "SIMPLE_RADIAL")
 
@@ -23,7 +23,7 @@ def read_nerf(path: Path) -> list[Entry]:
     """Camera-to-world in OpenGL's axes, and intrinsics (transforms.json of NeRF)."""
     text = text_of(path)
     with naming(str(path)):
-        facts = json.loads(text)
+        facts = json_of(text)
     frames = facts.get("frames") if isinstance(facts, dict) else None
     if not isinstance(frames, list):
         raise ValueError(f"{path} has no list of frames as NeRF's transforms.json has")

@@ -1,6 +1,5 @@
 """Cameras of Open3D's trajectories; their pixel centers are at + 0."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import rigid
 from resample.cameras.trajectories import Entry, Shot, entry_of
-from resample.words import naming, text_of
+from resample.reading.texts import json_of, text_of
+from resample.words import naming
 
 Facts = Mapping[str, Any]
 
@@ -39,7 +39,7 @@ def _facts(path: Path) -> Any:
     """Content of a JSON file."""
     text = text_of(path)
     with naming(str(path)):
-        return json.loads(text)
+        return json_of(text)
 
 
 def _shot(facts: Facts) -> Shot:

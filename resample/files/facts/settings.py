@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import partial, wraps
@@ -19,7 +18,8 @@ from resample.command.settings import SETTINGS, Choices
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
-from resample.words import naming, text_of
+from resample.reading.texts import text_of, toml_of
+from resample.words import naming
 
 Command = Callable[..., Any]
 Settings = dict[str, Any]
@@ -100,7 +100,7 @@ def read_settings(path: Path, name: str, options: Mapping[str, Argument]) -> Set
     """
     text = settings_in(path) if path.suffix.lower() in PICTURES else text_of(path)
     with naming(str(path)):
-        content = tomllib.loads(text)
+        content = toml_of(text)
         owner = content.pop(COMMAND, name)
         if owner != name:
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.files.images import read_channels
+from resample.reading.arrays import is_npy, read_npy, read_npz
 from resample.types import Doubles
 
 FIXED_POINT_STEPS = 32  # per pixel, of OpenCV's integer maps
-NPY = b"\x93NUMPY"  # what an array's file begins with
 FLOW_MAGIC = 202021.25  # the first number of a .flo file
 UNKNOWN_FLOW = 1e9  # px; what moves farther is not known, Baker et al. 2011
 NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
@@ -78,18 +78,9 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
     OSError
         The file is missing or damaged.
     """
-    with Path(path).open("rb") as file:
-        try:
-            if file.peek(len(NPY))[: len(NPY)] == NPY:  # as much is read as is looked at
-                loaded = np.lib.format.open_memmap(path, mode="r")
-            else:
-                loaded = np.load(file, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                return loaded
-            return {name: loaded[name] for name in loaded.files}
-        except Exception as error:  # a damaged file makes numpy raise any of nine kinds
-            reason = str(error).partition("\n")[0] or type(error).__name__
-            raise OSError(f"{path} holds no arrays that can be read: {reason}") from None
+    file = Path(path)
+    # As much is read as is looked at.
+    return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)
 
 
 def as_pairs(array: ArrayLike, name: str) -> Doubles:

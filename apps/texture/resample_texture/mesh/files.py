@@ -5,7 +5,6 @@ here, so that a mesh is never gray for want of a file.
 """
 
 import errno
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.images import read_image
+from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver
 from resample.types import Floats
-from resample_texture.mesh.gltf import WHITE, Described, described, texture_files
+from resample_texture.mesh.gltf import WHITE, Described, described
 from resample_texture.mesh.shapes import Mesh, checked_array
 
 
@@ -57,7 +57,8 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     if not source.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     given = None if texture is None else _given_texture(texture)
-    named = [] if texture is not None else list(_named_textures(source))
+    check_mesh(source)
+    named = [] if texture is not None else list(named_textures(source))
     for file in named:
         if not file.is_file():
             message = f"is missing; {source.name} names it as its texture, or give another"
@@ -73,6 +74,8 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
         return _joined([_piece(one, opened) for one in geometries])
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
+    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+        raise ValueError(f"{source.name} cannot be read as a mesh: {_line(error)}") from None
 
 
 def _line(error: Exception) -> str:
@@ -85,11 +88,11 @@ def _scene(source: _Source) -> Any:
 
     path = source.path
     if source.gltf is None:
-        return trimesh.load_scene(path, process=False)
+        return trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
     return trimesh.load_scene(
         BytesIO(source.gltf.content),
         file_type=path.suffix.lower()[1:],
-        resolver=trimesh.resolvers.FilePathResolver(path),
+        resolver=trimesh_resolver(path),
         process=False,
     )
 
@@ -134,40 +137,6 @@ def _three_channels(picture: Floats, name: str) -> Floats:
         alpha = picture[..., -1:]
         color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)
     return np.ascontiguousarray(np.broadcast_to(color, (*color.shape[:2], 3)))
-
-
-def _named_textures(source: Path) -> Iterator[Path]:
-    """Files that a mesh names as its textures, whether they are there or not."""
-    kind = source.suffix.lower()
-    if kind == ".obj":
-        for library in _values(source, "mtllib"):
-            file = source.parent / library
-            yield from (file.parent / name for name in _material_textures(file, source))
-    elif kind == ".ply":
-        with source.open("rb") as opened:
-            header = opened.read(1 << 16).partition(b"end_header")[0].decode("latin-1")
-        for line in header.splitlines():
-            words = line.split(maxsplit=2)
-            if words[:2] == ["comment", "TextureFile"] and len(words) == 3:
-                yield source.parent / words[2].strip()
-    elif kind == ".gltf":
-        yield from texture_files(source)
-
-
-def _material_textures(library: Path, source: Path) -> list[str]:
-    if not library.is_file():
-        message = f"is missing; {source.name} names it for its textures"
-        raise FileNotFoundError(errno.ENOENT, message, str(library))
-    values = _values(library, "map_kd")
-    return [value.split()[-1] if value.startswith("-") else value for value in values]
-
-
-def _values(file: Path, key: str) -> list[str]:
-    """What follows a key word at the beginnings of a file's lines."""
-    with file.open(encoding="utf-8", errors="replace") as lines:
-        split = (line.split(maxsplit=1) for line in lines)
-        found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
-    return [value.strip().replace("\\", "/") for value in found]
 
 
 def _uv(geometry: Any) -> Any:

@@ -5,12 +5,12 @@ trimesh keeps a material's name, so every material is given its number as name b
 
 import json
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.reading.texts import json_of
 from resample.types import Floats
 from resample_texture.mesh.covers import Alpha, Cover
 from resample_texture.types import Edge
@@ -51,7 +51,7 @@ def described(file: Path) -> Described | None:
         return None
     content = file.read_bytes()
     start, end = (20, 20 + _length(content)) if kind == ".glb" else (0, len(content))
-    header = json.loads(content[start:end].decode("utf-8"))
+    header = json_of(content[start:end].decode("utf-8"))
     materials = [_material(one, header) for one in header.get("materials", [])]
     for number, material in enumerate(header.get("materials", [])):
         material["name"] = str(number)
@@ -62,18 +62,6 @@ def described(file: Path) -> Described | None:
     rest = content[end:]
     head = MAGIC + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), JSON)
     return Described(head + text + rest, materials)
-
-
-def texture_files(file: Path) -> Iterator[Path]:
-    """Files that a glTF file in JSON names as its textures, whether they are there or not."""
-    from urllib.parse import unquote
-
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        names = [image.get("uri", "data:") for image in content.get("images", [])]
-    except (ValueError, AttributeError):
-        return  # trimesh says what is wrong with it
-    yield from (file.parent / unquote(name) for name in names if not name.startswith("data:"))
 
 
 def _length(content: bytes) -> int:

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
+from resample.reading.arrays import DamageError, read_npz
 from resample_volume.files.headers import existing_file, header, stem
 from resample_volume.files.vti import read_vtr
 from resample_volume.media.rectilinear import rectilinear
@@ -37,11 +36,11 @@ class Npz:
     def __call__(self, path: Path) -> Volume:
         name = stem(existing_file(path), self.suffixes)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
-                held = {key: found[key] for key in found.files}
-        except Exception as error:  # zip files are damaged in many ways
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise ValueError(f"{path.name} holds no arrays, or is damaged: {reason}") from None
+            held = read_npz(path)
+        except DamageError as error:
+            raise ValueError(
+                f"{path.name} holds no arrays, or is damaged: {error.reason}"
+            ) from None
         others = [key for key in held if key not in AXES]
         chosen = self.array or (others[0] if len(others) == 1 else "")
         if not set(AXES) <= held.keys() or chosen not in others:

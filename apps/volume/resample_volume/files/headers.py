@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.painting.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.files.memory import require_memory
 from resample_volume.media.recordings import alone
@@ -65,6 +66,7 @@ def header(
         raise ValueError(
             f"{name}: origin {_listed(start)} is not finite; correct the file's header"
         )
+    check_places(start, f"{name}: its origin")
     return Header(tuple(shape), kind, steps, start, lattice, name)
 
 
@@ -191,6 +193,7 @@ def _lattice(spacing: Doubles, direction: Doubles, name: str) -> tuple[Doubles, 
         raise ValueError(
             f"{name}: direction {_listed(direction)} is singular; its columns must span space"
         )
+    check_lattice(spacing * direction, f"{name}: its lattice")
     if np.allclose(length, 1, atol=1e-5):  # headers are rounded: those are kept as they are
         return spacing, direction
     return spacing * length, direction / length

@@ -12,11 +12,19 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
+from resample.reading.headers import (
+    check_meta_numbers,
+    check_nrrd_numbers,
+    whole,
+)
+from resample.reading.limits import check_items, check_unpacked
+from resample.reading.neighbours import neighbour
 from resample_volume.files.headers import Header
 
 BLOCK = 1 << 20  # bytes unpacked at a time
+SLACK = 16 * BLOCK  # bytes beyond what is wanted that are still counted
 
 
 def wrong_size(name: str, given: int, wanted: int, *, more: str = "") -> ValueError:
@@ -70,10 +78,11 @@ def check_nrrd(path: Path) -> tuple[Path, str] | None:
         It is not there.
     """
     value = text_fields(path, ":").value
+    check_nrrd_numbers(path, value)
     data = value.get("data file", value.get("datafile", ""))
-    if not data or data.startswith("LIST") or "%" in data:
+    if not data or _check_many(path, data):
         return None
-    file = _neighbour(path, data)
+    file = _beside(path, data)
     skips = {"byte skip", "line skip", "byteskip", "lineskip"} & value.keys()
     return None if skips else (file, value.get("encoding", ""))
 
@@ -88,10 +97,12 @@ def check_nrrd_size(detached: tuple[Path, str], known: Header) -> None:
     given = known.size
     if packing == "raw":
         given = file.stat().st_size
-    elif packing in ("gzip", "gz") and _gzip_claim(file) != known.size:
-        given = max(known.size, _inflated(file, 0))
+    elif packing in ("gzip", "gz"):
+        check_unpacked(file.name, file.stat().st_size, known.size)
+        if _gzip_claim(file) != known.size:
+            given = max(known.size, _inflated(file, 0, known.size))
     if given != known.size:
-        raise wrong_size(file.name, given, known.size)
+        raise wrong_size(file.name, given, known.size, more=_or_more(given, known.size))
 
 
 def check_metaimage(path: Path, known: Header | None = None) -> None:
@@ -105,23 +116,39 @@ def check_metaimage(path: Path, known: Header | None = None) -> None:
         Too few bytes, too many in a file of their own, or a damaged compressed stream.
     """
     value, end = text_fields(path, "=", "elementdatafile")
+    check_meta_numbers(path, value)
     data = value.get("elementdatafile", "")
     if not data:
         raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
-    if data.startswith("LIST") or "%" in data:
+    if _check_many(path, data):
         return
     local = data.upper() == "LOCAL"
-    file = path if local else _neighbour(path, data)
-    start = (end if local else 0) + max(0, int(value.get("headersize", 0)))
+    file = path if local else _beside(path, data)
+    skipped = whole(path, value.get("headersize", "0"))
+    start = (end if local else 0) + max(0, skipped)
     if known is None or value.get("binarydata", "true").lower() == "false":
         return
     if value.get("compresseddata", "false").lower() == "true":
-        given = _inflated(file, start)
+        check_unpacked(file.name, file.stat().st_size, known.size)
+        given = _inflated(file, start, known.size)
     else:
         given = file.stat().st_size - start
-    is_loose = local or int(value.get("headersize", 0)) != 0
+    is_loose = local or skipped != 0
     if given < known.size or (given > known.size and not is_loose):
-        raise wrong_size(file.name, given, known.size)
+        raise wrong_size(file.name, given, known.size, more=_or_more(given, known.size))
+
+
+def _or_more(given: int, wanted: int) -> str:
+    """Words for a count that was given up."""
+    return " or more" if given > wanted + SLACK else ""
+
+
+def copied(source: gzip.GzipFile, target: IO[bytes], most: int) -> int:
+    """Copy bytes, at most so many, and count them."""
+    count = 0
+    while count < most and (block := source.read(min(BLOCK, most - count))):
+        count += target.write(block)
+    return count
 
 
 def nifti_size(start: bytes, name: str) -> int:
@@ -150,8 +177,32 @@ def nifti_size(start: bytes, name: str) -> int:
     return int(offset) + count * int(bits) // 8
 
 
-def _neighbour(path: Path, name: str) -> Path:
-    file = path.parent / name
+def _check_many(path: Path, data: str) -> bool:
+    """Whether a header names many files of data, in a list or by a pattern; refuses too many.
+
+    ITK looks for each of them, one after the other.
+    """
+    if data.startswith("LIST"):
+        with path.open("rb") as file:
+            lines = file.read(BLOCK).decode("utf-8", "surrogateescape").splitlines()
+        heads = [n for n, line in enumerate(lines) if "LIST" in line]
+        names = [line.strip() for line in lines[heads[0] + 1 :]] if heads else []
+    elif "%" in data:
+        pattern, *numbers = data.split()
+        first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
+        check_items(path.name, abs(last - first) // max(1, abs(step)) + 1, "files named")
+        names = [pattern.partition("%")[0] or "."]
+    else:
+        return False
+    named = [name for name in names if name and ":" not in name[2:]]
+    check_items(path.name, len(named), "files named")
+    for name in named:
+        neighbour(path, name)
+    return True
+
+
+def _beside(path: Path, name: str) -> Path:
+    file = neighbour(path, name)
     if not file.is_file():
         raise FileNotFoundError(f"{path.name} wants its data in {name}, which is not beside it")
     return file
@@ -164,8 +215,8 @@ def _gzip_claim(file: Path) -> int:
         return int.from_bytes(packed.read(4), "little")
 
 
-def _inflated(file: Path, start: int) -> int:
-    """Bytes that a zlib or gzip stream unpacks to."""
+def _inflated(file: Path, start: int, wanted: int) -> int:
+    """Bytes that a zlib or gzip stream unpacks to, counted until they are far more than wanted."""
     count, unpacker = 0, zlib.decompressobj(wbits=47)
     with file.open("rb") as packed, unpacking(file.name):
         packed.seek(start)
@@ -173,6 +224,8 @@ def _inflated(file: Path, start: int) -> int:
             piece = unpacker.decompress(block, BLOCK)
             while piece:
                 count += len(piece)
+                if count > wanted + SLACK:
+                    return count
                 piece = unpacker.decompress(unpacker.unconsumed_tail, BLOCK)
         if not unpacker.eof:
             raise EOFError("the compressed data ends early")

@@ -8,7 +8,6 @@ matrix of the axes is kept as it is, rotated or mirrored; what a format cannot s
 import gzip
 import math
 import re
-import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,6 +19,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.arrays import DamageError, read_npy
+from resample.reading.limits import check_unpacked
 from resample_volume.files import integrity
 from resample_volume.files.headers import (
     Header,
@@ -286,10 +287,11 @@ class Npy:
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         try:
-            values = np.load(existing_file(path), mmap_mode="r", allow_pickle=False)
-        except (ValueError, EOFError) as error:
-            reason = " ".join(str(error).split())
-            raise ValueError(f"{path.name} is no array of numbers, or cut off: {reason}") from None
+            values = read_npy(existing_file(path), mapped=True)
+        except DamageError as error:
+            raise ValueError(
+                f"{path.name} is no array of numbers, or cut off: {error.reason}"
+            ) from None
         shape = values.shape
         colored = len(shape) == 4 and is_color(shape, values.dtype)
         space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
@@ -327,8 +329,12 @@ def _unpacked(path: Path) -> Iterator[Path]:
         with gzip.open(path) as packed, whole.open("wb") as file:
             size = integrity.nifti_size(packed.read(348), path.name)
             require_memory(size, path.name)
+            check_unpacked(path.name, path.stat().st_size, size)
             packed.seek(0)
-            shutil.copyfileobj(packed, file, integrity.BLOCK)
+            copied = integrity.copied(packed, file, size)
+            if len(packed.read(integrity.SLACK)) == integrity.SLACK:  # some have padding
+                given = copied + integrity.SLACK
+                raise integrity.wrong_size(path.name, given, size, more=" or more")
         if whole.stat().st_size < size:
             raise integrity.wrong_size(path.name, whole.stat().st_size, size)
         yield whole
@@ -337,10 +343,11 @@ def _unpacked(path: Path) -> Iterator[Path]:
 def _gunzipped(path: Path, known: Header, offset: int) -> NDArray[Any]:
     """Values (Z, Y, X) of a compressed raw file."""
     require_memory(known.size, known.name)
+    check_unpacked(known.name, path.stat().st_size, known.size + offset)
     values = np.empty(known.shape[::-1], known.dtype)
     target, count = values.reshape(-1).view(np.uint8).data, 0
     with integrity.unpacking(path.name), gzip.open(path) as packed:
-        packed.read(offset)
+        packed.seek(offset)
         while piece := packed.readinto(target[count : count + integrity.BLOCK]):
             count += piece
         rest = packed.read(1)  # reads the checksum, too

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from resample.reading.limits import check_unpacked
 from resample_volume.files.headers import Header, header, volume
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
@@ -60,7 +61,7 @@ def _grid(path: Path, reader_name: str) -> Any:
     with suppressed_output():
         reader.UpdateInformation()
         _refuse(failures, path.name)
-        _require_memory(reader, path.name)
+        _require_memory(reader, path)
         reader.Update()
         _refuse(failures, path.name)
     return reader.GetOutput()
@@ -113,13 +114,14 @@ def _spacing(path: Path) -> list[float] | None:
     return [float(text) for text in found[1].split()] if found else None
 
 
-def _require_memory(reader: Any, name: str) -> None:
+def _require_memory(reader: Any, path: Path) -> None:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
     extent = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
-    require_memory(count, name)  # a byte per voxel at the least
+    require_memory(count, path.name)  # a byte per voxel at the least
+    check_unpacked(path.name, path.stat().st_size, count)
 
 
 def _refuse(failures: list[str], name: str) -> None:

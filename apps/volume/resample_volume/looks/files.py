@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from resample.files.writing import replacing
+from resample.reading.limits import check_size
+from resample.reading.texts import json_of, toml_of
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import SUFFIXES, Color, Transfer, TransferFunction, from_points
 
@@ -199,8 +200,9 @@ def read_transfer(path: Path) -> Transfer:
 
 
 def _parsed(path: Path) -> Any:
-    text = path.read_text(encoding="utf-8")
-    return tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+    check_size(str(path), path.stat().st_size, "tree")
+    text = path.read_text(encoding="utf-8-sig")
+    return toml_of(text) if path.suffix.lower() == ".toml" else json_of(text)
 
 
 def _complaint(detail: "ErrorDetails") -> str:

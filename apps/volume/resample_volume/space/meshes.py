@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
+from resample.reading.meshes import check_mesh, trimesh_resolver
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
@@ -138,7 +139,10 @@ def read_mesh(text: str) -> SceneMesh:
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
     parts = _geometries(path)
-    made = [_own(part, choices) for part in parts]
+    try:
+        made = [_own(part, choices) for part in parts]
+    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+        raise _unreadable(path, error) from None
     start = np.cumsum([0, *(len(one.corner) for one in made)])
     face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
     return SceneMesh(
@@ -165,14 +169,20 @@ def _parsed(text: str) -> tuple[Path, dict[str, str]]:
 def _geometries(path: Path) -> list[Any]:
     import trimesh
 
+    check_mesh(path)
     try:
-        found = [one for one in trimesh.load_scene(path, process=False).dump() if len(one.faces)]
+        scene = trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
+        found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
     except Exception as error:  # trimesh and its parsers raise anything at all
-        line = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ValueError(f"{path} cannot be read as a mesh: {line}") from None
+        raise _unreadable(path, error) from None
     if not found:
         raise ValueError(f"{path} holds no triangles")
     return found
+
+
+def _unreadable(path: Path, error: Exception) -> ValueError:
+    line = " ".join(str(error).split())[:200] or type(error).__name__
+    return ValueError(f"{path} cannot be read as a mesh: {line}")
 
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.reading.arrays import read_npz
+from resample.reading.limits import check_size, check_unpacked
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, some_of
 
@@ -149,14 +151,7 @@ def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _read_arrays(path: Path) -> Cloud:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            known = {name: stored[name] for name in stored.files}
-    except FileNotFoundError:
-        raise
-    except Exception as error:  # zip files are damaged in many ways
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise OSError(f"{path} is damaged: {reason}") from None
+    known: dict[str, Any] = read_npz(path)
     if "position" not in known:
         raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
     count = len(known["position"]) if known["position"].ndim else 0
@@ -179,6 +174,7 @@ def _is_column(part: NDArray[Any], count: int) -> bool:
 def _read_columns(path: Path) -> Cloud:
     """Cloud of numbers in columns, with commas, semicolons or blanks between them."""
     try:
+        check_size(str(path), path.stat().st_size)
         lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
     except UnicodeDecodeError:
         raise ValueError("is no text") from None
@@ -244,7 +240,7 @@ def _read_ply(path: Path) -> Cloud:
             raise ValueError("is no PLY file: it does not begin with ply")
         encoding, lines, count, kind = _ply_vertices(header)
         if encoding == "ascii":
-            for _ in islice(file, lines):
+            for _ in islice(file, min(lines, path.stat().st_size)):
                 pass
             return _cloud(_text_fields(path, file, count, kind))
         return _cloud(_binary_fields(path, file, count, kind))
@@ -289,17 +285,20 @@ def _length(words: list[str]) -> int:
 
 
 def _binary_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
-    data = file.read(count * kind.itemsize)
-    if len(data) < count * kind.itemsize:
-        raise OSError(f"{path} is cut off: {len(data)} of {count * kind.itemsize} bytes are there")
+    wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
+    if not 0 <= wanted <= given:
+        raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
+    data = file.read(wanted)
     points = np.frombuffer(data, kind, count)
     return {name: points[name] for name in kind.names or ()}
 
 
 def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
     """Columns of lines of numbers, in their types."""
-    table = _table([line.decode("latin-1") for line in islice(file, count)])
-    if len(table) < count:
+    check_size(str(path), path.stat().st_size)
+    most = min(max(count, 0), path.stat().st_size)  # a point has a byte or more
+    table = _table([line.decode("latin-1") for line in islice(file, most)])
+    if count < 0 or len(table) < count:
         raise OSError(f"{path} is cut off: {len(table)} of {count} points are there")
     fields, first = {}, 0
     for name in kind.names or ():
@@ -373,6 +372,7 @@ def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[An
     data = np.frombuffer(file.read(packed), np.uint8)
     if len(data) < packed or size != count * kind.itemsize:
         raise OSError(f"{path} is cut off or damaged: its packed points do not fit its header")
+    check_unpacked(str(path), packed, size)
     unpacked = np.zeros(size, np.uint8)
     if unpack(data, unpacked) != size:
         raise OSError(f"{path} is damaged: its packed points cannot be unpacked")

@@ -2,13 +2,13 @@
 
 import errno
 import re
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from resample.memory import require_memory
+from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
+from resample.reading.pictures import check_picture
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
@@ -121,18 +121,10 @@ def _read_colmap(path: Path) -> Raw:
 
 def _read_numpy(path: Path, name: str) -> Raw:
     """Array of an NPY, or one of an NPZ."""
-    try:
-        with path.open("rb") as file:
-            loaded = np.load(file, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                return loaded
-            return np.asarray(loaded[_pick(path, loaded.files, name, "arrays")])
-    except (EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise OSError(f"{path} is damaged: {error}") from None
-    except (ValueError, OSError) as error:
-        if str(path) in str(error):
-            raise
-        raise OSError(f"{path} is damaged or no array of numbers: {error}") from None
+    if is_npy(path):
+        return read_npy(path)
+    picked = _pick(path, npz_names(path), name, "arrays")
+    return read_npz(path, picked)[picked]
 
 
 def _read_channel(path: Path, name: str) -> Raw:
@@ -149,6 +141,7 @@ def _read_channel(path: Path, name: str) -> Raw:
     shape, names = (spec.height, spec.width), list(spec.channelnames)
     what = f"{path} of {spec.width} x {spec.height} pixels"
     require_memory(BYTES_PER_VALUE * shape[0] * shape[1], what, "take a smaller one")
+    check_picture(path, spec)
     n = names.index(_pick(path, names, name, "channels"))
     kind = str(spec.channelformat(n))
     wanted = OpenImageIO.TypeDesc("float" if kind == "half" else kind)

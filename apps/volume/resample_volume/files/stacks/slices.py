@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.pictures import check_picture
 from resample.types import Doubles
 from resample_volume.files.headers import Header, volume
 from resample_volume.files.itk import attempt, described, units_told
@@ -78,8 +79,9 @@ def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
     require_memory(known.size, known.name)
     values = np.empty((*known.shape[::-1], known.parts), known.dtype)
     with suppressed_output():
-        pages = (image for path in paths for _, image in _walk(path))
-        for n, image in enumerate(pages):
+        pages = ((path, image) for path in paths for _, image in _walk(path))
+        for n, (path, image) in enumerate(pages):
+            check_picture(path, image.spec())
             pixels = image.read_image("unknown")  # as stored
             if pixels is None:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")

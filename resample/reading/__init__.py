@@ -1,0 +1,1 @@
+"""The one door for files: limits, neighbours, arrays and texts of files that nobody vouches for."""

@@ -1,0 +1,152 @@
+"""Arrays in NumPy's files, `.npy` and `.npz`, whose headers and sizes are looked at first."""
+
+import math
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.reading.limits import check_items, check_unpacked
+from resample.words import one_line
+
+MAGIC = b"\x93NUMPY"  # what an array's file begins with
+
+
+class DamageError(OSError):
+    """A file of arrays that is damaged, cut off, or none."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        what = "holds no arrays that can be read" if path.suffix == ".npy" else "is damaged"
+        super().__init__(f"{path} {what}: {reason}")
+        self.reason = reason
+
+
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Make one error of the dozen kinds that damaged arrays raise."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except (FileNotFoundError, PermissionError, IsADirectoryError):
+        raise
+    except Exception as error:  # a tokenizer's, zip's, zlib's, struct's, numpy's own
+        raise DamageError(path, f"{one_line(error):.200}") from None
+
+
+def is_npy(path: Path) -> bool:
+    """Whether a file begins as one array does."""
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
+    """Array of a `.npy` file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mapped
+        Leave the values in the file until they are used.
+
+    Raises
+    ------
+    OSError
+        The file is missing, damaged or cut off, or holds objects.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from resample.reading.arrays import read_npy
+    >>> with TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/a.npy", np.arange(3))
+    ...     read_npy(Path(folder, "a.npy")).tolist()
+    [0, 1, 2]
+    """
+    with _damage(path), path.open("rb") as file:
+        needed = _needed(file)
+        given = path.stat().st_size - file.tell()
+        if needed > given:
+            raise ValueError(f"it is cut off: {given} of {needed} bytes are there")
+        if mapped and needed:
+            found: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
+            return found
+        file.seek(0)
+        values: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+        return values
+
+
+def npz_names(path: Path) -> list[str]:
+    """Names of the arrays of a `.npz` file; errors are those of `read_npz`."""
+    with _damage(path), zipfile.ZipFile(path) as packed:
+        return [_name(member) for member in packed.namelist()]
+
+
+def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+    """Arrays of a `.npz` file by name: those that are asked for, or all.
+
+    Raises
+    ------
+    OSError
+        The file is missing, damaged or cut off, or holds objects.
+    ValueError
+        It becomes too large when it is unpacked.
+    LookupError
+        It has no such array.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    with _damage(path):
+        packed = zipfile.ZipFile(path)
+    with packed:
+        members = {_name(info.filename): info for info in packed.infolist()}
+        check_items(str(path), len(packed.infolist()), "arrays")
+        wanted = names or tuple(members)
+        _check_sizes(path, members, wanted)
+        for name in wanted:
+            with _damage(path), packed.open(members[name]) as file:
+                needed, start = _needed(file), file.tell()
+                if needed > members[name].file_size - start:
+                    raise ValueError(f"{name} is cut off")
+            with _damage(path), packed.open(members[name]) as file:
+                found[name] = np.lib.format.read_array(file, allow_pickle=False)
+                file.read(1)  # looks at the checksum, too
+    return found
+
+
+def _name(member: str) -> str:
+    return member.removesuffix(".npy")
+
+
+def _check_sizes(
+    path: Path, members: Mapping[str, zipfile.ZipInfo], wanted: tuple[str, ...]
+) -> None:
+    """Refuse arrays that are not there, and a bomb."""
+    missing = [name for name in wanted if name not in members]
+    if missing:
+        raise LookupError(f"{path} has no array {missing[0]!r}; it has {', '.join(members)}")
+    unpacked = sum(members[name].file_size for name in wanted)
+    check_unpacked(str(path), path.stat().st_size, unpacked)
+
+
+def _needed(file: IO[bytes]) -> int:
+    """Bytes of values that a header speaks of; the file then stands behind it."""
+    version = np.lib.format.read_magic(file)
+    headers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in headers:  # 3.0 is for names that are not Latin, of records
+        raise ValueError(f"version {version} of the format is not read")
+    shape, _, kind = headers[version](file)
+    if kind.hasobject:
+        raise ValueError("it holds objects of Python, which are not read")
+    if kind.itemsize < 1 or any(size < 0 or size >= 1 << 62 for size in shape):
+        raise ValueError(f"{kind} of shape {shape} are no numbers")
+    return math.prod(shape) * int(kind.itemsize)

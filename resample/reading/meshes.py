@@ -1,0 +1,123 @@
+"""What files of meshes name: textures, materials, buffers, all beside them or refused."""
+
+import errno
+import zipfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from resample.reading.limits import check_items, check_size, check_unpacked
+from resample.reading.neighbours import neighbour
+from resample.reading.texts import json_of
+
+ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
+PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
+
+
+def check_mesh(source: Path) -> None:
+    """Refuse a mesh that names files outside of its folder, or that unpacks to far too much.
+
+    Raises
+    ------
+    ValueError
+        It does.
+    OSError
+        It cannot be read.
+    """
+    kind = source.suffix.lower()
+    if kind in PACKED:
+        raise ValueError(f"{source.name} is packed; unpack it first")
+    check_size(str(source), source.stat().st_size)
+    if kind in ARCHIVES and zipfile.is_zipfile(source):
+        with zipfile.ZipFile(source) as packed:
+            infos = packed.infolist()
+        check_items(source.name, len(infos), "members")
+        unpacked = sum(info.file_size for info in infos)
+        check_unpacked(source.name, source.stat().st_size, unpacked)
+    with suppress(FileNotFoundError):  # which matters to who wants the textures
+        for _ in _named(source):
+            pass
+
+
+def named_textures(source: Path) -> Iterator[Path]:
+    """Files that a mesh names as its textures, whether they are there or not.
+
+    Raises
+    ------
+    ValueError
+        One is outside of the mesh's folder.
+    OSError
+        A library of materials is missing.
+    """
+    return (file for file, is_texture in _named(source) if is_texture)
+
+
+def _named(source: Path) -> Iterator[tuple[Path, bool]]:
+    """Files, and whether they are textures."""
+    kind = source.suffix.lower()
+    if kind == ".obj":
+        for library in _values(source, "mtllib"):
+            file = neighbour(source, library)
+            yield file, False
+            names = _material_textures(file, source)
+            check_items(file.name, len(names), "textures")
+            yield from ((neighbour(file, name), True) for name in names)
+    elif kind == ".ply":
+        with source.open("rb") as opened:
+            header = opened.read(1 << 16).partition(b"end_header")[0].decode("latin-1")
+        for line in header.splitlines():
+            words = line.split(maxsplit=2)
+            if words[:2] == ["comment", "TextureFile"] and len(words) == 3:
+                yield neighbour(source, words[2].strip()), True
+    elif kind == ".gltf":
+        yield from _named_in_gltf(source)
+
+
+def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
+    """Buffers and pictures of a glTF file in JSON."""
+    from urllib.parse import unquote
+
+    try:
+        content = json_of(source.read_text(encoding="utf-8"))
+        told = [
+            (one.get("uri", "data:"), key == "images")
+            for key in ("buffers", "images")
+            for one in content.get(key, [])
+        ]
+    except (ValueError, AttributeError, TypeError):
+        return  # who reads it says what is wrong with it
+    check_items(source.name, len(told), "buffers and pictures")
+    for name, is_texture in told:
+        if isinstance(name, str) and not name.startswith("data:"):
+            yield neighbour(source, unquote(name)), is_texture
+
+
+def _material_textures(library: Path, source: Path) -> list[str]:
+    if not library.is_file():
+        message = f"is missing; {source.name} names it for its textures"
+        raise FileNotFoundError(errno.ENOENT, message, str(library))
+    values = _values(library, "map_kd")
+    return [value.split()[-1] if value.startswith("-") else value for value in values]
+
+
+def _values(file: Path, key: str) -> list[str]:
+    """What follows a key word at the beginnings of a file's lines."""
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        split = (line.split(maxsplit=1) for line in lines)
+        found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
+    return [value.strip().replace("\\", "/") for value in found]
+
+
+def trimesh_resolver(source: Path) -> Any:
+    """What gives trimesh the files that a mesh names, once `check_mesh` has passed them."""
+    import trimesh
+
+    from resample.reading.neighbours import allows_outside
+
+    if allows_outside():
+        try:
+            return trimesh.resolvers.FilePathResolver(str(source), allow_anywhere=True)
+        except TypeError:  # of trimesh before 5, which always does
+            pass
+    return trimesh.resolvers.FilePathResolver(str(source))

@@ -1,0 +1,63 @@
+"""Every reader of the library by the kind of its files; what is lazy is read to its end."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from resample.cameras.files import read_entries, viewpoint
+from resample.cameras.keyframes import read_keyframes
+from resample.cameras.lens_files import read_intrinsics, read_lens
+from resample.files.facts.settings import options_of, read_settings
+from resample.files.pictures import read_picture
+from resample.files.sequences import frames_of
+from resample_texture.geometry.maps import read_map
+from resample_texture.geometry.matrices import parse_matrix
+from resample_texture.mesh.files import load_mesh
+from resample_volume.command.cli import app
+from resample_volume.files.source import open_recording
+from resample_volume.looks.files import read_transfer
+from resample_volume.space.meshes import read_mesh
+from resample_warp3d.clouds.files import read_cloud
+from resample_warp3d.depth.files import read_depth
+
+
+def _volume(path: Path) -> None:
+    np.asarray(open_recording(path).values).sum()
+
+
+def _film(path: Path) -> None:
+    frames = frames_of(path)
+    if frames is None:
+        read_picture(path)
+    else:
+        for picture in frames.read():
+            picture.data.sum()
+
+
+def _lens(path: Path) -> None:
+    try:
+        read_lens(str(path))
+    except ValueError:
+        read_intrinsics(str(path))
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "volume": _volume,
+    "picture": read_picture,
+    "film": _film,
+    "depth": read_depth,
+    "map": read_map,
+    "matrix": lambda path: parse_matrix(str(path)),
+    "cloud": read_cloud,
+    "mesh": load_mesh,
+    "scene-mesh": lambda path: read_mesh(str(path)),
+    "poses": read_entries,
+    "viewpoint": lambda path: viewpoint(str(path)),
+    "lens": _lens,
+    "transfer": read_transfer,
+    "keyframes": read_keyframes,
+    "settings": lambda path: read_settings(
+        path, "resample-volume render", options_of(app["render"])
+    ),
+}

@@ -1,0 +1,166 @@
+"""The fuzzer's own run in the tests: fixed seeds, in a process that is limited, without a fault."""
+
+import random
+
+import numpy as np
+import pytest
+
+from resample import Camera, Scatter
+from resample_texture import warp
+from resample_volume import Volume, render
+from resample_warp3d import Cloud, framed, render_cloud
+from resample_warp3d import warp as warp_depth
+from tests.fuzz import arrays, files
+from tests.fuzz.corpus import corpus
+from tests.fuzz.mutations import mutated
+from tests.fuzz.pool import READ, Setup, attempted, tried_all
+from tests.fuzz.readers import READERS
+
+FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries far more
+
+
+def faults(setup, count):
+    return [one for one in tried_all(setup, range(count), np.inf) if one.is_fault]
+
+
+def test_changed_files_are_read_or_refused_in_one_line():
+    assert faults(Setup(files.make), FILES) == []
+
+
+@pytest.mark.slow
+def test_odd_arrays_and_numbers_give_results_or_clear_errors():
+    assert faults(Setup(arrays.make, seconds=600.0, allowed=(TypeError,)), ARRAYS) == []
+
+
+def crashing(_seed, _folder):
+    import ctypes
+
+    ctypes.string_at(0)
+
+
+def hanging(_seed, _folder):
+    while True:
+        pass
+
+
+def talking(_seed, _folder):
+    raise IndexError("\x1b[2J")
+
+
+def large(_seed, _folder):
+    return np.ones(1 << 33)
+
+
+@pytest.mark.parametrize(
+    ("attempt", "result"),
+    [(crashing, "crash"), (hanging, "hang"), (talking, "IndexError"), (large, "refused")],
+)
+def test_what_the_fuzzer_is_to_find_it_finds(attempt, result):
+    setup = Setup(Given(attempt), seconds=2.0)
+    (found,) = tried_all(setup, range(1), np.inf)
+    assert found.result.startswith(result)
+
+
+class Given:
+    """Gives an attempt in another process."""
+
+    def __init__(self, attempt):
+        self.attempt = attempt
+
+    def __call__(self):
+        return self.attempt
+
+
+@pytest.mark.parametrize(
+    "case", corpus(), ids=lambda case: f"{case.reader}-{next(iter(case.files))}"
+)
+def test_files_of_the_corpus_are_read(case, tmp_path):
+    for name, content in case.files.items():
+        (tmp_path / name).write_bytes(content)
+    read = READERS[case.reader]
+    first = tmp_path / next(iter(case.files))
+    assert attempted(lambda _seed, _folder: read(first), 0, tmp_path, ()) == READ
+
+
+def test_a_seed_stands_for_one_change():
+    case = corpus()[0]
+    assert mutated(random.Random(5), case.files) == mutated(random.Random(5), case.files)
+
+
+# Volumes whose numbers are absurd ended the process
+
+
+@pytest.mark.parametrize(
+    ("spacing", "match"),
+    [
+        ([1e-30] * 3, "choose another unit"),
+        ([1e30] * 3, "choose another unit"),
+        ([5e-324] * 3, "choose another unit"),
+        ([1.0, 1.0, 1e-9], "at most"),
+        ([1.0, 1.0, 0.0], "above 0"),
+        ([1.0, np.nan, 1.0], "above 0"),
+        ([1.0, 1.0], "numbers"),
+    ],
+)
+def test_volumes_with_absurd_spacings_are_refused(spacing, match):
+    values = np.arange(336, dtype=np.uint8).reshape(6, 7, 8)
+    volume = Volume(values, np.array(spacing), np.zeros(3), np.eye(3), "odd")
+    with pytest.raises(ValueError, match=match):
+        render(volume, size=(24, 20))
+
+
+# Values are what counts, not how they lie
+
+
+def plain(values, _folder):
+    return values
+
+
+def mapped(values, folder):
+    path = folder / f"{values.dtype}{len(list(folder.iterdir()))}.npy"  # others are still mapped
+    np.save(path, values)
+    return np.load(path, mmap_mode="r")
+
+
+def swapped(values, _folder):
+    return values.astype(values.dtype.newbyteorder())
+
+
+def column_major(values, _folder):
+    return np.asfortranarray(values)
+
+
+def stepped(values, _folder):
+    return np.repeat(values, 2, axis=0)[::2]
+
+
+LAYOUTS = (mapped, swapped, column_major, stepped)
+
+
+def pictures(laid, folder):
+    """What every application makes of values that lie in one way."""
+    rng = np.random.default_rng(4)
+    volume = laid(rng.integers(0, 4000, (6, 7, 8)).astype(np.uint16), folder)
+    yield render(volume, size=(24, 20)).rgba
+    whole = Volume(volume, np.ones(3), np.zeros(3), np.eye(3), "odd")
+    yield render(whole, size=(24, 20)).rgba
+    picture = laid(rng.integers(0, 65535, (12, 14, 3)).astype(np.uint16), folder)
+    yield warp(picture, [[0.9, -0.2, 3], [0.2, 0.9, 0]], (12, 14)).image
+    color, depth = rng.random((16, 18, 3), np.float32), 2 + rng.random((16, 18))
+    camera = Camera.from_fov(50, 16, 18)
+    yield warp_depth(laid(color, folder), laid(depth, folder), camera, camera).image
+    place = laid(rng.random((60, 3), np.float32), folder)
+    nothing = np.zeros((0, 3), np.float32)
+    cloud = Cloud(place, nothing, nothing, np.zeros(0, np.float32))
+    yield render_cloud(cloud, framed(cloud, size=(24, 20)), size=(24, 20)).rgba
+    yield Scatter()(
+        laid(20 * rng.random((30, 2)), folder), rng.random(30), radius=1.5, shape=(20, 24)
+    ).value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("laid", LAYOUTS)
+def test_maps_and_other_layouts_and_byte_orders_give_the_same_bits(laid, tmp_path):
+    for expected, found in zip(pictures(plain, tmp_path), pictures(laid, tmp_path), strict=True):
+        assert np.array_equal(np.asarray(expected), np.asarray(found), equal_nan=True)
+        assert np.asarray(found).dtype.newbyteorder("=") == np.asarray(expected).dtype
