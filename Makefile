@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint docs docs-links wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -49,6 +49,12 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/house.py
+# The site, in docs/_build/html, offline and without warnings; examples that have not changed are not run again.
+docs: $(VENV)/.docs
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+# What needs no Sphinx: pages, links, pictures, and that each command in the docs is one.
+docs-links: $(VENV)/.dev
+	$(BIN)/python -m pytest -q tests/core/test_docs.py
 wheel: $(VENV)/.dev
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 
@@ -67,8 +73,13 @@ $(VENV)/.run: requirements/run.txt pyproject.toml | $(BIN)/uv
 $(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
 	$(call install,dev)
 	touch $@ $(VENV)/.run
+# On top of the environment of tests, which `make .venv/.dev` alone leaves light.
+$(VENV)/.docs: requirements/docs.txt $(VENV)/.dev
+	$(BIN)/uv pip install -q --python $(BIN)/python --require-hashes -r requirements/docs.txt
+	touch $@
 lock: | $(BIN)/uv
 	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
 	$(BIN)/uv pip compile -q pyproject.toml --extra vtk --extra peers --extra view --extra notebook --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+	$(BIN)/uv pip compile -q pyproject.toml --group docs --python-version 3.11 --universal --generate-hashes --no-header -c requirements/dev.txt -o requirements/docs.txt
 clean:
 	rm -rf $(VENV) dist demo

@@ -1,0 +1,26 @@
+"""
+Maximum, sum and surface
+========================
+
+Besides light that is absorbed, a pixel can show the largest value along its ray, the sum as an
+X-ray does, or the surface where a value is first met. All of them go along rays through a spline
+that passes through the voxels.
+
+The same from the command line:
+
+.. code-block:: console
+
+    $ resample-volume render vessel-tree --projection maximum --camera 40/15/0.95 -o maximum.png
+    $ resample-volume render vessel-tree --projection first-hit --iso 128 --camera 40/15/0.95 -o surface.png
+"""
+
+from resample import Resampler
+from resample.profiles.orders import Rays
+from resample.resampler import Projection
+from resample_volume import render
+
+for projection in (Projection.MAXIMUM, Projection.ADDITIVE, Projection.FIRST_HIT):
+    iso = 128 if projection is Projection.FIRST_HIT else None
+    along = Resampler(order=Rays(), projection=projection, iso=iso)
+    frame = render("vessel-tree", "auto", (40, 15, 0.95), size=(300, 300), resampler=along)
+    frame.save(f"{projection.value}.png", background=(0, 0, 0))

@@ -1,0 +1,27 @@
+"""
+Why pixels are empty, and how they are filled
+=============================================
+
+A step aside uncovers what was hidden. ``holes`` says of each empty pixel why it is empty, and
+``fill`` makes it up from the background beside it, never from what stands in front.
+
+The same from the command line, with a picture and depth of yours:
+
+.. code-block:: console
+
+    $ resample-warp3d render photo.jpg depth.png --depth-scale 1000 --fov 60 --move 0.6,0,0 --show holes -o holes.png
+    $ resample-warp3d render photo.jpg depth.png --depth-scale 1000 --fov 60 --move 0.6,0,0 --fill -o filled.png
+"""
+
+import numpy as np
+
+from resample_warp3d import warp
+from resample_warp3d.showing.scenes import generated
+
+room = generated(400)
+color, depth = room.render(room.source, room.shape)
+aside = room.source.moved(np.c_[np.eye(3), [-0.6, 0, 0]])  # world to camera
+warped = warp(color, depth, room.source, aside)
+warped.save("as-seen.png", background=(0, 0, 0))
+warped.to_image("holes").save("reasons.png")
+warp(color, depth, room.source, aside, fill=True).save("filled.png")

@@ -1,0 +1,105 @@
+"""
+Warp a picture
+==============
+
+You have a picture and know where its points should go: by a matrix, by four corners, by a map or by a
+lens. After ten minutes you can warp it without aliasing where it shrinks and without blur where it does
+not, read what part of each pixel was covered, and replace calls of OpenCV.
+"""
+
+# %%
+# A picture and a matrix
+# ----------------------
+#
+# Pictures are NumPy arrays (H, W) or (H, W, C) of any type. Integers are taken for sRGB levels and are
+# decoded to light before they are mixed; floats are light already. A wall will do:
+
+from resample_texture import warp
+from resample_texture.showing.scenes import bricks
+
+wall = bricks(512)
+print(wall.shape, wall.dtype)
+
+# %%
+# A 3 × 3 matrix leads from source to target. Places count from the picture's corner: the first pixel has
+# its center at (0.5, 0.5). (Matrices of OpenCV count from that center; ``warp_like_opencv`` takes them.)
+
+import numpy as np
+
+matrix = np.array([[0.5, 0.12, 30], [-0.08, 0.45, 60], [0, 0.0006, 1]])
+warped = warp(wall, matrix, (300, 360))  # height and width of the target
+warped.save("turned.png", background=(1, 1, 1))
+print(warped)
+
+# %%
+# What comes back
+# ---------------
+#
+# ``warped.image`` is multiplied by ``warped.coverage``, the share of each pixel that the picture covers.
+# So pictures can be laid over one another by adding, and edges have no fringe. ``warped.mean`` is what
+# covers each pixel by itself.
+
+picture = warped.image + (1 - warped.coverage[..., None]) * np.array([0.02, 0.1, 0.35])
+warp(picture.astype(np.float32), np.eye(3), picture.shape[:2]).save("over-blue.png")
+print(
+    "coverage in the middle",
+    warped.coverage[150, 180],
+    "and at an edge",
+    warped.coverage[40:50, 200],
+)
+
+# %%
+# Far and near at once
+# --------------------
+#
+# A floor to the horizon is where usual ways fail: its far texels are hundreds in a pixel, its near ones
+# some pixels large. One setting serves for both. ``edge="mirror"`` goes on beyond the picture.
+
+from resample_texture.geometry.corners import from_corners, page_corners
+
+far = [[150, 40], [210, 40], [700, 300], [-340, 300]]
+floor = from_corners(page_corners((512, 512)), far)
+for method in ("bilinear", "hybrid"):
+    warp(wall, floor, (300, 360), edge="mirror", method=method).save(f"floor-{method}.png")
+
+# %%
+# ``bilinear`` is OpenCV's, here under the same name for all rivals; ``resample plugins methods`` lists them.
+#
+# Maps
+# ----
+#
+# A function says for each pixel where it looks; two arrays, as of ``cv2.remap``, do the same as a
+# ``BackwardMap``. Arrays that say where each texel *goes* are a ``ForwardMap``, for flow.
+
+warp(wall, lambda x, y: (x + 12 * np.sin(y / 20), y + 8 * np.sin(x / 17)), (300, 360)).save(
+    "waves.png"
+)
+
+# %%
+# In place of OpenCV
+# ------------------
+#
+# ``warp_like_opencv`` takes the arguments of ``cv2.warpPerspective``, and its conventions:
+
+import cv2
+
+from resample_texture import warp_like_opencv
+
+levels = (255 * wall**0.4545).astype(np.uint8)
+small = np.diag([0.15, 0.15, 1.0])
+theirs = cv2.warpPerspective(levels, small, (76, 76))
+ours = warp_like_opencv(levels, small, (76, 76))
+for name, given in (("opencv", theirs), ("ours", ours)):
+    warp(given, np.eye(3), (76, 76)).save(f"{name}.png")
+
+# %%
+# From the command line
+# ---------------------
+#
+# .. code-block:: console
+#
+#     $ resample-texture warp photo.png --corners "60,20 560,90 500,330 20,360" -o out.png
+#     $ resample-texture warp photo.png --matrix H.txt --convention opencv --size 1280x720 -o out.png
+#     $ resample-texture view photo.png
+#
+# Next: :doc:`replace cv2.warpPerspective </howto/opencv>`, or :doc:`how it works </theory/index>`.

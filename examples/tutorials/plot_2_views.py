@@ -1,0 +1,99 @@
+"""
+Look at a picture with depth from elsewhere
+===========================================
+
+You have a color picture and the depth of its pixels, from a sensor, a renderer, stereo or a network, and
+want to see it from another place. After ten minutes you can do that, tell what was hidden, fill it, and
+make a second eye.
+"""
+
+# %%
+# Color, depth and a camera
+# -------------------------
+#
+# A generated room stands in for yours: color is light, ``depth`` is the distance along the camera's axis.
+# Zero, negative and not finite depths are unknown.
+
+from resample_warp3d import Camera, warp
+from resample_warp3d.showing.scenes import generated
+
+room = generated(400)
+color, depth = room.render(room.source, room.shape)
+camera = Camera.from_fov(60, 400, 400)  # or Camera.from_intrinsics(fx, fy, cx, cy)
+print(color.shape, f"depth from {depth.min():.2f} to {depth.max():.2f} m")
+warp(color, depth, camera, camera).save("source.png")
+
+# %%
+# Move
+# ----
+#
+# A pose maps world to camera, x to the right, y down, z ahead. A camera that stands 0.4 m to the right has
+# the translation -0.4.
+
+import numpy as np
+
+right = camera.moved(np.c_[np.eye(3), [-0.4, 0, 0]])
+moved = warp(color, depth, camera, right)
+moved.save("moved.png", background=(0, 0, 0))
+print(moved)
+
+# %%
+# Black is what the source has not seen. Nothing is torn or full of cracks, though neighbours have moved
+# apart: samples of one surface are cells of a sheet, which is cut where a surface ends.
+#
+# What is missing, and why
+# ------------------------
+
+from resample_warp3d import Hole
+
+print({hole.name: int((moved.holes == hole).sum()) for hole in Hole})
+moved.to_image("depth").save("depth.png")
+moved.to_image("holes").save("holes.png")
+
+# %%
+# Filled
+# ------
+#
+# ``fill=True`` makes up what is missing from the background beside it. ``fill="layer"`` does it once for all
+# views of a source, so that films do not flicker.
+
+warp(color, depth, camera, right, fill=True).save("filled.png")
+
+# %%
+# Closer
+# ------
+#
+# Three meters ahead every sample covers nine pixels and more. Each gives each pixel the mean of what they
+# share, so that edges stay edges.
+
+ahead = camera.moved(np.c_[np.eye(3), [0.3, 0.2, -2.0]])
+for method in ("mcmillan", "hybrid"):
+    warp(color, depth, camera, ahead, method=method).save(
+        f"ahead-{method}.png", background=(0, 0, 0)
+    )
+
+# %%
+# Many views of one source
+# ------------------------
+#
+# ``DepthScene`` prepares a source once; so does ``prepare``. Then each view costs only its painting.
+
+from resample_warp3d import DepthScene
+
+scene = DepthScene(color, depth, camera)
+for n, step in enumerate((-0.3, 0.0, 0.3)):
+    scene.render(camera.moved(np.c_[np.eye(3), [step, 0, 0]])).save(
+        f"step-{n}.png", background=(0, 0, 0)
+    )
+
+# %%
+# From the command line
+# ---------------------
+#
+# .. code-block:: console
+#
+#     $ resample-warp3d render photo.jpg depth.png --depth-scale 1000 --fov 60 --move 0.4,0,0 --fill -o moved.png
+#     $ resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 --path sway -o sway.mp4
+#     $ resample-warp3d view photo.jpg depth.png --depth-scale 1000 --fov 60
+#
+# Next: :doc:`depth of a network </howto/network_depth>`, or :doc:`point clouds </howto/clouds>`.

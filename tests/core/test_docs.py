@@ -1,0 +1,157 @@
+"""The site, without Sphinx: pages, links, pictures, and that the commands in it are commands."""
+
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from cyclopts import CycloptsError
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+BUILT = ("_build", "gallery", "tutorials", "generated")  # folders that `make docs` writes
+PAGES = sorted(
+    path
+    for suffix in ("md", "rst")
+    for path in DOCS.rglob(f"*.{suffix}")
+    if not {*BUILT, "_templates"} & set(path.relative_to(DOCS).parts)
+)
+LINKED = [
+    ROOT / "README.md",
+    *(p for p in PAGES if p.suffix == ".md"),
+    *ROOT.glob("apps/*/README.md"),
+]
+SCRIPTS = sorted((ROOT / "examples").glob("gallery/*/plot_*.py"))
+TUTORIALS = sorted((ROOT / "examples" / "tutorials").glob("plot_*.py"))
+COMMAND = re.compile(r"(?:\$ )?((?:resample|resample-\w+) \S.*)")
+SHELLS = ("", "console", "bash", "sh")  # languages of blocks that hold commands
+
+
+def named(path):
+    """Name of a page as trees give it: from docs/, without its suffix."""
+    return path.relative_to(DOCS).with_suffix("").as_posix()
+
+
+def entries(page):
+    """Pages in a page's trees, by the name that `named` gives."""
+    text = page.read_text(encoding="utf-8")
+    for tree in re.findall(r"^```\{toctree\}\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for line in tree.splitlines():
+            if line and not line.startswith(":"):
+                place = (page.parent / line.strip()).resolve()
+                yield place.relative_to(DOCS).as_posix()
+
+
+def reached(page, seen=()):
+    """Names of a page and of all below it."""
+    yield page
+    path = DOCS / f"{page}.md"
+    if path.exists():
+        for entry in entries(path):
+            assert entry not in seen, f"{entry} is in its own tree"
+            yield from reached(entry, (*seen, page))
+
+
+def prose(path):
+    """Text without its blocks and spans of code."""
+    text = re.sub(
+        r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+    )
+    return re.sub(r"`[^`\n]*`", "", text)
+
+
+def in_blocks(path):
+    """Commands in a page's blocks, fenced or indented."""
+    fence = None
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("```"):
+            fence = line.strip("`").strip() if fence is None else None
+        elif fence in SHELLS or (fence is None and line.startswith("    ")):
+            found = COMMAND.fullmatch(line.strip())
+            yield from found.groups() if found else ()
+
+
+def commands():
+    """Commands of the docs, each with the file that it is in."""
+    for path in LINKED:
+        yield from ((path, line) for line in in_blocks(path))
+    for path in [*SCRIPTS, *TUTORIALS]:
+        yield from ((path, line) for line in shown_by(path))
+
+
+def shown_by(script):
+    """Commands in an example's text."""
+    return re.findall(r"^[# ]+\$ (.+)$", script.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def app_of(program):
+    """Command line of a program."""
+    if program == "resample":
+        return import_module("resample.cli").app
+    return import_module(f"resample_{program.removeprefix('resample-')}.command.cli").app
+
+
+def test_every_page_is_in_the_tree_once():
+    below = [page for page in reached("index") if page.split("/")[0] not in BUILT]
+    assert sorted(below) == sorted(named(path) for path in PAGES)
+
+
+@pytest.mark.parametrize("path", LINKED, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_relative_links_and_pictures_exist(path):
+    links = re.findall(r"\]\(([^)\s]+)\)", prose(path))
+    missing = [
+        link
+        for link in links
+        if not re.match(r"[a-z]+:|#", link) and not (path.parent / link.partition("#")[0]).exists()
+    ]
+    assert not missing
+
+
+@pytest.mark.parametrize("path", PAGES, ids=named)
+def test_references_between_pages_lead_to_pages(path):
+    known = {f"/{named(page)}" for page in PAGES} | {"/gallery/index", "/tutorials/index"}
+    known |= {f"/gallery/{script.parent.name}/{script.stem}" for script in SCRIPTS}
+    known |= {f"/tutorials/{script.stem}" for script in TUTORIALS}
+    asked = re.findall(r"\{doc\}`(?:[^<`]*<)?([^>`]+)>?`", path.read_text(encoding="utf-8"))
+    assert [place for place in asked if place not in known] == []
+
+
+def test_there_is_an_example_for_every_figure_of_the_paper_and_fifteen_in_all():
+    assert len(SCRIPTS) >= 15
+    named_after = [path.stem for path in SCRIPTS if "figure" in path.stem]
+    assert set("".join(re.findall(r"\d", " ".join(named_after)))) == set("123456789")
+
+
+@pytest.mark.parametrize("script", [*SCRIPTS, *TUTORIALS], ids=lambda path: path.stem)
+def test_an_example_tells_the_command_that_makes_the_same(script):
+    assert shown_by(script)
+
+
+def fault(path, line):
+    """What is wrong with a command, or nothing."""
+    program, *words = shlex.split(line, comments=True)
+    if program == "python":
+        return "" if (ROOT / words[0]).exists() else f"{path}: {words[0]} is not there"
+    if "..." in words:
+        return ""
+    if "--settings" in words:  # a file that would be read
+        place = words.index("--settings")
+        del words[place : place + 2]
+    try:
+        app_of(program).parse_args(words, exit_on_error=False, print_error=False)
+    except (CycloptsError, ImportError) as error:
+        return f"{path.relative_to(ROOT)}: {line}: {error}"
+    return ""
+
+
+def test_options_that_no_command_has_are_found():
+    assert not fault(DOCS, "resample-volume render checker-box --shadows -o a.png")
+    assert "--shadow" in fault(DOCS, "resample-volume render checker-box --shadow 3 -o a.png")
+    assert "paint" in fault(DOCS, "resample-volume paint checker-box -o a.png")
+
+
+def test_every_command_of_the_docs_parses():
+    found = list(commands())
+    assert len(found) > 120
+    assert [said for path, line in found if (said := fault(path, line))] == []
