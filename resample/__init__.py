@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.resampler import Footprint, Opacity, Primitive, Resampler
+    from resample.samples.finding import sample, sample_path
     from resample.types import Frame, Samples
     from resample.watching import Cancel, CancelledError, cancellable
 
@@ -35,6 +36,8 @@ _HOMES = {
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
     "particles": "library.particles",
+    "sample": "samples.finding",
+    "sample_path": "samples.finding",
 }
 
 __all__ = [
@@ -55,6 +58,8 @@ __all__ = [
     "look_at",
     "orbit",
     "particles",
+    "sample",
+    "sample_path",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

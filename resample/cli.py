@@ -33,7 +33,7 @@ def plugins(group: str | None = None, /) -> None:
     Parameters
     ----------
     group
-        One of apps, filters, orders, readers, reconstructions; all of them if left out.
+        One of apps, filters, orders, readers, reconstructions, samples; all of them if left out.
     """
     for name in registry.GROUPS if group is None else (group,):
         listed = "\n".join(map(partial(_plugin, name), registry.names(name)))

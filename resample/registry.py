@@ -27,6 +27,7 @@ GROUPS = (
     "orders",
     "readers",
     "reconstructions",
+    "samples",
     "views",
     "warps",
 )

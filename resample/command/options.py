@@ -57,6 +57,11 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
 
 
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
+    words = sys.argv[1:] if arguments is None else arguments
+    if any("sample:" in word for word in words):
+        from resample.samples.finding import expanded
+
+        arguments = expanded(words)
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     sys.stdout.flush()  # a full disk must show here, not after the end
     return result if isinstance(result, int) else 0

@@ -1,0 +1,1 @@
+"""Built-in data: pictures, depth images, meshes, clouds and volumes, made when asked for."""

@@ -1,0 +1,182 @@
+"""Samples by name: made in memory, or as files that are written once."""
+
+import atexit
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from resample import registry
+from resample.samples.writing import Said, store
+
+PREFIX = "sample:"
+FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # as of fetched volumes
+CONTENTS = "contents.json"  # what the folder of a sample holds
+PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
+
+
+class Kept(NamedTuple):
+    """A sample's files."""
+
+    folder: Path
+    files: list[Path]
+    said: list[Said]
+
+
+def sample(spec: str) -> Any:
+    """Built-in data by name; `resample plugins samples` lists what there is.
+
+    Parameters
+    ----------
+    spec
+        A name, with parameters where it has any: `bricks`, `room:size=120`.
+
+    Returns
+    -------
+    A picture is an array (H, W, 3) of bytes; `room` has `color`, `depth` and `fov`; a volume is a
+    `resample_volume.Volume`; meshes and clouds are named arrays.
+
+    Raises
+    ------
+    LookupError
+        There is no such sample; the message lists those that there are.
+    ValueError
+        A parameter is unknown or cannot be worked with.
+
+    Examples
+    --------
+    >>> import resample
+    >>> resample.sample("bricks:size=64").shape
+    (64, 64, 3)
+    >>> room = resample.sample("room:size=24")
+    >>> room.color.shape, room.depth.shape, room.fov
+    ((24, 32, 3), (24, 32), 60.0)
+    """
+    return registry.build("samples", spec.removeprefix(PREFIX))
+
+
+def sample_path(spec: str) -> Path:
+    """File of built-in data, for what reads files; written when it is first asked for.
+
+    Parameters
+    ----------
+    spec
+        As `sample` takes it.
+
+    Returns
+    -------
+    Of several files the first, which is the picture of a depth image. It lies in the folder that
+    HYBRID_RESAMPLE_DATA names or in the user's cache.
+
+    Raises
+    ------
+    LookupError, ValueError
+        As of `sample`.
+
+    Examples
+    --------
+    >>> import resample
+    >>> resample.sample_path("bricks:size=64").name
+    'bricks.png'
+    """
+    return kept(spec).files[0]
+
+
+def kept(spec: str) -> Kept:
+    """Files of a sample, written if they are not there; errors are those of `sample`."""
+    spec = spec.removeprefix(PREFIX)
+    name = spec.partition(":")[0]
+    plugin = registry.load("samples", name)
+    base = _base()
+    target = base / _digest(spec, str(sys.modules[plugin.__module__].__file__))
+    if not (target / CONTENTS).is_file():
+        made = Path(tempfile.mkdtemp(prefix=".sample-", dir=base))
+        try:
+            _fill(made, spec, name)
+            with contextlib.suppress(OSError):  # another process was quicker
+                made.rename(target)
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+    facts = json.loads((target / CONTENTS).read_text("utf-8"))
+    return Kept(target, [target / file for file in facts["files"]], _said(target, facts["said"]))
+
+
+def expanded(words: Sequence[str]) -> list[str]:
+    """Words of a command line with files, and the options they bring, in place of samples.
+
+    Parameters
+    ----------
+    words
+        Those that begin with `sample:` name samples, and so do values of options for pictures.
+
+    Raises
+    ------
+    LookupError, ValueError
+        As of `sample`.
+    """
+    made: list[str] = []
+    said: list[Said] = []
+    before = ""
+    for word in words:
+        option, equals, value = word.partition("=")
+        if word.startswith(PREFIX):
+            found = kept(word)
+            alone = before in PICTURES
+            made += [str(file) for file in (found.files[:1] if alone else found.files)]
+            said += () if alone else found.said
+        elif option in PICTURES and equals and value.startswith(PREFIX):
+            made.append(f"{option}={sample_path(value)}")
+        else:
+            made.append(word)
+        before = word
+    for each in said:
+        given = any(word.startswith(tuple(each.unless)) for word in words)
+        if not given and set(words) & set(each.commands):
+            made += expanded(each.words)
+    return made
+
+
+def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
+    """Options with the folder's name in them."""
+    return [
+        Said(commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless)
+        for commands, words, unless in stored
+    ]
+
+
+def _fill(folder: Path, spec: str, name: str) -> None:
+    """Write a sample and what its folder holds."""
+    stored = store(sample(spec), folder, name)
+    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.said]}
+    (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")
+
+
+@cache
+def _base() -> Path:
+    """Folder of all samples; one that goes with the process where none can be kept."""
+    from pooch import os_cache
+
+    base = Path(os.environ.get(FOLDER_VARIABLE) or os_cache("hybrid-resample")) / "samples"
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+        if os.access(base, os.W_OK | os.X_OK):
+            return base
+    except OSError:
+        pass
+    passing = tempfile.mkdtemp(prefix="hybrid-resample-")
+    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    return Path(passing)
+
+
+def _digest(spec: str, source: str) -> str:
+    """Of a sample's name and of what makes and writes it, so that no old one is taken for it."""
+    files = [*sorted(Path(__file__).parent.glob("*.py")), Path(source)]
+    parts = [spec.encode(), *(file.read_bytes() for file in files)]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]

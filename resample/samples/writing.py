@@ -1,0 +1,134 @@
+"""Samples as files that every reader knows, byte for byte the same wherever they are written."""
+
+import struct
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+RGB = ("red", "green", "blue")
+
+
+class Said(NamedTuple):
+    """Options that a sample brings along, unless a user says them."""
+
+    commands: Sequence[str]  # that have these options
+    words: Sequence[str]  # `FOLDER/` stands for where the files are
+    unless: Sequence[str]  # beginnings of options in whose presence these are not said
+
+
+class SampleFiles(NamedTuple):
+    """What stands for a sample on a command line."""
+
+    files: Sequence[str]  # names in the folder; the first is the one that stands for all
+    said: Sequence[Said] = ()
+
+
+@runtime_checkable
+class Storable(Protocol):
+    """A sample that knows how it is stored; what a plugin makes may be one."""
+
+    def stored(self, folder: Path, name: str) -> SampleFiles:
+        """Write it as files into a folder that exists."""
+
+
+def store(sample: Any, folder: Path, name: str) -> SampleFiles:
+    """Write a sample.
+
+    Parameters
+    ----------
+    sample
+        A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or what is `Storable`.
+    folder
+        Exists.
+    name
+        Of the files, without a suffix.
+
+    Raises
+    ------
+    TypeError
+        It is none of these.
+    """
+    if isinstance(sample, Storable):
+        return sample.stored(folder, name)
+    if isinstance(sample, np.ndarray):
+        write_png(folder / f"{name}.png", sample)
+        return SampleFiles([f"{name}.png"])
+    if hasattr(sample, "values") and hasattr(sample, "spacing"):
+        write_nrrd(folder / f"{name}.nrrd", sample)
+        return SampleFiles([f"{name}.nrrd"])
+    raise TypeError(f"sample {name} is of {type(sample).__name__}, which has no method `stored`")
+
+
+def write_png(path: Path, levels: NDArray[Any]) -> None:
+    """Picture of bytes as it is, (H, W) or (H, W, 3 or 4)."""
+    if levels.dtype != np.uint8 or levels.ndim not in (2, 3):
+        raise TypeError(f"{path.name}: a picture is of bytes, not {levels.dtype}{levels.shape}")
+    kinds = {1: 0, 3: 2, 4: 6}
+    height, width = levels.shape[:2]
+    channels = 1 if levels.ndim == 2 else levels.shape[2]
+    head = struct.pack(">2I5B", width, height, 8, kinds[channels], 0, 0, 0)
+    rows = levels.reshape(height, -1)
+    above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
+    lines = np.hstack([np.full((height, 1), 2, np.uint8), rows - above])  # filter 2: less the above
+    parts = [(b"IHDR", head), (b"sRGB", b"\0"), (b"IDAT", zlib.compress(lines.tobytes(), 6))]
+    with path.open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        for kind, data in (*parts, (b"IEND", b"")):
+            file.write(struct.pack(">I", len(data)) + kind + data)
+            file.write(struct.pack(">I", zlib.crc32(kind + data)))
+
+
+def write_nrrd(path: Path, volume: Any) -> None:
+    """Volume of `values` (Z, Y, X), `spacing` and `origin` (x, y, z)."""
+    values = np.ascontiguousarray(volume.values)
+    kind = values.dtype.name.replace("float32", "float").replace("float64", "double")
+    steps = [", ".join(f"{s if n == axis else 0.0!r}" for n in range(3))
+             for axis, s in enumerate(map(float, volume.spacing))]  # fmt: skip
+    lines = (
+        "NRRD0004",
+        f"type: {kind}",
+        "dimension: 3",
+        "space dimension: 3",
+        f"sizes: {' '.join(map(str, values.shape[::-1]))}",
+        f"space directions: {' '.join(f'({step})' for step in steps)}",
+        "kinds: domain domain domain",
+        "endian: little",
+        "encoding: raw",
+        f"space origin: ({', '.join(repr(float(place)) for place in volume.origin)})",
+    )
+    data = values.astype(values.dtype.newbyteorder("<"), copy=False)
+    path.write_bytes("\n".join(lines).encode() + b"\n\n" + data.tobytes())
+
+
+def write_obj(path: Path, mesh: Any) -> None:
+    """Triangles with a texture; its material and picture lie beside it."""
+    write_png(path.with_suffix(".png"), mesh.texture)
+    path.with_suffix(".mtl").write_text(
+        f"newmtl {path.stem}\nKd 1 1 1\nmap_Kd {path.stem}.png\n", "utf-8"
+    )
+    corner = mesh.triangle + 1
+    lines = [f"mtllib {path.stem}.mtl", f"usemtl {path.stem}"]
+    lines += ["v {:.6f} {:.6f} {:.6f}".format(*place) for place in mesh.position.tolist()]
+    lines += ["vt {:.6f} {:.6f}".format(*place) for place in mesh.place.tolist()]
+    lines += ["vn {:.5f} {:.5f} {:.5f}".format(*way) for way in mesh.normal.tolist()]
+    lines += ["f {0}/{0}/{0} {1}/{1}/{1} {2}/{2}/{2}".format(*three) for three in corner.tolist()]
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def write_ply(path: Path, points: Any) -> None:
+    """Points with normals and colors, binary."""
+    places = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
+    table = np.empty(len(points.position), [*places, *((name, "u1") for name in RGB)])
+    parts = np.hstack([points.position, points.normal]).T
+    for (name, _), column in zip(places, parts, strict=True):
+        table[name] = column
+    for n, name in enumerate(RGB):
+        table[name] = points.color[:, n]
+    kinds = [*(("float", name) for name, _ in places), *(("uchar", name) for name in RGB)]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n"
+    head += "".join(f"property {kind} {name}\n" for kind, name in kinds) + "end_header\n"
+    path.write_bytes(head.encode() + table.tobytes())
