@@ -17,9 +17,9 @@ make a second eye.
 from resample_warp3d import Camera, warp
 from resample_warp3d.showing.scenes import generated
 
-room = generated(400)
+room = generated(300)
 color, depth = room.render(room.source, room.shape)
-camera = Camera.from_fov(60, 400, 400)  # or Camera.from_intrinsics(fx, fy, cx, cy)
+camera = Camera.from_fov(60, 300, 300)  # or Camera.from_intrinsics(fx, fy, cx, cy)
 print(color.shape, f"depth from {depth.min():.2f} to {depth.max():.2f} m")
 warp(color, depth, camera, camera).save("source.png")
 
