@@ -94,7 +94,7 @@ sphinx_gallery_conf = {
     "subsection_order": lambda folder: ["texture", "warp3d", "volume", "core"].index(
         Path(folder).name
     ),
-    "within_subsection_order": "ExampleTitleSortKey",
+    "within_subsection_order": "FileNameSortKey",
     "image_scrapers": (pictures,),
     "reset_modules": (),
     "capture_repr": (),

@@ -22,5 +22,3 @@ looks = {
 for name, look in looks.items():
     frame = render("vessel-tree", look, (40, 15, 0.95), size=(280, 280))
     frame.save(f"{name}.png", background=(1, 1, 1))
-
-# sphinx_gallery_thumbnail_number = -1
