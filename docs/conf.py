@@ -81,16 +81,11 @@ def _figure(path, source, caption):
 
     with Image.open(path) as picture:
         width = picture.width
-    shown = width * max(1, 300 // width)
+    times = max(1, 300 // width)
     place = "/" + path.relative_to(source).as_posix()
-    return [
-        f"   .. figure:: {place}",
-        f"      :width: {shown}px",
-        f"      :alt: {caption}",
-        "",
-        f"      {caption}",
-        "",
-    ]
+    options = [f"      :width: {times * width}px", f"      :alt: {caption}"]
+    options += ["      :figclass: enlarged"] if times > 1 else []
+    return [f"   .. figure:: {place}", *options, "", f"      {caption}", ""]
 
 
 sphinx_gallery_conf = {
@@ -99,7 +94,7 @@ sphinx_gallery_conf = {
     "subsection_order": lambda folder: ["texture", "warp3d", "volume", "core"].index(
         Path(folder).name
     ),
-    "within_subsection_order": "ExampleTitleSortKey",
+    "within_subsection_order": "FileNameSortKey",
     "image_scrapers": (pictures,),
     "reset_modules": (),
     "capture_repr": (),

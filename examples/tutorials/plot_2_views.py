@@ -3,8 +3,8 @@ Look at a picture with depth from elsewhere
 ===========================================
 
 You have a color picture and the depth of its pixels, from a sensor, a renderer, stereo or a network, and
-want to see it from another place. After ten minutes you can do that, tell what was hidden, fill it, and
-make a second eye.
+want to see it from another place. After ten minutes you can do that, tell what was hidden, and fill
+it.
 """
 
 # %%
@@ -17,9 +17,9 @@ make a second eye.
 from resample_warp3d import Camera, warp
 from resample_warp3d.showing.scenes import generated
 
-room = generated(400)
+room = generated(300)
 color, depth = room.render(room.source, room.shape)
-camera = Camera.from_fov(60, 400, 400)  # or Camera.from_intrinsics(fx, fy, cx, cy)
+camera = Camera.from_fov(60, 300, 300)  # or Camera.from_intrinsics(fx, fy, cx, cy)
 print(color.shape, f"depth from {depth.min():.2f} to {depth.max():.2f} m")
 warp(color, depth, camera, camera).save("source.png")
 
@@ -63,8 +63,8 @@ warp(color, depth, camera, right, fill=True).save("filled.png")
 # Closer
 # ------
 #
-# Three meters ahead every sample covers nine pixels and more. Each gives each pixel the mean of what they
-# share, so that edges stay edges.
+# Two meters ahead, samples cover several pixels each. They give each pixel the mean of what they share, so
+# that edges stay edges.
 
 ahead = camera.moved(np.c_[np.eye(3), [0.3, 0.2, -2.0]])
 for method in ("mcmillan", "hybrid"):

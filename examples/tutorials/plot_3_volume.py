@@ -17,7 +17,7 @@ them, choose what is seen of them, put light on them, cut them open and save all
 from resample_volume import open_volume, render
 
 vessels = open_volume("vessel-tree")
-frame = render(vessels, camera=(40, 15, 1.1), size=(400, 320))
+frame = render(vessels, camera=(40, 15, 0.95), size=(300, 300))
 frame.save("vessels.png", background=(1, 1, 1))
 print(frame)
 
@@ -42,7 +42,7 @@ frame.to_image("depth").save("depth.png")
 # range of values as a material, or several of them joined.
 
 render(
-    vessels, "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2", (40, 15, 1.1)
+    vessels, "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2", (40, 15, 0.95)
 ).save("two-materials.png", background=(1, 1, 1))
 
 # %%
@@ -51,8 +51,10 @@ render(
 from resample_volume import Appearance, Light
 
 lamp = Light(direction=(1, -1, 1), specular=0.4, shadows=True, occlusion=True)
-render(vessels, Appearance("vessels", lamp), (40, 15, 1.1)).save("lit.png", background=(1, 1, 1))
-render(vessels, Appearance("vessels", crop=":,:,:64"), (40, 15)).save(
+render(vessels, Appearance("vessels", lamp), (40, 15, 0.95), size=(300, 300)).save(
+    "lit.png", background=(1, 1, 1)
+)
+render(vessels, Appearance("vessels", crop=":,:,:64"), (40, 15, 0.95), size=(300, 300)).save(
     "lower.png", background=(1, 1, 1)
 )
 
@@ -90,7 +92,7 @@ print(scene.pick(100, 130, "vessels", (0, 15), size=(200, 200)))
 #
 # .. code-block:: console
 #
-#     $ resample-volume render vessel-tree --camera 40/15/1.1 -o vessels.png
+#     $ resample-volume render vessel-tree --camera 40/15/0.95 -o vessels.png
 #     $ resample-volume render vessel-tree --transfer vessels --light 1/-1/1 --shadows --ambient-occlusion -o lit.png
 #     $ resample-volume animate vessel-tree --transfer vessels -o turn.mp4
 #     $ resample-volume view vessel-tree

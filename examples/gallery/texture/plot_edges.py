@@ -21,3 +21,5 @@ for degrees in (3, 7, 30):
     warped = rotate(white, degrees)
     warped.save(f"{degrees}-degrees.png", background=(0, 0, 0))
     print(f"{degrees} degrees: an area of {warped.coverage.sum():.3f}")
+
+# sphinx_gallery_thumbnail_number = -1

@@ -16,7 +16,9 @@ The same from the command line, with a table of errors:
 from resample_texture import warp
 from resample_texture.showing.scenes import checker, scene_of
 
-floor = scene_of(checker(), "floor-close", size=(300, 300))
+floor = scene_of(checker(), "floor-close", size=(280, 280))
 for method in ("points", "bilinear", "hybrid"):
     warped = warp(floor.source, floor.geometry, floor.shape, method=method)
     warped.save(f"{method}.png", background=(0, 0, 0))
+
+# sphinx_gallery_thumbnail_number = -1

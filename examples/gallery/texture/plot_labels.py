@@ -38,3 +38,5 @@ for method in ("nearest", "majority"):
     warped = warp(labels, matrix, (120, 120), method=method)
     picture = colors[warped.image.astype(int)]
     warp(picture, np.eye(3), (120, 120)).save(f"{method}.png")
+
+# sphinx_gallery_thumbnail_number = -1

@@ -21,3 +21,5 @@ y, x = np.mgrid[-750:750, -750:750] + 0.5
 rings = (0.5 + 0.5 * np.cos((x**2 + y**2) / 1500)).astype(np.float32)
 for method in ("bilinear", "hybrid"):
     resize(rings, (150, 150), method=method).save(f"{method}.png")
+
+# sphinx_gallery_thumbnail_number = -1

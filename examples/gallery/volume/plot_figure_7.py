@@ -2,9 +2,9 @@
 Figure 7: orders that pop
 =========================
 
-A translucent box is seen at 44.9 and at 45.1 degrees. Sheets along the lattice's axes change
-their axis in between, and the whole picture jumps. Orders by depth change a little, sheets
-parallel to the screen hardly. The lower row is 16 times the difference.
+A translucent box is seen at 44.9 and at 45.1 degrees; the lower row is 16 times the difference.
+Sheets along the lattice's axes change their axis in between, and the whole picture jumps. With every
+sample by depth it changes a little, with sheets parallel to the screen by hardly more than the turn.
 
 The same from the command line, with curves over a whole turn:
 

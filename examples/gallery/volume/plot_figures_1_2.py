@@ -2,9 +2,10 @@
 Figures 1 and 2: which samples are points
 =========================================
 
-A layer of a box, seen from above with the eye below. The paper's rule: where a voxel is larger
-than a pixel on screen it is a splat (red), where it is smaller a point (blue). The lower halves
-show in which order they are painted.
+One layer of a volume, seen from above, with the eye below. By the paper's rule a voxel is a splat
+(red) where it is larger than a pixel on screen, and a point (blue) where it is smaller; the border
+is an arc. On the right splats have the color of their turn, nearest first, and points are summed in
+layers one voxel deep.
 
 The same from the command line:
 

@@ -20,5 +20,5 @@ looks = {
     "glass": "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2",
 }
 for name, look in looks.items():
-    frame = render("vessel-tree", look, (40, 15, 0.95), size=(300, 300))
+    frame = render("vessel-tree", look, (40, 15, 0.95), size=(280, 280))
     frame.save(f"{name}.png", background=(1, 1, 1))

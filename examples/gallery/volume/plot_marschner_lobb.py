@@ -22,3 +22,5 @@ for name, order in (("smoothed", Rays(sharpness=0.0)), ("interpolated", Rays()))
     surface = Resampler(order=order, projection=Projection.FIRST_HIT, iso=0.5)
     frame = render("marschner-lobb", "auto", (30, 40, 1.2), size=(360, 360), resampler=surface)
     frame.save(f"{name}.png", background=(1, 1, 1))
+
+# sphinx_gallery_thumbnail_number = -1

@@ -22,3 +22,5 @@ for kind in (Primitive.SPLATS, Primitive.POINTS, Primitive.HYBRID):
         "checker-box:block=5", "checker", (30, 20, 0.95), size=(60, 60), resampler=renderer
     )
     frame.save(f"{kind.value}.png", background=(0, 0, 0))
+
+# sphinx_gallery_thumbnail_number = -1

@@ -22,5 +22,7 @@ from resample_volume import render
 for projection in (Projection.MAXIMUM, Projection.ADDITIVE, Projection.FIRST_HIT):
     iso = 128 if projection is Projection.FIRST_HIT else None
     along = Resampler(order=Rays(), projection=projection, iso=iso)
-    frame = render("vessel-tree", "auto", (40, 15, 0.95), size=(300, 300), resampler=along)
+    frame = render("vessel-tree", "auto", (40, 15, 0.95), size=(280, 280), resampler=along)
     frame.save(f"{projection.value}.png", background=(0, 0, 0))
+
+# sphinx_gallery_thumbnail_number = -1

@@ -21,5 +21,7 @@ lights = {
 }
 for name, light in lights.items():
     look = Appearance("vessels", light)
-    frame = render("vessel-tree:size=192", look, (35, 20, 0.95), size=(320, 320))
+    frame = render("vessel-tree:size=192", look, (35, 20, 0.95), size=(280, 280))
     frame.save(f"{name}.png", background=(1, 1, 1))
+
+# sphinx_gallery_thumbnail_number = -1

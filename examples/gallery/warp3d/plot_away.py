@@ -21,3 +21,5 @@ for method in ("mcmillan-zbuffer", "hybrid"):
     seen = warp(color, depth, room.source, room.views["back4"], method=method, size=(512, 512))
     part = seen.to_image(background=(0, 0, 0)).crop((190, 175, 340, 290))
     part.save(f"{method}.png")
+
+# sphinx_gallery_thumbnail_number = -1

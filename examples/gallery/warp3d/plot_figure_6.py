@@ -16,9 +16,11 @@ The same from the command line, with numbers:
 from resample_warp3d import warp
 from resample_warp3d.showing.scenes import generated
 
-room = generated(400)
+room = generated(280)
 color, depth = room.render(room.source, room.shape)
 warp(color, depth, room.source, room.source).save("source.png")
 for method in ("mcmillan", "hybrid"):
     warped = warp(color, depth, room.source, room.views["oblique"], method=method)
     warped.save(f"{method}.png", background=(0, 0, 0))
+
+# sphinx_gallery_thumbnail_number = -1

@@ -18,7 +18,7 @@ import numpy as np
 from resample_warp3d import warp
 from resample_warp3d.showing.scenes import generated
 
-room = generated(400)
+room = generated(280)
 color, depth = room.render(room.source, room.shape)
 aside = room.source.moved(np.c_[np.eye(3), [-0.6, 0, 0]])  # world to camera
 warped = warp(color, depth, room.source, aside)

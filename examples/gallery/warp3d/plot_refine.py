@@ -25,3 +25,5 @@ for name, refine in (("as-it-is", "none"), ("refined", "auto")):
     warped = warp(color, soft, room.source, room.views["side"], refine=refine)
     part = warped.to_image(background=(0, 0, 0)).crop((120, 90, 290, 220))
     part.save(f"{name}.png")
+
+# sphinx_gallery_thumbnail_number = -1
