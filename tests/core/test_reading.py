@@ -20,7 +20,8 @@ from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
-from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw
+from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
+from resample_volume.files.stores.reader import Zarr
 from resample_volume.looks.files import read_transfer
 from resample_volume.space.meshes import read_mesh
 from resample_warp3d.clouds.files import read_cloud
@@ -196,6 +197,33 @@ def test_lenses_that_end_opencv_s_process_are_refused(tmp_path):
     refused(read_lens, str(put(tmp_path / "a.yml", text)))
     for xml in ("<opencv_storage>" + "<a>" * 9000, "<!DOCTYPE a><opencv_storage/>", "<b/>"):
         refused(read_lens, str(put(tmp_path / "a.xml", xml)))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize("count", ["99999999999999999999", "2000000000"])
+def test_clouds_of_more_points_than_their_file_has_room_for_are_cut_off(count, encoding, tmp_path):
+    head = f"ply\nformat {encoding} 1.0\nelement vertex {count}\nproperty float x\n"
+    rest = "property float y\nproperty float z\nend_header\n1 2 3\n"
+    refused(read_cloud, put(tmp_path / "a.ply", head + rest), match="is cut off")
+
+
+def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    text = (
+        '<VTKFile type="ImageData" version="0.1"><ImageData WholeExtent="0 7 0 999999999 0 5" '
+        'Origin="0 0 0" Spacing="1 1 1"><Piece Extent="0 7 0 6 0 5"/></ImageData></VTKFile>'
+    )
+    refused(Vti(), put(tmp_path / "a.vti", text), match=r"unpack to|needs|damaged")
+
+
+def test_zarr_arrays_with_chunks_of_nothing_are_refused(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    zarr.create_array(tmp_path / "a.zarr", shape=(4, 4, 4), chunks=(2, 2, 2), dtype="u1")
+    path = tmp_path / "a.zarr" / "zarr.json"
+    told = json.loads(path.read_text())
+    told["chunk_grid"]["configuration"]["chunk_shape"] = [0, 2, 2]
+    put(path, json.dumps(told))
+    refused(Zarr(), tmp_path / "a.zarr")
 
 
 # Depth and numbers
