@@ -192,6 +192,14 @@ def test_metaimage_headers_that_end_itk_s_process_are_refused(axes, line, tmp_pa
     refused(MetaImage(), put(tmp_path / "a.mhd", text), match="a.mhd: ")
 
 
+@pytest.mark.parametrize("name", ["%s%n", "%s%n 1 2 1", "a%d%d.raw 1 2 1", "a%99999d.raw 1 2 1"])
+def test_patterns_of_names_that_printf_would_obey_are_refused(name, tmp_path):
+    text = MHD.format("3", "") + f"ElementDataFile = {name}\n"
+    refused(MetaImage(), put(tmp_path / "a.mhd", text), match="is no pattern of names")
+    nrrd = NRRD.format("").replace("a.raw", name)
+    refused(Nrrd(), put(tmp_path / "a.nhdr", nrrd), match="is no pattern of names")
+
+
 def test_lenses_that_end_opencv_s_process_are_refused(tmp_path):
     text = "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   [[[[cols]]]]: 3\n"
     refused(read_lens, str(put(tmp_path / "a.yml", text)))
@@ -214,6 +222,10 @@ def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
         'Origin="0 0 0" Spacing="1 1 1"><Piece Extent="0 7 0 6 0 5"/></ImageData></VTKFile>'
     )
     refused(Vti(), put(tmp_path / "a.vti", text), match=r"unpack to|needs|damaged")
+    refused(Vti(), put(tmp_path / "b.vti", text[:-10]), match="is damaged")
+    packed = '<AppendedData encoding="base64">_AQAA((((AAA==</AppendedData></VTKFile>'
+    damaged = text.replace("</VTKFile>", packed)
+    refused(Vti(), put(tmp_path / "c.vti", damaged), match="is damaged")
 
 
 def test_zarr_arrays_with_chunks_of_nothing_are_refused(tmp_path):
