@@ -273,6 +273,12 @@ def _maybe(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles | None:
         if name in facts:
             value = facts[name]
             if isinstance(value, Mapping):  # as cv2.FileStorage writes a matrix to JSON, and ROS
-                value = np.reshape(value["data"], (int(value["rows"]), int(value["cols"])))
+                value = np.reshape(value["data"], _sizes(value))
             return np.asarray(value, np.float64)
     return None
+
+
+def _sizes(matrix: Mapping[str, Any]) -> tuple[int, ...]:
+    """Rows and columns; OpenCV 5 writes sizes of what has one dimension."""
+    given = matrix["sizes"] if "sizes" in matrix else (matrix["rows"], matrix["cols"])
+    return tuple(int(size) for size in np.ravel(given)[:2])

@@ -40,7 +40,9 @@ def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
     """
     fields = {key.replace(" ", ""): text for key, text in value.items()}
     _check_lengths(path)
-    axes = _dimensions(path, "dimension", fields.get("dimension", ""))
+    if "dimension" not in fields:
+        return  # ITK says what is wrong with it
+    axes = _dimensions(path, "dimension", fields["dimension"])
     for key in NRRD_NUMBERS:
         if key in fields:
             bare = fields[key].translate(str.maketrans("(),", "   "))

@@ -20,7 +20,8 @@ from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
-from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw
+from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
+from resample_volume.files.stores.reader import Zarr
 from resample_volume.looks.files import read_transfer
 from resample_volume.space.meshes import read_mesh
 from resample_warp3d.clouds.files import read_cloud
@@ -191,11 +192,50 @@ def test_metaimage_headers_that_end_itk_s_process_are_refused(axes, line, tmp_pa
     refused(MetaImage(), put(tmp_path / "a.mhd", text), match="a.mhd: ")
 
 
+@pytest.mark.parametrize("name", ["%s%n", "%s%n 1 2 1", "a%d%d.raw 1 2 1", "a%99999d.raw 1 2 1"])
+def test_patterns_of_names_that_printf_would_obey_are_refused(name, tmp_path):
+    text = MHD.format("3", "") + f"ElementDataFile = {name}\n"
+    refused(MetaImage(), put(tmp_path / "a.mhd", text), match="is no pattern of names")
+    nrrd = NRRD.format("").replace("a.raw", name)
+    refused(Nrrd(), put(tmp_path / "a.nhdr", nrrd), match="is no pattern of names")
+
+
 def test_lenses_that_end_opencv_s_process_are_refused(tmp_path):
     text = "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   [[[[cols]]]]: 3\n"
     refused(read_lens, str(put(tmp_path / "a.yml", text)))
     for xml in ("<opencv_storage>" + "<a>" * 9000, "<!DOCTYPE a><opencv_storage/>", "<b/>"):
         refused(read_lens, str(put(tmp_path / "a.xml", xml)))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize("count", ["99999999999999999999", "2000000000"])
+def test_clouds_of_more_points_than_their_file_has_room_for_are_cut_off(count, encoding, tmp_path):
+    head = f"ply\nformat {encoding} 1.0\nelement vertex {count}\nproperty float x\n"
+    rest = "property float y\nproperty float z\nend_header\n1 2 3\n"
+    refused(read_cloud, put(tmp_path / "a.ply", head + rest), match="is cut off")
+
+
+def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    text = (
+        '<VTKFile type="ImageData" version="0.1"><ImageData WholeExtent="0 7 0 999999999 0 5" '
+        'Origin="0 0 0" Spacing="1 1 1"><Piece Extent="0 7 0 6 0 5"/></ImageData></VTKFile>'
+    )
+    refused(Vti(), put(tmp_path / "a.vti", text), match=r"unpack to|needs|damaged")
+    refused(Vti(), put(tmp_path / "b.vti", text[:-10]), match="is damaged")
+    packed = '<AppendedData encoding="base64">_AQAA((((AAA==</AppendedData></VTKFile>'
+    damaged = text.replace("</VTKFile>", packed)
+    refused(Vti(), put(tmp_path / "c.vti", damaged), match="is damaged")
+
+
+def test_zarr_arrays_with_chunks_of_nothing_are_refused(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    zarr.create_array(tmp_path / "a.zarr", shape=(4, 4, 4), chunks=(2, 2, 2), dtype="u1")
+    path = tmp_path / "a.zarr" / "zarr.json"
+    told = json.loads(path.read_text())
+    told["chunk_grid"]["configuration"]["chunk_shape"] = [0, 2, 2]
+    put(path, json.dumps(told))
+    refused(Zarr(), tmp_path / "a.zarr")
 
 
 # Depth and numbers

@@ -76,6 +76,7 @@ def _work(setup: Setup, pipe: Connection) -> None:
     warnings.simplefilter("ignore")
     attempt = setup.make()
     resource.setrlimit(resource.RLIMIT_AS, (setup.memory, setup.memory))
+    pipe.send("ready")  # imports are not counted as time of a case
     while (seed := pipe.recv()) is not None:
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             result = attempted(attempt, seed, Path(folder), setup.allowed)
@@ -95,11 +96,12 @@ class Worker:
         self.process = context.Process(target=_work, args=(self.setup, other), daemon=True)
         self.process.start()
         other.close()
+        self.pipe.recv()
 
     def tried(self, seed: int) -> Found:
         """Result of a case; one that ends the process, or does not end, is a fault."""
         self.pipe.send(seed)
-        if not self.pipe.poll(self.setup.seconds + (0 if self.process.is_alive() else 1)):
+        if not self.pipe.poll(self.setup.seconds):
             self.replace()
             return Found(seed, f"hang: no end after {self.setup.seconds:g} s")
         try:

@@ -7,6 +7,7 @@ detached file that is longer than its header says. NRRD's own library finds all 
 
 import gzip
 import math
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from resample.reading.limits import check_items, check_unpacked
 from resample.reading.neighbours import neighbour
 from resample_volume.files.headers import Header
 
+PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")  # of names with a number in them
 BLOCK = 1 << 20  # bytes unpacked at a time
 SLACK = 16 * BLOCK  # bytes beyond what is wanted that are still counted
 
@@ -189,6 +191,11 @@ def _check_many(path: Path, data: str) -> bool:
         names = [line.strip() for line in lines[heads[0] + 1 :]] if heads else []
     elif "%" in data:
         pattern, *numbers = data.split()
+        if not PATTERN.fullmatch(pattern) or not numbers:  # ITK hands it to printf
+            raise ValueError(
+                f"{path.name}: {data!r:.60} is no pattern of names; give one such as "
+                "a%03d.raw 1 99 1"
+            )
         first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
         check_items(path.name, abs(last - first) // max(1, abs(step)) + 1, "files named")
         names = [pattern.partition("%")[0] or "."]

@@ -15,6 +15,8 @@ from resample_volume.files.suppression import suppressed_output
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
+BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
+
 
 def read_vti(path: Path, array: str, name: str) -> Volume:
     """One array of values at points.
@@ -54,6 +56,7 @@ def _grid(path: Path, reader_name: str) -> Any:
         raise ValueError(
             f"{path.name}: {path.suffix} is read by VTK; pip install 'hybrid-resample[vtk]'"
         ) from None
+    _check_end(path)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
@@ -122,6 +125,25 @@ def _require_memory(reader: Any, path: Path) -> None:
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
     require_memory(count, path.name)  # a byte per voxel at the least
     check_unpacked(path.name, path.stat().st_size, count)
+
+
+def _check_end(path: Path) -> None:
+    """Refuse a file that is cut off, or whose base64 is none: VTK never stops to read those."""
+    with path.open("rb") as file:
+        head = re.search(rb'<AppendedData\s+encoding="base64"\s*>\s*_', file.read(1 << 16))
+        file.seek(max(0, path.stat().st_size - 1024))
+        last = file.read()
+        if b"</VTKFile" not in last:
+            _refuse(["its end is missing"], path.name)
+        if head is None:
+            return
+        file.seek(head.end())
+        while block := file.read(1 << 20):
+            content, end, _ = block.partition(b"<")
+            if not BASE64.fullmatch(content):
+                _refuse(["letters that are none of base64"], path.name)
+            if end:
+                return
 
 
 def _refuse(failures: list[str], name: str) -> None:

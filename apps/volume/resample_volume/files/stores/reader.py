@@ -1,11 +1,13 @@
 """The reader of OME-Zarr and of plain zarr arrays."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from resample.reading.limits import check_free
 from resample_volume.files.headers import Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
 from resample_volume.files.readers import Check, Numbers, three_numbers
@@ -48,7 +50,9 @@ class Zarr:
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         found = self.streamed(path, check)
         chunked: Any = found.values
-        require_memory(int(np.prod(chunked.shape)) * chunked.dtype.itemsize, found.name)
+        size = math.prod(map(int, chunked.shape)) * chunked.dtype.itemsize
+        require_memory(size, found.name)
+        check_free(found.name, size)
         return found._replace(values=chunked.whole())
 
     def streamed(
@@ -75,6 +79,8 @@ class Zarr:
         number = self._number(layout, name)
         level = moved(layout, number)
         array = _array(node, level, name)
+        if min(array.chunks, default=0) < 1:
+            raise ValueError(f"{name}/{level.path} has chunks of {array.chunks}; get it again")
         if array.ndim != len(layout.axes):
             raise ValueError(
                 f"{name}/{level.path} has {array.ndim} dimensions, its metadata {layout.axes}"
