@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all bench guard lint wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all bench guard lint sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -45,6 +45,9 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/house.py
+	$(BIN)/python tools/licences.py
+sdist: $(VENV)/.dev
+	$(BIN)/uv build -q --sdist --no-build-isolation --python $(BIN)/python --out-dir dist
 wheel: $(VENV)/.dev
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 
