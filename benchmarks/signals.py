@@ -150,7 +150,7 @@ def inputs() -> None:
 
 def cases(count: int, seed: int) -> Iterator[Case]:
     """Cases by turns of all commands and signals."""
-    rng = random.Random(seed)
+    rng = random.Random(seed)  # noqa: S311  no secrets
     for n in range(count):
         target = list(COMMANDS)[n % len(COMMANDS)]
         number = list(STATUS)[n // len(COMMANDS) % len(STATUS)]

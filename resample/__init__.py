@@ -5,7 +5,7 @@ The names below are imported when they are first used, so that `import resample`
 
 from typing import TYPE_CHECKING
 
-from resample.lazy import attributes, listing
+from resample.lazy import attributes, listing, warn_of_namesake
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
@@ -62,5 +62,6 @@ __all__ = [
     "sample_path",
 ]
 
+warn_of_namesake(__path__[0])
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)

@@ -1,8 +1,23 @@
 """Public names that are imported when they are first used, so that importing a package is quick."""
 
+import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
+
+NAMESAKE = (
+    "the distributions `resample` and `hybrid-resample` are installed in one environment and both "
+    "import as `resample`: pip uninstall resample, then pip install --force-reinstall --no-deps "
+    "hybrid-resample, or give each an environment of its own"
+)
+
+
+def warn_of_namesake(folder: str) -> None:
+    """Warn if another project's package of this name was installed over this one."""
+    if os.path.exists(os.path.join(folder, "jackknife.py")):  # one of its modules; takes 5 µs
+        import warnings
+
+        warnings.warn(NAMESAKE, RuntimeWarning, stacklevel=3)
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:

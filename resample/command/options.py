@@ -3,6 +3,8 @@
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+from traceback import extract_tb
 from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.console import listening, say
@@ -30,15 +32,16 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     SystemExit
         Always. Status 0 after success. Status 2 and one line on stderr after a ValueError,
         LookupError, OSError, MemoryError, a pydantic ValidationError or a word that the command
-        line does not know; 130 after Ctrl-C. A KeyError or an IndexError is a bug in a program,
-        not the user's mistake: these and all others pass through with their traceback.
+        line does not know, or if OpenCV cannot be imported; 130 after Ctrl-C. A KeyError or an
+        IndexError is a bug in a program, not the user's mistake: these and all others pass through
+        with their traceback.
     """
     from cyclopts import CycloptsError
 
     try:
         with listening():
             status = _call(app, arguments)
-    except StoppedError:
+    except (StoppedError, KeyError, IndexError):
         raise
     except (KeyboardInterrupt, SystemExit) as end:  # cyclopts turns the first into the second
         if isinstance(end, SystemExit) and end.code != INTERRUPTED:
@@ -48,12 +51,26 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     except BrokenPipeError:  # the reader, `head` for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0
-    except (KeyError, IndexError):
-        raise
+    except ImportError as error:
+        if (complaint := _broken_opencv(error)) is None:
+            raise
+        say(f"error: {complaint}")
+        status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
         say(f"error: {one_line(error)}")
         status = USER_ERROR
     raise SystemExit(status)
+
+
+def _broken_opencv(error: ImportError) -> str | None:
+    """What is wrong with the installed OpenCV and what to do; None if something else is."""
+    frames = [str(frame.filename) for frame in extract_tb(error.__traceback__)]
+    if error.name != "cv2" and "cv2" not in (Path(name).parent.name for name in frames[-3:]):
+        return None
+    return (
+        f"cv2 (OpenCV) cannot be imported: {one_line(error)}; install one of its four wheels and "
+        "no other, such as: pip install --force-reinstall opencv-contrib-python-headless"
+    )
 
 
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:

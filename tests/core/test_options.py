@@ -129,3 +129,40 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     process = subprocess.run(command, stdout=write_end, stderr=subprocess.PIPE, check=False)
     os.close(write_end)
     assert (process.returncode, process.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    "broken", ['raise ImportError("libGL.so.1: cannot open shared object file")', None]
+)
+def test_a_broken_or_missing_opencv_is_named_with_what_to_do(tmp_path, broken, capsys, monkeypatch):
+    monkeypatch.delitem(sys.modules, "cv2", raising=False)
+    if broken is None:
+        monkeypatch.setitem(sys.modules, "cv2", None)
+    else:
+        (tmp_path / "cv2").mkdir()
+        (tmp_path / "cv2" / "__init__.py").write_text(broken)
+        monkeypatch.syspath_prepend(tmp_path)
+    app = App()
+
+    @app.default
+    def start() -> None:
+        import cv2  # noqa: F401
+
+    with pytest.raises(SystemExit) as caught:
+        run(app, [])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("resample: error: cv2 (OpenCV) cannot be imported: ")
+    assert error.endswith("opencv-contrib-python-headless\n")
+    assert error.count("\n") == 1
+
+
+def test_modules_that_are_missing_otherwise_show_where():
+    app = App()
+
+    @app.default
+    def start() -> None:
+        raise ModuleNotFoundError("No module named 'other'", name="other")
+
+    with pytest.raises(ModuleNotFoundError):
+        run(app, [])

@@ -5,7 +5,13 @@ The names below are imported when they are first used, so that `import resample_
 
 from typing import TYPE_CHECKING
 
-from resample.lazy import attributes, listing
+try:
+    from resample.lazy import attributes, listing
+except ModuleNotFoundError as error:
+    raise ImportError(
+        "`resample` is here another project's package, the distribution `resample`; "
+        "pip uninstall resample, then pip install --force-reinstall --no-deps hybrid-resample"
+    ) from error
 
 if TYPE_CHECKING:
     from resample_texture.everyday import resize, rotate, scale

@@ -85,7 +85,7 @@ def _code() -> str:
 def _read(path: Path, count: int) -> Floats | None:
     """What a file holds, if it is there and whole."""
     try:
-        found: Floats = np.load(path)
+        found: Floats = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError):
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:

@@ -1,0 +1,66 @@
+"""What a release has to have: one version, known licences, files that are safe to read."""
+
+import ast
+import re
+import runpy
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = [
+    path
+    for top in ("resample", "apps", "tools", "benchmarks")
+    for path in (ROOT / top).rglob("*.py")
+]
+FORBIDDEN = {"pickle", "cPickle", "shelve", "marshal", "dill"}
+
+
+def test_the_version_is_the_same_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    assert cited is not None
+    assert {project["version"], cited[1], version("hybrid-resample")} == {"0.1.0"}
+
+
+def test_licences_that_are_unknown_or_unwanted_are_named():
+    unwanted = runpy.run_path(str(ROOT / "tools" / "licences.py"))["unwanted"]
+    assert unwanted("MIT AND (BSD-3-Clause OR PSF-2.0)") == []
+    assert unwanted("MIT AND GPL-3.0-or-later") == ["GPL-3.0-or-later"]
+    assert unwanted("") == [""]
+
+
+@pytest.fixture(scope="module")
+def nodes():
+    """Calls and imports of all sources, with where they are."""
+    kinds = ast.Call | ast.Import | ast.ImportFrom
+    trees = [(path, ast.parse(path.read_text("utf-8"))) for path in SOURCES]
+    return [
+        (node, path) for path, tree in trees for node in ast.walk(tree) if isinstance(node, kinds)
+    ]
+
+
+def keywords(nodes, name):
+    for node, path in nodes:
+        for keyword in getattr(node, "keywords", []):
+            if keyword.arg == name:
+                yield getattr(keyword.value, "value", None), f"{path}:{node.lineno}"
+
+
+def test_arrays_are_never_read_with_pickled_objects(nodes):
+    assert [place for value, place in keywords(nodes, "allow_pickle") if value is not False] == []
+    loads = [n for n, _ in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "np.load"]
+    assert loads
+    assert all(any(k.arg == "allow_pickle" for k in load.keywords) for load in loads)
+
+
+def test_nothing_unpickles_evaluates_or_asks_a_shell(nodes):
+    assert list(keywords(nodes, "shell")) == []
+    for node, path in nodes:
+        if isinstance(node, ast.Call):
+            assert getattr(node.func, "id", "") not in ("eval", "exec"), (path, node.lineno)
+        else:
+            names = {alias.name for alias in node.names} | {getattr(node, "module", "")}
+            assert not FORBIDDEN & names, (path, names)
