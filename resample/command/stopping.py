@@ -2,9 +2,9 @@
 
 A signal ends the work of the main thread by an exception, as Python does for Ctrl-C, so that what
 is being written is tidied up. Four things are added. SIGTERM does so, too. It is caught while
-modules are imported. Where Python cannot raise it, in a finalizer or in what a library calls back,
-it is raised a little later instead of being printed. And when the command has ended, signals change
-nothing any more.
+modules are imported. Where Python cannot raise it, in a finalizer, in what a library calls back or
+while a library in C++ is loaded, it is raised a little later. And when the command has ended,
+signals change nothing any more.
 """
 
 import signal
@@ -71,15 +71,20 @@ def start(module: str) -> NoReturn:
 
 
 def _stopping() -> "Callable[[int, FrameType | None], None]":
-    """What handles signals; it makes Python raise again what Python could only print."""
+    """What handles signals; it makes Python raise later what it cannot raise now."""
     last = -ONCE
     report = sys.unraisablehook
 
-    def stop(number: int, _: "FrameType | None") -> None:
+    def stop(number: int, frame: "FrameType | None") -> None:
         nonlocal last
         before, last = last, time.monotonic()
-        if last - before >= ONCE:
-            raise StoppedError(number)
+        if last - before < ONCE:
+            return
+        if _is_in_native_import(frame):
+            last = -ONCE
+            _tell_soon(number)
+            return
+        raise StoppedError(number)
 
     def again(unraisable: Any) -> None:
         nonlocal last
@@ -88,21 +93,31 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             report(unraisable)
             return
         last = -ONCE
-        from threading import Timer
-
-        timer = Timer(SOON, _tell_main_thread, [error.number])
-        timer.daemon = True
-        timer.start()
+        _tell_soon(error.number)
 
     sys.unraisablehook = again
     return stop
 
 
-def _tell_main_thread(number: signal.Signals) -> None:
-    """Send a signal where it wakes who sleeps."""
-    from threading import main_thread
+def _is_in_native_import(frame: "FrameType | None") -> bool:
+    """Whether a library in C or C++ is being loaded: some end the process where that fails."""
+    while frame is not None:
+        if type(frame.f_locals.get("self")).__name__ == "ExtensionFileLoader":
+            return True
+        frame = frame.f_back
+    return False
 
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(main_thread().ident or 0, number)
-    else:
-        signal.raise_signal(number)
+
+def _tell_soon(number: int) -> None:
+    """Send the main thread a signal once more, a little later."""
+    from threading import Timer, main_thread
+
+    def tell() -> None:
+        if hasattr(signal, "pthread_kill"):  # wakes who sleeps
+            signal.pthread_kill(main_thread().ident or 0, number)
+        else:
+            signal.raise_signal(number)
+
+    timer = Timer(SOON, tell)
+    timer.daemon = True
+    timer.start()

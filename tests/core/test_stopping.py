@@ -75,6 +75,34 @@ def test_a_command_that_is_terminated_says_so_in_one_line(moment, tmp_path):
     assert told_to_stop(tmp_path, moment, signal.SIGTERM) == (143, "resample: terminated\n")
 
 
+def test_a_library_in_c_that_is_being_loaded_is_left_to_end(tmp_path):
+    # Such as OpenImageIO's, which would end the process: enumerations are made in its midst.
+    (tmp_path / "slow.py").write_text("""
+import os, signal
+
+class ExtensionFileLoader:
+    def exec_module(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        print("loaded", flush=True)
+
+def main():
+    import time
+
+    ExtensionFileLoader().exec_module()
+    time.sleep(60)
+""")
+    ended = subprocess.run(
+        [sys.executable, "-c", BEGUN],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (143, "loaded\n")
+    assert ended.stderr == "resample: terminated\n"
+
+
 def test_whoever_presses_twice_is_told_once(tmp_path):
     moment = "beside a thread"
     status, said = told_to_stop(tmp_path, moment, *3 * [signal.SIGINT])
