@@ -30,6 +30,7 @@ from resample.files.pictures import (
     write_pages,
 )
 from resample.files.writing import replacing
+from resample.reading.limits import check_unpacked
 from resample.reading.pictures import decoding
 
 ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well
@@ -135,6 +136,9 @@ def write_frames(
         _WRITERS[suffix](temporary, shades, seconds)
 
 
+FRAME_BYTES = 16  # of a pixel in memory: red, green, blue and alpha in float32
+
+
 def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
     """Directories of a TIFF that are pictures: neither smaller copies of others nor masks."""
     kinds = [page.get(SUBFILE) for page in pages]
@@ -149,6 +153,8 @@ def _animated_times(path: Path) -> tuple[float, ...]:
 
     with decoding(path):
         with Image.open(path) as image:
+            width, height = image.size
+            check_unpacked(str(path), path.stat().st_size, FRAME_BYTES * width * height)
             count = getattr(image, "n_frames", 1)
             seconds = []
             for n in range(count if count > 1 else 0):

@@ -76,7 +76,7 @@ class Odd:
             made = made.astype(self.rng.choice(TYPES) if self.is_odd() else dtype)
         if self.is_odd():
             made = self.shaped(made)
-        return self.laid(made) if self.is_odd() and made.ndim else made
+        return self.laid(made) if self.is_odd() and np.ndim(made) else made
 
     def shaped(self, made: Any) -> Any:
         """Another shape, with none, fewer or more axes."""
