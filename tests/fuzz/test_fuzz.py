@@ -15,6 +15,7 @@ from tests.fuzz.corpus import corpus
 from tests.fuzz.mutations import mutated
 from tests.fuzz.pool import READ, Setup, attempted, tried_all
 from tests.fuzz.readers import READERS
+from tests.processes import PATIENCE
 
 FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries far more
 
@@ -24,12 +25,12 @@ def faults(setup, count):
 
 
 def test_changed_files_are_read_or_refused_in_one_line():
-    assert faults(Setup(files.make), FILES) == []
+    assert faults(Setup(files.make, seconds=PATIENCE), FILES) == []
 
 
 @pytest.mark.slow
 def test_odd_arrays_and_numbers_give_results_or_clear_errors():
-    assert faults(Setup(arrays.make, seconds=600.0, allowed=(TypeError,)), ARRAYS) == []
+    assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), ARRAYS) == []
 
 
 def crashing(_seed, _folder):
@@ -56,7 +57,7 @@ def large(_seed, _folder):
     [(crashing, "crash"), (hanging, "hang"), (talking, "IndexError"), (large, "refused")],
 )
 def test_what_the_fuzzer_is_to_find_it_finds(attempt, result):
-    setup = Setup(Given(attempt), seconds=2.0)
+    setup = Setup(Given(attempt), seconds=2.0 if attempt is hanging else PATIENCE)
     (found,) = tried_all(setup, range(1), np.inf)
     assert found.result.startswith(result)
 
