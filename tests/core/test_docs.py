@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from cyclopts import CycloptsError
 
+from tests.commands import ended
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 BUILT = ("_build", "gallery", "tutorials", "generated")  # folders that `make docs` writes
@@ -155,3 +157,20 @@ def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
+
+
+def runs_as_it_stands(line):
+    """Whether a command is of built-in data, and ends by itself."""
+    program, *words = shlex.split(line, comments=True)
+    return "view" not in words and any(word.startswith("sample:") for word in words)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    "line", sorted({line for _, line in commands() if runs_as_it_stands(line)})
+)
+def test_commands_of_built_in_data_run(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(line, comments=True)
+    assert ended(app_of(program), *words) == 0
+    assert not words.count("-o") or Path(words[words.index("-o") + 1]).stat().st_size > 0
