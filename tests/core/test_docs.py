@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cyclopts import CycloptsError
 
+from resample.samples.finding import expanded
 from tests.commands import ended
 
 ROOT = Path(__file__).parents[2]
@@ -141,6 +142,7 @@ def fault(path, line):
         place = words.index("--settings")
         del words[place : place + 2]
     try:
+        words = expanded(words)
         app_of(program).parse_args(words, exit_on_error=False, print_error=False)
     except (CycloptsError, ImportError) as error:
         return f"{path.relative_to(ROOT)}: {line}: {error}"
@@ -161,7 +163,7 @@ def test_every_command_of_the_docs_parses():
 
 def runs_as_it_stands(line):
     """Whether a command is of built-in data, and ends by itself."""
-    program, *words = shlex.split(line, comments=True)
+    words = shlex.split(line, comments=True)
     return "view" not in words and any(word.startswith("sample:") for word in words)
 
 
