@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint docs docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -53,6 +53,9 @@ lint: $(VENV)/.dev
 # The site, in docs/_build/html, offline and without warnings; examples that have not changed are not run again.
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+# The same without running examples: pages, docstrings and references, in a quarter of a minute.
+docs-check: $(VENV)/.docs
+	CHECK=1 $(BIN)/sphinx-build -W --keep-going -q -E -b html docs docs/_build/check
 # What needs no Sphinx: pages, links, pictures, and that each command in the docs is one.
 docs-links: $(VENV)/.dev
 	$(BIN)/python -m pytest -q tests/core/test_docs.py
