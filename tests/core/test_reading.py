@@ -1,5 +1,6 @@
 """Files that nobody vouches for: refused in one line, and without reading what they name."""
 
+import base64
 import gzip
 import io
 import json
@@ -226,6 +227,38 @@ def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
     packed = '<AppendedData encoding="base64">_AQAA((((AAA==</AppendedData></VTKFile>'
     damaged = text.replace("</VTKFile>", packed)
     refused(Vti(), put(tmp_path / "c.vti", damaged), match="is damaged")
+
+
+@pytest.mark.parametrize("encoding", ["base64", "raw", "inline"])
+@pytest.mark.parametrize("sizes", [(0x69A69A69, 1 << 15, 1), (2, 0xFFFFFFFF, 1)])
+def test_blocks_of_vtk_that_the_file_cannot_hold_are_refused(sizes, encoding, tmp_path):
+    pytest.importorskip("vtkmodules")
+    packed = struct.pack("<3I", *sizes)
+    letters = base64.b64encode(packed) + b"\n"
+    inline = (
+        b'format="binary">' + letters if encoding == "inline" else b'format="appended" offset="0">'
+    )
+    data = packed + bytes(40) if encoding == "raw" else letters
+    appended = (
+        b""
+        if encoding == "inline"
+        else (b'<AppendedData encoding="%s">_%s</AppendedData>' % (encoding.encode(), data))
+    )
+    content = (
+        b'<VTKFile type="ImageData" version="0.1" byte_order="LittleEndian" header_type="UInt32" '
+        b'compressor="vtkZLibDataCompressor"><ImageData WholeExtent="0 7 0 6 0 5" Origin="0 0 0" '
+        b'Spacing="1 1 1"><Piece Extent="0 7 0 6 0 5"><PointData Scalars="a"><DataArray '
+        b'type="UInt8" Name="a" '
+        + inline
+        + b"</DataArray></PointData></Piece></ImageData>"
+        + appended
+        + b"</VTKFile>"
+    )
+    match = r"blocks are not there|unpack to"
+    refused(Vti(), put(tmp_path / "a.vti", content), match=match)
+    if encoding == "base64":
+        without = content.replace(b">_", b">\n ")
+        refused(Vti(), put(tmp_path / "b.vti", without), match="begin with an underscore")
 
 
 def test_zarr_arrays_with_chunks_of_nothing_are_refused(tmp_path):

@@ -12,6 +12,7 @@ from resample.reading.limits import check_unpacked
 from resample_volume.files.headers import Header, header, volume
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
+from resample_volume.files.vtk_blocks import check_blocks
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
@@ -57,6 +58,7 @@ def _grid(path: Path, reader_name: str) -> Any:
             f"{path.name}: {path.suffix} is read by VTK; pip install 'hybrid-resample[vtk]'"
         ) from None
     _check_end(path)
+    check_blocks(path)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))

@@ -1,0 +1,68 @@
+"""Sizes of packed data within VTK's XML files, looked at before VTK makes room for them."""
+
+import base64
+import re
+import struct
+from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+
+from resample.reading.limits import check_unpacked
+
+LETTERS = 32  # of base64, in which there are three numbers of 64 bits
+APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
+INLINE = re.compile(rb'format="binary"[^>]*>\s*([A-Za-z0-9+/=]+)')
+
+
+def check_blocks(path: Path) -> None:
+    """Refuse data whose sizes are not those of what the file can hold: VTK ends the process.
+
+    Raises
+    ------
+    ValueError
+        There are more blocks, or bytes, than the file has, or they unpack to far too much.
+    """
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        _check(path, content)
+
+
+def _check(path: Path, content: mmap) -> None:
+    size = len(content)
+    number = "<Q" if b'header_type="UInt64"' in content[:1000] else "<I"
+    if b'byte_order="BigEndian"' in content[:1000]:
+        number = number.replace("<", ">")
+    is_packed = b"compressor=" in content[:1000]
+    if content.find(b"<AppendedData") >= 0 and not APPENDED.search(content):
+        raise ValueError(f"{path.name} is damaged: its data do not begin with an underscore")
+    for begin in _begins(content):
+        numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
+        if numbers and numbers[0] > size:
+            raise ValueError(f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there")
+        if is_packed and len(numbers) > 1:
+            check_unpacked(path.name, size, numbers[0] * numbers[1])
+
+
+def _begins(content: mmap) -> Iterator[bytes]:
+    """First bytes of each array's data."""
+    for found in INLINE.finditer(content):
+        yield _decoded(found[1][:LETTERS])
+    appended = APPENDED.search(content)
+    if appended is None:
+        return
+    is_text = b"base64" in appended[1]
+    for found in re.finditer(rb'\soffset="(\d{1,18})"', content[: appended.start()]):
+        place = appended.end() + int(found[1])
+        begin = content[place : place + LETTERS]
+        yield _decoded(begin) if is_text else begin
+
+
+def _decoded(letters: bytes) -> bytes:
+    """Bytes of the whole groups of four letters before the first that is none of base64."""
+    known = re.match(rb"(?:[A-Za-z0-9+/]{4})*", letters)
+    return base64.b64decode(known[0]) if known else b""
+
+
+def _whole(begin: bytes, number: str) -> bytes:
+    """Bytes of two numbers, or of as many as there are."""
+    width = struct.calcsize(number)
+    return begin[: min(2, len(begin) // width) * width]
