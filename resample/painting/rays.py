@@ -17,7 +17,6 @@ from resample.types import (
     Bounds,
     Classifier,
     Doubles,
-    Indices,
     LatticeField,
     Statistics,
     Style,
@@ -31,14 +30,17 @@ if TYPE_CHECKING:
     from resample.engine.rays.marching import Bricks
     from resample.engine.rays.seeing import Medium, Way
 
-TILE = 16  # px, side of a tile
-ALIKE = 0.002  # of the range of values, by which these may differ that are taken for alike
+TILE, SMALL_TILE = 32, 16  # px, side of a tile of few rays, and of many
+FEW_RAYS = 4  # per side of a pixel, at most
+LEAST_APART, MOST_APART = 2, 16  # sub-pixels from one that is looked at to the next
+SPARED = 1 / 3  # samples between those that are looked at, at most, if sub-pixels are closer
+BENDS = 0.01  # of the range of values, that these may bend by where sub-pixels are spared
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
 FEWEST_RAYS, MOST_RAYS = 2, 16  # per side of a pixel
 MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
 PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
-MOST_APART = 255  # bricks
+MOST_BRICKS = 255  # to the next one that can be seen
 HIGHLIGHTS = 2049  # entries of a table of highlights
 MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
 
@@ -65,7 +67,9 @@ def paint_field(
     clock, style = Clock(), how.style
     medium, way = _medium(field, view, how), _way(field, style)
     clock.lap("look")
-    rows, columns = -(-size[0] // TILE), -(-size[1] // TILE)
+    fineness, apart = _rays_of(field, view, style)
+    tile = TILE if fineness <= FEW_RAYS else SMALL_TILE
+    rows, columns = -(-size[0] // tile), -(-size[1] // tile)
     painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
     is_sum = style.projection == ADDITIVE
     output = Output(
@@ -74,36 +78,37 @@ def paint_field(
         painted.film,
         painted.value,
         is_sum,
-        ALIKE * (field.classifier.high - field.classifier.low),
-        style.subpixels == 0,
-        TILE,
+        BENDS * (field.classifier.high - field.classifier.low),
+        apart,
+        tile,
         columns,
     )
-    fineness = _fineness(field, view, style, (rows, columns))
     painted.tally[:, 3] = fineness
     with told(progress):
-        paint_rays(_turn(fineness), fineness, way, medium, output)
+        paint_rays(rows * columns, fineness, way, medium, output)
     clock.lap("paint")
     return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
 
 
-def _turn(fineness: Indices) -> Indices:
-    """Tiles with the most rays first."""
-    return np.argsort(-fineness, kind="stable")
-
-
-def _fineness(field: LatticeField, view: View, style: Style, tiles: tuple[int, int]) -> Indices:
-    """Rays (T,) per side of a pixel of each tile."""
-    count = tiles[0] * tiles[1]
-    if style.subpixels:
-        return np.full(count, style.subpixels, np.int64)
+def _spacing(field: LatticeField, view: View) -> float:
+    """Pixels from a sample to the next, where they are closest."""
     least = float(np.linalg.norm(field.lattice, axis=0).min())
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
     far = max(float(depth.max()), view.near) if view.perspective else 1.0
-    spacing = least * float(view.focal.min()) / far
+    return least * float(view.focal.min()) / far
+
+
+def _rays_of(field: LatticeField, view: View, style: Style) -> tuple[int, int]:
+    """Rays per side of a pixel, and sub-pixels from one that is looked at to the next."""
+    if style.subpixels:
+        return style.subpixels, 1
+    spacing = _spacing(field, view)
     fewest = MESH_RAYS if len(field.mesh.face) else FEWEST_RAYS
     n = min(MOST_RAYS, max(fewest, math.ceil(PER_SAMPLE / spacing)))
-    return np.full(count, n, np.int64)
+    apart = LEAST_APART
+    while 2 * apart <= min(MOST_APART, SPARED * n * spacing):
+        apart *= 2
+    return n, apart
 
 
 def _corners(field: LatticeField) -> Doubles:
@@ -228,9 +233,11 @@ def _bricks(bounds: Bounds, look: Classifier, style: Style) -> "Bricks":
     apart = np.zeros(seen.shape, np.uint8)
     if not seen.all():
         away = (
-            distance_transform_cdt(~seen, "chessboard") if seen.any() else np.full(seen.shape, 255)
+            distance_transform_cdt(~seen, "chessboard")
+            if seen.any()
+            else np.full(seen.shape, MOST_BRICKS)
         )
-        apart = np.minimum(away, 255).astype(np.uint8)
+        apart = np.minimum(away, MOST_BRICKS).astype(np.uint8)
     return Bricks(
         apart.reshape(-1),
         np.asarray(bounds.least.reshape(-1), np.float32),

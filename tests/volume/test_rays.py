@@ -140,6 +140,19 @@ def test_automatic_sub_pixels_come_to_what_many_show() -> None:
         assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.004
 
 
+@pytest.mark.parametrize("projection", [Projection.COMPOSITE, Projection.AVERAGE])
+@pytest.mark.parametrize("per_voxel", [3.0, 9.0])  # every second ray is cast, or every fourth
+def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
+    projection: Projection, per_voxel: float
+) -> None:
+    camera, size = ahead(blobs((8, 14, 14)), per_voxel)
+    spared = seen(blobs((8, 14, 14)), along_rays(projection), camera, size)
+    every = seen(blobs((8, 14, 14)), along_rays(projection, subpixels=2), camera, size)
+    error = np.abs(spared.rgba - every.rgba)
+    assert 0 < error.max() < 0.02  # 5 levels, in single pixels
+    assert np.sqrt(np.mean(error**2)) < 1e-3, np.sqrt(np.mean(error**2))
+
+
 def test_thick_slices_are_antialiased_as_thin_ones_are() -> None:
     for step in (1, 5):
         values = blobs((40, 40, 40))[::step]

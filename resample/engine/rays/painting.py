@@ -8,14 +8,19 @@ from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
 from resample.engine.rays.meshes import is_on_mesh, seen_with_mesh
 from resample.engine.rays.seeing import Medium, Way
-from resample.types import Film, Floats, Indices, Tables, View
-
-ALPHA, DEEP, FIRST, COVER, VALUE, PRESENCE = range(3, 9)
-NUMBERS = 9  # of a sub-pixel
-ALIKE, ALIKE_OF = 0.002, 0.03  # by how much colors may differ that are taken for alike
-ORDER = (0, 2, 1)  # how many of a sub-pixel's row and column are odd, turn by turn
-
-Around = tuple[int, int, int, int, int, int, int, int]  # rows and columns of four sub-pixels
+from resample.engine.rays.sparing import (
+    ALPHA,
+    COVER,
+    DEEP,
+    FIRST,
+    NUMBERS,
+    PRESENCE,
+    VALUE,
+    fill,
+    is_even,
+    line_through,
+)
+from resample.types import Film, Floats, Tables, View
 
 
 class Output(NamedTuple):
@@ -26,8 +31,8 @@ class Output(NamedTuple):
     film: Film
     value: Floats  # (H, W) what projections measure; or (0, 0)
     is_sum: bool  # of values, which no presence weighs
-    coarse: float  # data units by which values may differ that are taken for alike
-    is_sparing: bool  # sub-pixels between ones that are alike are not looked at
+    coarse: float  # data units by which values may bend from sub-pixel to sub-pixel
+    apart: int  # sub-pixels from one that is looked at to the next, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
 
@@ -53,60 +58,47 @@ def _cast(
 
 
 @inner_kernel
-def _are_alike(fine: Floats, around: Around, coarse: float) -> bool:
-    """Whether four sub-pixels see nearly the same."""
-    one, two = fine[around[0], around[1]], fine[around[2], around[3]]
-    three, four = fine[around[4], around[5]], fine[around[6], around[7]]
-    for number in (0, 1, 2, ALPHA, VALUE, PRESENCE):
-        a, b, c, d = one[number], two[number], three[number], four[number]
-        most, least = max(a, b, c, d), min(a, b, c, d)
-        slack = coarse if number == VALUE else ALIKE + ALIKE_OF * abs(most)
-        if not most - least <= slack:
-            return False
+def _spared(
+    medium: Medium, output: Output, home: Home, n: int, fine: Floats, at: tuple[int, int, int, int]
+) -> bool:
+    """Whether a sub-pixel lies evenly between those on two lines through it, and is put there."""
+    row, column, down, right = at
+    x, y = _point(output, home, n, row, column)
+    if is_on_mesh(x, y, medium.mesh, output.camera):
+        return False
+    one = line_through(row, column, down, right)
+    two = line_through(row, column, -right, down)
+    if not is_even(fine, one, two, output.coarse):
+        return False
+    fill(fine, one, two, fine[row, column])
     return True
-
-
-@inner_kernel
-def _between(fine: Floats, around: Around, here: Floats) -> None:
-    """Mean of four sub-pixels."""
-    one, two = fine[around[0], around[1]], fine[around[2], around[3]]
-    three, four = fine[around[4], around[5]], fine[around[6], around[7]]
-    quarter = np.float32(0.25)
-    for number in range(NUMBERS):
-        here[number] = quarter * (one[number] + two[number] + three[number] + four[number])
-    here[FIRST] = min(one[FIRST], two[FIRST], three[FIRST], four[FIRST])
 
 
 @inner_kernel
 def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
     """Let the sub-pixels (R, C, NUMBERS) of a tile see the field.
 
-    If sparing, every second one in every second row does. Then those in the middle of four, and
-    last those between them, do where these four are not alike.
+    First those that are `apart`. Then, at half that distance, those in the middle of four, and
+    those between these, do where what is around them is uneven; and so on.
     """
     rows, columns, _ = fine.shape
-    is_sparing = output.is_sparing and n > 1
-    for turn in range(3 if is_sparing else 1):
-        for row in range(rows):
-            for column in range(columns):
-                odd = (row & 1) + (column & 1)
-                if is_sparing and odd != ORDER[turn]:
-                    continue
-                here = fine[row, column]
-                is_inside = 0 < row < rows - 1 and 0 < column < columns - 1
-                if turn > 0 and is_inside:
-                    around = (row - 1, column, row, column - 1, row, column + 1, row + 1, column)
-                    if turn == 1:
-                        around = (
-                            row - 1, column - 1, row - 1, column + 1,
-                            row + 1, column - 1, row + 1, column + 1,
-                        )  # fmt: skip
-                    x, y = _point(output, home, n, row, column)
-                    is_alone = not is_on_mesh(x, y, medium.mesh, output.camera)
-                    if is_alone and _are_alike(fine, around, output.coarse):
-                        _between(fine, around, here)
+    apart = output.apart if n > 1 else 1
+    for row in range(0, rows, apart):
+        for column in range(0, columns, apart):
+            _cast(way, medium, output, home, n, row, column, fine[row, column])
+    while apart > 1:
+        half = apart >> 1
+        for is_between in (False, True):
+            for row in range(0 if is_between else half, rows, half if is_between else apart):
+                start = half if not is_between or row % apart == 0 else 0
+                for column in range(start, columns, apart):
+                    far = 3 * half
+                    is_inside = far <= row < rows - far and far <= column < columns - far
+                    at = (row, column, 0 if is_between else half, half)
+                    if is_inside and _spared(medium, output, home, n, fine, at):
                         continue
-                _cast(way, medium, output, home, n, row, column, here)
+                    _cast(way, medium, output, home, n, row, column, fine[row, column])
+        apart = half
 
 
 @kernel
@@ -157,16 +149,16 @@ def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
 
 @packed_kernel
 def paint_rays(
-    counter: Counter, turn: Indices, fineness: Indices, way: Way, medium: Medium, output: Output
+    counter: Counter, count: int, fineness: int, way: Way, medium: Medium, output: Output
 ) -> None:
     """Paint tiles.
 
     Parameters
     ----------
-    turn
-        (N,) numbers of tiles.
+    count
+        Of tiles.
     fineness
-        (T,) sub-pixels per side of a pixel of all tiles.
+        Sub-pixels per side of a pixel.
     way
         What rays see.
     medium
@@ -174,6 +166,5 @@ def paint_rays(
     output
         Filled.
     """
-    for task in tasks(counter, turn.size):
-        tile = turn[task]
-        _paint(tile, fineness[tile], way, medium, output)
+    for tile in tasks(counter, count):
+        _paint(tile, fineness, way, medium, output)
