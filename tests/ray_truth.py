@@ -119,11 +119,24 @@ def shine(look: Classifier, gradient: Array, place: Array, depth: Array) -> tupl
     return kept * own, kept * high
 
 
-def composite(met: Along, look: Classifier) -> Array:
-    """Premultiplied picture (H, W, 4)."""
+def faced(met: Along, field: LatticeField, clip: Array) -> Array:
+    """Gradients, which lead across the nearest cut where that is within three voxels."""
     slope = np.linalg.norm(met.gradient, axis=-1)
+    nearest, found = np.full(slope.shape, 3.0), met.gradient
+    for plane in np.reshape(clip, (-1, 4)):
+        away = (met.place @ plane[:3] + plane[3]) / np.linalg.norm(plane[:3] @ field.lattice)
+        length = np.maximum(slope, 2 * field.classifier.lamp.flat)
+        across = length[..., None] * plane[:3] / np.linalg.norm(plane[:3])
+        found = np.where((away < nearest)[..., None], across, found)
+        nearest = np.minimum(nearest, away)
+    return found
+
+
+def composite(met: Along, field: LatticeField, clip: Array) -> Array:
+    """Premultiplied picture (H, W, 4)."""
+    look, slope = field.classifier, np.linalg.norm(met.gradient, axis=-1)
     light = looks(look, met.value, slope)
-    own, high = shine(look, met.gradient, met.place, met.depth)
+    own, high = shine(look, faced(met, field, clip), met.place, met.depth)
     color = own[..., None] * light[..., :3] + high[..., None]
     depth = np.where(met.inside, light[..., 3], 0.0) * met.length[..., None]
     before = np.exp(-(np.cumsum(depth, axis=-1) - depth))

@@ -31,6 +31,7 @@ CASES = {
     "inside": (BLOBS, UNLIT, Orbit(30, 20, 0.2), 70, 70),
     "depth cue": (BLOBS, {"light": None, "cue": DepthCue(0.8)}, ORBIT, 55, 55),
     "clipped": (BLOBS, {"light": None, "clip": ("1/0/0",)}, ORBIT, 58, 60),
+    "clipped, lit": (BLOBS, {"clip": ("1/0/0", "0/1/-1")}, ORBIT, 50, 54),
     "cropped": (BLOBS, {"light": None, "crop": "2:8,:,3:"}, ORBIT, 59, 60),
     "gaps": (GAPS, UNLIT, ORBIT, 46, 46),
     "headlight": (BLOBS, {}, ORBIT, 53, 56),
@@ -52,7 +53,7 @@ def test_light_along_rays_is_that_of_short_steps(name, is_fine):
     field = subject.seen_by(camera)
     found = resampler(field, camera, height=SIZE[0], width=SIZE[1], clip=subject.clip).rgba
     met = ray_truth.along_rays(volume.values, field, camera, SIZE, subject.clip)
-    truth = ray_truth.composite(met, field.classifier)
+    truth = ray_truth.composite(met, field, subject.clip)
     assert truth[..., 3].max() > 0.5
     decibel = -10 * np.log10(np.mean((found - truth) ** 2))
     assert decibel > least[is_fine], f"{decibel:.1f} dB"

@@ -157,7 +157,7 @@ def test_what_is_before_a_box_is_that_of_short_steps(light, fov):
     depth, normal, start, way = hits(subject.mesh, camera, SIZE)
     met = ray_truth.along_rays(BLOBS.values, field, camera, SIZE, np.zeros((0, 4)))
     met.inside &= met.depth < depth[..., None]
-    truth = ray_truth.composite(met, field.classifier)
+    truth = ray_truth.composite(met, field, np.zeros((0, 4)))
     is_hit = np.isfinite(depth)
     place = np.where(is_hit[..., None], start + np.where(is_hit, depth, 0)[..., None] * way, 0.0)
     own, high = ray_truth.shine(
