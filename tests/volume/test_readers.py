@@ -185,12 +185,7 @@ def test_nifti_comes_in_two_byte_orders(order, values, tmp_path):
     assert np.array_equal(volume.values, values)
     assert volume.spacing.tolist() == list(SPACING)
     cut = put(tmp_path / "a.nii", bytes(content) + data[:-10])
-    refused(Nifti(), cut, "holds 2982 bytes, 2992 are wanted")
-
-
-def test_nifti_2_is_refused_by_name(tmp_path):
-    path = put(tmp_path / "a.nii", struct.pack("<i", 540) + b"n+2\0" + bytes(600))
-    refused(Nifti(), path, "is NIfTI-2, which ITK does not read")
+    refused(Nifti(), cut, "holds 2630 bytes, 2640 are wanted")
 
 
 def test_vti_keeps_values_and_space(values, tmp_path):
@@ -537,7 +532,7 @@ def test_four_dimensions_are_no_volume(values, tmp_path):
 def test_vectors_that_are_no_colors_are_no_scalars(name, values, tmp_path):
     vectors = np.stack([values] * 2, -1).astype(np.uint8)
     path = write(tmp_path / name, vectors, isVector=True)
-    refused(ITK[name](), path, "'vector of 8-bit unsigned integer', 2 numbers each")
+    refused(ITK[name](), path, "'vector of uint8', 2 numbers each")
     shifts = np.stack([values] * 3, -1).astype(np.float32) - 9e4
     refused(ITK[name](), write(path, shifts, isVector=True), "below 0, which are no colors")
 
@@ -554,7 +549,7 @@ def test_slices_of_gray_and_opacity_are_no_scalars(values, tmp_path):
 @pytest.mark.parametrize("name", ["a.nrrd", "a.nii"])
 def test_complex_numbers_are_refused(name, values, tmp_path):
     path = write(tmp_path / name, values.astype(np.complex64))
-    refused(ITK[name](), path, "complex of 32-bit float")
+    refused(ITK[name](), path, "complex numbers")
 
 
 @pytest.mark.parametrize("kind", ["int64", "uint32", "uint64", "complex64", "U3"])
@@ -570,7 +565,7 @@ def test_int64_nrrd_is_refused(values, tmp_path):
 def test_empty_volumes_are_refused(values, tmp_path):
     put(tmp_path / "a.raw", b"")
     np.save(tmp_path / "a.npy", values[:0])
-    refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", sizes="0 11 10"), "size is zero")
+    refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", sizes="0 11 10"), "empty: 0 x 11 x 10")
     refused(MetaImage(), meta(tmp_path / "a.mhd", sizes="0 11 10"), "empty: 0 x 11 x 10")
     refused(Npy(), tmp_path / "a.npy", "empty: 12 x 11 x 0")
     refused(Raw(), put(tmp_path / "a_0x11x10_uint8.raw", b""), "positive numbers")
@@ -622,7 +617,7 @@ def test_vti_spacing_is_checked(spacing, values, tmp_path):
 )
 def test_metaimage_direction_is_checked(matrix, values, tmp_path):
     put(tmp_path / "a.raw", values.tobytes())
-    refused(MetaImage(), meta(tmp_path / "a.mhd", matrix=matrix), "singular")
+    refused(MetaImage(), meta(tmp_path / "a.mhd", matrix=matrix), "singular|is not finite")
 
 
 @pytest.mark.parametrize("first", ["(0,0,0)", "(0,1,0)", "(nan,0,0)"])
@@ -674,7 +669,7 @@ def test_what_cannot_fit_is_refused_before_it_is_read(form, values, tmp_path, mo
 
 def test_a_huge_header_does_not_allocate(tmp_path):
     path = nrrd(tmp_path / "a.nrrd", sizes="12000 11000 10000")
-    refused(Nrrd(), put(path, path.read_bytes() + b"\n123"), "needs 4917.4 GiB, this machine has")
+    refused(Nrrd(), put(path, path.read_bytes() + b"\n123"), "needs 2458.7 GiB, this machine has")
 
 
 def test_a_platform_that_does_not_tell_its_memory_refuses_nothing(monkeypatch):

@@ -9,7 +9,7 @@ import numpy as np
 from resample import registry
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
-from resample_volume.files.stacks.slices import is_dicom
+from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.files.stores.opening import is_store
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
