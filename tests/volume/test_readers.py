@@ -15,6 +15,7 @@ from resample.memory import physical_memory
 from resample_volume.files import memory
 from resample_volume.files.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
 from resample_volume.files.source import describe
+from resample_volume.media.recordings import volume_at
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
@@ -225,6 +226,30 @@ def test_an_array_of_many_is_chosen_by_name(values, tmp_path):
     refused(Vti(array="rain"), path, "rain given.*heat, wind")
 
 
+def test_vectors_of_vti_are_channels_or_colors(values, tmp_path):
+    io = pytest.importorskip("vtkmodules.vtkIOXML")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+
+    data = vtkImageData()
+    data.SetDimensions(12, 11, 10)
+    wind = np.stack([values.ravel() + n for n in range(2)], 1).astype(np.float32)
+    color = np.stack([values.ravel() % (99 + n) for n in range(3)], 1).astype(np.uint8)
+    for name, array in (("wind", wind), ("color", color)):
+        made = numpy_to_vtk(array, deep=1)
+        made.SetName(name)
+        data.GetPointData().AddArray(made)
+    writer = io.vtkXMLImageDataWriter()
+    writer.SetInputData(data)
+    writer.SetFileName(str(tmp_path / "a.vti"))
+    writer.Write()
+    refused(Vti(), tmp_path / "a.vti", "wind, color")
+    refused(Vti(array="wind"), tmp_path / "a.vti", "wind: 2, color: 3.*by channel, 0 to 1")
+    held = Vti(array="wind").recorded(tmp_path / "a.vti")
+    assert np.array_equal(volume_at(held, None, 1).values.ravel(), wind[:, 1])
+    assert np.array_equal(Vti(array="color")(tmp_path / "a.vti").colors.reshape(-1, 3), color)
+
+
 def test_a_missing_vtk_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
     refused(Vti(), put(tmp_path / "a.vti", ""), r"pip install 'hybrid-resample\[vtk\]'")
@@ -305,6 +330,16 @@ def test_raw_takes_options(shape, values, tmp_path):
     assert np.array_equal(volume.values, values)
     assert volume.values.dtype.isnative
     assert volume.spacing.tolist() == list(SPACING)
+
+
+@pytest.mark.parametrize("name", ["a.raw", "b_12x11x5x2_uint16.raw", "a.raw.gz"])
+def test_raw_has_times(name, values, tmp_path):
+    content = values.tobytes()
+    path = put(tmp_path / name, gzip.compress(content) if name.endswith("gz") else content)
+    reader = Raw() if "_" in name else Raw("12x11x5x2", "uint16")
+    held = reader.recorded(path)
+    assert np.array_equal(volume_at(held, 1, None).values, values[5:])
+    refused(reader, path, r"4 dimensions, 12 x 11 x 5 x 2; .* by time, 0 to 1")
 
 
 def test_compressed_raw_is_unpacked(values, tmp_path):

@@ -30,7 +30,6 @@ from resample_volume.files.headers import (
     header,
     recording,
     stem,
-    volume,
 )
 from resample_volume.files.stacks import dicom, slices
 from resample_volume.files.stacks.pages import page_order
@@ -119,14 +118,17 @@ class Nifti:
 
 @dataclass(frozen=True)
 class Vti:
-    """VTK image data; values at points."""
+    """VTK image data; values at points. Several numbers at each are channels, or a color."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one
 
     suffixes: ClassVar[tuple[str, ...]] = (".vti",)
 
     def __call__(self, path: Path) -> Volume:
-        return read_vti(existing_file(path), self.array, stem(path, self.suffixes))
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        return read_vti(existing_file(path), self.array, stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)
@@ -195,7 +197,7 @@ class Raw:
     Without `shape` and `dtype` they are taken from a name like `engine_256x256x128_uint8.raw`.
     """
 
-    shape: Numbers = ""  # voxels along x, y, z: (256, 256, 128) or "256x256x128"
+    shape: Numbers = ""  # voxels along x, y, z, and times: (256, 256, 128) or "256x256x128x10"
     dtype: str = ""  # NumPy's name; > or < before it, as in >i2, is the order of its bytes
     spacing: Numbers = "1x1x1"
     endian: str = ""  # little or big; empty: as dtype says, else little
@@ -215,18 +217,22 @@ class Raw:
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         known = self._header(existing_file(path))
+        check(known)
         if path.suffix.lower() == ".gz":
-            return volume(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
+            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
         given = path.stat().st_size - self.offset
         if given != known.size:
             raise wrong_size(path.name, max(0, given), known.size)
-        values = np.memmap(path, known.dtype, "r", self.offset, known.shape[::-1])
-        return volume(values, known)
+        shape = (known.times, *known.shape[::-1])
+        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
     def _header(self, path: Path) -> Header:
         name = stem(path, self.suffixes)
-        found = re.fullmatch(r"(.+)_(\d+x\d+x\d+)_(\w+)", name)
+        found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):
             raise ValueError(
                 f"{path.name} does not tell its shape and type as engine_256x256x128_uint8.raw "
@@ -234,12 +240,14 @@ class Raw:
             )
         sizes = self.shape or (found[2] if found else "")
         kind = self.dtype or (found[3] if found else "")
-        return header(
-            _sizes(sizes),
+        every = _sizes(sizes)
+        known = header(
+            every[:3],
             _type(kind, self.endian),
             found[1] if found else name,
             spacing=three_numbers("spacing", self.spacing),
         )
+        return known._replace(times=math.prod(every[3:]))
 
 
 @dataclass(frozen=True)
@@ -288,21 +296,32 @@ def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
     ValueError
         They are not.
     """
-    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
-    try:
-        found = tuple(float(piece) for piece in pieces)
-    except (TypeError, ValueError):
-        found = ()
+    found = _numbers(numbers)
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
         raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")
     return found
 
 
+def _numbers(numbers: Numbers) -> tuple[float, ...]:
+    """Numbers, or none where some are not."""
+    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
+    try:
+        return tuple(float(piece) for piece in pieces)
+    except (TypeError, ValueError):
+        return ()
+
+
 def _sizes(shape: Numbers) -> tuple[int, ...]:
-    sizes = tuple(int(size) for size in three_numbers("shape", shape))
-    if sizes != three_numbers("shape", shape):
+    """Voxels along x, y, z, and times, where there are several."""
+    found = _numbers(shape)
+    if len(found) not in (3, 4) or not all(0 < number < float("inf") for number in found):
+        raise ValueError(
+            "shape is three positive numbers like 256x256x128 (x, y, z), or four, with times, not "
+            f"{shape}"
+        )
+    if not all(number.is_integer() for number in found):
         raise ValueError(f"shape is three whole numbers like 256x256x128 (x, y, z), not {shape}")
-    return sizes
+    return tuple(map(int, found))
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:
