@@ -197,6 +197,7 @@ def test_views_take_samples(capsys):
     assert expanded(["render", f"--view={view}"])[1].startswith("--view=")
     words = ["render", spec("room"), "--view", view, "-o", "out.png"]
     assert ended(app_of("warp3d"), *words, "--move", "0.4,0,0", "--fov", "60") == 0
+    capsys.readouterr()
     for wrong in (spec("room"), "sample:bricks,pose.txt"):
         error = refused(app_of("warp3d"), capsys, "render", spec("room"), "--view", wrong)
         assert "give sample:NAME,POSE" in error
