@@ -340,12 +340,28 @@ def test_packing_that_needs_more_says_what_to_install(values, tmp_path, monkeypa
     from pydicom.pixels.decoders import base
 
     series(tmp_path, values, packing="JPEG")
-    monkeypatch.setattr(base.Decoder, "is_available", False)
+    monkeypatch.setattr(base.Decoder, "available_plugins", ())
     with pytest.raises(
         ValueError, match=r"packed as JPEG Lossless.*hybrid-resample\[dicom\]"
     ) as caught:
         Dicom()(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_damaged_dicom_is_refused_in_a_line(values, tmp_path, rng):
+    series(tmp_path, values[:3])
+    whole = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for _ in range(60):
+        path = list(whole)[rng.integers(3)]
+        content = bytearray(whole[path])
+        for at in rng.integers(132, len(content), 3):
+            content[at] = rng.integers(256)
+        path.write_bytes(content)
+        try:
+            Dicom()(tmp_path)
+        except (ValueError, OSError) as error:
+            assert "\n" not in str(error)  # noqa: PT017 - or it is read
+        path.write_bytes(whole[path])
 
 
 def test_a_tilted_gantry_makes_a_sheared_volume(values, tmp_path):

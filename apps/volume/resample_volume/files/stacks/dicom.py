@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.limits import check_unpacked
 from resample.types import Doubles
-from resample_volume.files.headers import check_alone, check_shape, header, volume
+from resample_volume.files.headers import check_alone, header, volume
 from resample_volume.files.memory import require_memory
 from resample_volume.files.stacks.slices import natural
+from resample_volume.files.suppression import suppressed_output
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
@@ -61,10 +63,12 @@ def dicom_slices(folder: Path, series: str) -> list[Path]:
         if file.name == "DICOMDIR" or not (is_dicom(file) or file.suffix.lower() == ".dcm"):
             continue
         told = _told(file)
-        if "Rows" in told:
-            known.setdefault(str(told.get("SeriesInstanceUID", "")), []).append(file)
-        elif _is_picture(told):
-            raise ValueError(f"{file.name} is a damaged DICOM file; get it again")
+        with _quiet(file):
+            uid, has_picture = str(told.get("SeriesInstanceUID", "")), "Rows" in told
+            if not has_picture and _is_picture(told):
+                raise ValueError("its picture is missing")
+        if has_picture:
+            known.setdefault(uid, []).append(file)
     if len(known) == 1 and not series:
         return next(iter(known.values()))
     if series not in known:
@@ -91,21 +95,21 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         A file is damaged or packed in a way that is not known, slices differ, are at one place, or
         not behind each other.
     """
-    slices = _sorted([each for path in files for each in _slices(path)])
-    first = slices[0].told
-    sizes = (int(first.Columns), int(first.Rows), len(slices))
-    check_shape(sizes, name)
-    parts = _parts(first)
-    kind = _kind(slices)
-    known = header(sizes, kind, name)._replace(parts=parts, is_color=parts > 1, units=_units(first))
-    check_alone(known)
-    require_memory(known.size, name)
-    values = _values(slices, (*sizes[::-1], parts), kind)
-    places = np.array([each.place for each in slices])
-    spacing, direction = _lattice(slices, places)
+    slices = [each for path in files for each in _slices(path)]
+    with _quiet(files[0]):
+        slices = _sorted(slices)
+        first = slices[0].told
+        parts, kind, units = _parts(first), _kind(slices), _units(first)
+        sizes = (int(first.Columns), int(first.Rows), len(slices))
+        places = np.array([each.place for each in slices])
+        spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    known = known._replace(parts=parts, is_color=parts > 1, units=_units(first))
+    known = known._replace(parts=parts, is_color=parts > 1, units=units)
+    check_alone(known)
+    require_memory(known.size, name)
+    check_unpacked(name, sum(file.stat().st_size for file in files), known.size)
+    values = _values(slices, (*sizes[::-1], parts), kind)
     found = volume(values if parts > 1 else values[..., 0], known)
     if not np.isfinite(places).all():
         return found
@@ -165,6 +169,8 @@ def _slices(path: Path) -> list[_Slice]:
         raise ValueError(f"{path.name} is a damaged DICOM file, or holds no picture")
     with _quiet(path):
         count = int(told.get("NumberOfFrames", 1) or 1)
+        if not 1 <= count <= path.stat().st_size:
+            raise ValueError(f"{count} frames")
         return [_slice(path, told, frame) for frame in range(count)]
 
 
@@ -286,10 +292,11 @@ def _pixels(path: Path) -> NDArray[Any]:
     from pydicom.pixels.processing import apply_color_lut
 
     told = _told(path, is_whole=True)
-    syntax: Any = told.file_meta.get("TransferSyntaxUID") if hasattr(told, "file_meta") else None
-    if syntax and syntax.is_encapsulated:
-        _require_decoder(path, syntax)
     with _quiet(path):
+        syntax: Any = told.file_meta.get("TransferSyntaxUID") if "file_meta" in vars(told) else None
+    plugin = _decoder(path, syntax) if syntax and syntax.is_encapsulated else ""
+    with _quiet(path), suppressed_output():
+        told.pixel_array_options(decoding_plugin=plugin)
         pixels = np.asarray(told.pixel_array)
         if told.get("PhotometricInterpretation") == "PALETTE COLOR":
             return np.asarray(apply_color_lut(pixels, told))
@@ -299,17 +306,19 @@ def _pixels(path: Path) -> NDArray[Any]:
         return pixels
 
 
-def _require_decoder(path: Path, syntax: Any) -> None:
+def _decoder(path: Path, syntax: Any) -> str:
+    """Which of pydicom's plugins unpacks pixels; GDCM is the last, as damaged data may end it."""
     from pydicom.pixels.decoders.base import get_decoder
 
     try:
-        is_known = get_decoder(syntax).is_available
+        known = get_decoder(syntax).available_plugins
     except NotImplementedError:
-        is_known = False
-    if not is_known:
+        known = ()
+    if not known:
         raise ValueError(
             f"{path.name} is packed as {syntax.name}; pip install 'hybrid-resample[dicom]'"
         )
+    return min(known, key=lambda plugin: (plugin == "gdcm", plugin))
 
 
 def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
