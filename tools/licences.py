@@ -29,8 +29,11 @@ What `pip install hybrid-resample` brings along, without extras, and under which
 package's own metadata says; made by `python tools/licences.py --write`, checked by `make lint`. The
 project itself is under the MIT licence.
 
-Wheels hold compiled libraries as well. One of them binds whoever passes it on: wheels of `av` may
-come with FFmpeg built with x264, which is under the GPL. This project calls it, and ships none.
+Wheels hold compiled libraries as well. One of them binds whoever passes it on: wheels of `av`, the
+extra `film`, may come with FFmpeg built with x264, which is under the GPL. This project calls it
+where it is installed, and ships none. Lossless JPEG in DICOM, the extra `dicom`, is unpacked by
+python-gdcm (Apache-2.0), not by pylibjpeg-libjpeg, which is under the GPL. SimpleITK (Apache-2.0)
+is what tests compare readers of volumes with; no command needs it.
 
 | package | licence |
 |---|---|

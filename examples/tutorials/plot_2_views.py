@@ -93,7 +93,7 @@ for n, step in enumerate((-0.3, 0.0, 0.3)):
 # .. code-block:: console
 #
 #     $ resample-warp3d render photo.jpg depth.png --depth-scale 1000 --fov 60 --move 0.4,0,0 --fill -o moved.png
-#     $ resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 --path sway -o sway.mp4
+#     $ resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 --path sway -o sway.webp
 #     $ resample-warp3d view photo.jpg depth.png --depth-scale 1000 --fov 60
 #
 # Next: :doc:`depth of a network </howto/network_depth>`, or :doc:`point clouds </howto/clouds>`.

@@ -94,7 +94,7 @@ print(scene.pick(100, 130, "vessels", (0, 15), size=(200, 200)))
 #
 #     $ resample-volume render vessel-tree --camera 40/15/0.95 -o vessels.png
 #     $ resample-volume render vessel-tree --transfer vessels --light 1/-1/1 --shadows --ambient-occlusion -o lit.png
-#     $ resample-volume animate vessel-tree --transfer vessels -o turn.mp4
+#     $ resample-volume animate sample:vessel-tree --transfer vessels -o turn.webp
 #     $ resample-volume view vessel-tree
 #
 # Next: :doc:`choose a look </howto/looks>`, or :doc:`volumes larger than memory </scale>`.

@@ -4,13 +4,12 @@ Every frame becomes a PNG file of its own first: in the folder that was asked fo
 one beside the file that was. Frames appear whole or not at all, and a small file beside them says
 which animation they belong to.
 
-Films are H.264 in MP4, the one form that browsers, office programs and phones all play, and
-animated WebP; both by PyAV, which carries FFmpeg with x264 for every platform (103 MB installed;
-imageio-ffmpeg's program takes 165 MB). OpenCV's own writer would need no further package but has no
-H.264: what it writes into MP4 instead is MPEG-4 part 2, which browsers do not play, or VP9, which
-took 19 times as long and 7 times the room for 40 frames of 640 × 480 and has no setting of its
-quality. PyAV is under the BSD licence, the x264 in its wheels under the GPL. GIF and APNG are
-pillow's.
+GIF, animated WebP and APNG are pillow's. Films are H.264 in MP4, the one form that browsers, office
+programs and phones all play, by PyAV, an extra, which carries FFmpeg with x264 for every platform
+(103 MB installed; imageio-ffmpeg's program takes 165 MB). OpenCV's own writer would need no further
+package but has no H.264: what it writes into MP4 instead is MPEG-4 part 2, which browsers do not
+play, or VP9, which took 19 times as long and 7 times the room for 40 frames of 640 × 480 and has no
+setting of its quality. PyAV is under the BSD licence, the x264 in its wheels under the GPL.
 """
 
 import hashlib
@@ -19,6 +18,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.command.console import Progress, say
-from resample.files.films import film_picture, new_film, new_stream
+from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import check_targets, replacing, write_json
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
@@ -62,7 +62,8 @@ def check_film(path: Path, fps: float) -> None:
     Raises
     ------
     ValueError
-        The suffix is neither a film's nor missing, or the rate is not above 0.
+        The suffix is neither a film's nor missing, the rate is not above 0, or what writes films is
+        not installed.
     OSError
         A file stands where a folder should be made, or the target's own folder takes no file.
     """
@@ -73,6 +74,8 @@ def check_film(path: Path, fps: float) -> None:
         )
     if not path.suffix and path.exists() and not path.is_dir():
         raise OSError(f"{path} is not a folder")
+    if path.suffix.lower() == ".mp4" and not path.is_dir():
+        check_codecs(path)
     if not 0.0 < fps <= 1000.0:
         raise ValueError(f"{fps:g} frames per second; above 0 to 1000 are allowed")
     check_targets(path / FACTS if path.is_dir() else path)
@@ -261,6 +264,12 @@ def _write_apng(path: Path, frames: list[Path], fps: float) -> None:
     _write_animated(path, frames, {"format": "PNG", "duration": 1000.0 / fps})
 
 
+def _write_webp(path: Path, frames: list[Path], fps: float) -> None:
+    ends = [round(1000.0 * n / fps) for n in range(len(frames) + 1)]  # no sum of rounding errors
+    durations = [end - begin for begin, end in pairwise(ends)]
+    _write_animated(path, frames, {"format": "WEBP", "duration": durations, "quality": 90})
+
+
 def _write_animated(path: Path, frames: list[Path], choices: dict[str, Any]) -> None:
     first = next(iter(Stored(frames[:1], "RGB")))
     first.save(path, save_all=True, loop=0, append_images=Stored(frames[1:], "RGB"), **choices)
@@ -282,4 +291,4 @@ def _size(path: Path) -> tuple[int, int]:
         return image.height, image.width
 
 
-_WRITERS = {".mp4": _write_film, ".webp": _write_film, ".gif": _write_gif, ".apng": _write_apng}
+_WRITERS = {".mp4": _write_film, ".webp": _write_webp, ".gif": _write_gif, ".apng": _write_apng}

@@ -1,4 +1,4 @@
-"""Films frame by frame, by PyAV: H.264 that every player knows, and animated WebP."""
+"""Films frame by frame, by PyAV: H.264 that every player knows."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,25 +12,44 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from av.container import OutputContainer
 
-H264, WEBP = "libx264", "libwebp_anim"
-FORMS = {".mp4": ("mp4", {"movflags": "faststart"}), ".webp": ("webp", {"loop": "0"})}
-QUALITY = {H264: {"crf": "18", "preset": "medium"}, WEBP: {"quality": "90"}}
+H264 = "libx264"
+CHOICES = {"movflags": "faststart"}
+QUALITY = {"crf": "18", "preset": "medium"}
+
+
+def check_codecs(path: Path) -> None:
+    """Refuse a film where what reads and writes films is not installed.
+
+    Raises
+    ------
+    ValueError
+        It is not; the message says how to install it.
+    """
+    try:
+        import av  # noqa: F401
+    except ImportError:
+        raise ValueError(
+            f"{path.name}: films need PyAV, which is not installed: "
+            "pip install 'hybrid-resample[film]'; .webp, .gif and .apng need nothing more"
+        ) from None
 
 
 @contextmanager
 def new_film(path: Path) -> Iterator["OutputContainer"]:
-    """Film of the form of its suffix, to be written.
+    """MP4 film, to be written.
 
     Raises
     ------
     OSError
         It cannot be written.
+    ValueError
+        PyAV is not installed.
     """
+    check_codecs(path)
     import av
 
-    form, choices = FORMS[path.suffix.lower()]
     try:
-        with av.open(str(path), "w", format=form, options=choices) as film:
+        with av.open(str(path), "w", format="mp4", options=CHOICES) as film:
             yield film
     except av.FFmpegError as error:
         raise OSError(f"{path} cannot be written: {error.strerror}") from None
@@ -50,13 +69,8 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     """
     from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
-    codec = WEBP if film.format.name == "webp" else H264
     rate = Fraction(fps).limit_denominator(1001)
-    stream: Any = film.add_stream(codec, rate=rate, options=QUALITY[codec])
-    stream.height, stream.width = size
-    if codec == WEBP:
-        stream.pix_fmt = "bgra"
-        return stream
+    stream: Any = film.add_stream(H264, rate=rate, options=QUALITY)
     stream.height, stream.width = (side + side % 2 for side in size)
     stream.pix_fmt = "yuv420p"
     codec_context = stream.codec_context
@@ -67,16 +81,14 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
 
 
 def film_picture(levels: NDArray[np.uint8], stream: Any) -> Any:
-    """Levels (H, W, 3), or 4 for WebP, as a stream takes them."""
+    """Levels (H, W, 3) as a stream takes them."""
     import av
     from av.video.reformatter import ColorRange, Colorspace
 
-    height, width, count = levels.shape
+    height, width = levels.shape[:2]
     padding = ((0, stream.height - height), (0, stream.width - width), (0, 0))
     levels = np.ascontiguousarray(np.pad(levels, padding, mode="edge"))
-    picture = av.VideoFrame.from_ndarray(levels, format="rgb24" if count == 3 else "rgba")
-    if stream.pix_fmt == "bgra":
-        return picture.reformat(format="bgra")
+    picture = av.VideoFrame.from_ndarray(levels, format="rgb24")
     return picture.reformat(
         format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
     )

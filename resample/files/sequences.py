@@ -18,7 +18,7 @@ from resample.command.console import say
 from resample.files.animations import Stored
 from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
 from resample.files.facts.tags import Directory, Tag
-from resample.files.films import film_picture, new_film, new_stream
+from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.levels import levels
 from resample.files.pictures import (
     Kind,
@@ -90,7 +90,8 @@ def check_frames(path: Path, frames: Frames, look: Look) -> None:
     Raises
     ------
     ValueError
-        The suffix is none of several pictures, or has not so many bits.
+        The suffix is none of several pictures, has not so many bits, or needs what is not
+        installed.
     """
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
     if suffix in TIFF:
@@ -101,6 +102,8 @@ def check_frames(path: Path, frames: Frames, look: Look) -> None:
         raise ValueError(f"{path}: the {count} pictures of {frames.path} are written as {known}")
     elif look.bits not in (None, 8):
         raise ValueError(f"{path}: animations have 8 bits per channel, not {look.bits}")
+    elif suffix == ".mp4":
+        check_codecs(path)
 
 
 def write_frames(
@@ -190,6 +193,7 @@ def _shades(levels: NDArray[np.uint8]) -> Picture:
 
 def _film_times(path: Path) -> tuple[float, ...]:
     """Seconds that the frames of a film are shown, as far as its packets tell."""
+    check_codecs(path)
     import av
 
     try:

@@ -17,6 +17,7 @@ from resample import registry
 from resample.samples.writing import Said, store
 
 PREFIX = "sample:"
+VIEW = "--view"  # option of pictures, their depth and where they were seen from
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # as of fetched volumes
 CONTENTS = "contents.json"  # what the folder of a sample holds
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
@@ -114,7 +115,8 @@ def expanded(words: Sequence[str]) -> list[str]:
     Parameters
     ----------
     words
-        Those that begin with `sample:` name samples, and so do values of options for pictures.
+        Those that begin with `sample:` name samples, and so do values of options for pictures; a
+        view is `sample:NAME,POSE`.
 
     Raises
     ------
@@ -126,7 +128,11 @@ def expanded(words: Sequence[str]) -> list[str]:
     before = ""
     for word in words:
         option, equals, value = word.partition("=")
-        if word.startswith(PREFIX):
+        if before == VIEW and word.startswith(PREFIX):
+            made.append(_view(word))
+        elif option == VIEW and value.startswith(PREFIX):
+            made.append(f"{option}={_view(value)}")
+        elif word.startswith(PREFIX):
             found = kept(word)
             alone = before in PICTURES
             made += [str(file) for file in (found.files[:1] if alone else found.files)]
@@ -141,6 +147,17 @@ def expanded(words: Sequence[str]) -> list[str]:
         if not given and set(words) & set(each.commands):
             made += expanded(each.words)
     return made
+
+
+def _view(text: str) -> str:
+    """COLOR,DEPTH,POSE of a text sample:NAME,POSE, whose sample is a picture with its depth."""
+    spec, _, pose = text.rpartition(",")
+    files = kept(spec).files if spec and "=" not in pose else []
+    if len(files) < 2:
+        raise ValueError(
+            f"view {text!r}; give sample:NAME,POSE, a depth image (sample:room) and a file"
+        )
+    return ",".join(map(str, [*files[:2], pose]))
 
 
 def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from resample.files.animations import Shots, check_count, check_film, fingerprint, write_film
+from resample.files.sequences import frames_of
 from tests.processes import PATIENCE
 
 COLORS = np.array([(200, 30, 60), (30, 220, 40), (20, 30, 230), (128, 128, 128)], np.uint8)
@@ -250,10 +251,34 @@ def test_frames_of_unknown_origin_are_not_taken_for_ones_own(tmp_path):
 
 
 def test_a_film_that_cannot_be_written_in_the_end_keeps_its_frames(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample.files.films.QUALITY", {"libx264": {"preset": "magic"}})
+    monkeypatch.setattr("resample.files.films.QUALITY", {"preset": "magic"})
     with pytest.raises(OSError, match="cannot be written"):
         write_film(tmp_path / "a.mp4", shots(), 24)
     assert files(tmp_path) == [".a.mp4.frames"]
+
+
+def test_a_missing_codec_is_named_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[film\]'") as caught:
+        write_film(tmp_path / "a.mp4", shots(), 24)
+    assert "\n" not in str(caught.value)
+    assert files(tmp_path) == []
+    (tmp_path / "b.mkv").write_bytes(b"film")
+    with pytest.raises(ValueError, match=r"b\.mkv: films need PyAV"):
+        frames_of(tmp_path / "b.mkv")
+    write_film(tmp_path / "a.webp", shots(), 24)
+    assert files(tmp_path) == ["a.webp", "b.mkv"]
+
+
+def test_a_webp_keeps_time_at_rates_that_are_no_whole_milliseconds(tmp_path):
+    write_film(tmp_path / "a.webp", shots(), 24)
+    with Image.open(tmp_path / "a.webp") as animation:
+        shown = 0
+        for n in range(4):
+            animation.seek(n)
+            animation.load()
+            shown += animation.info["duration"]
+    assert shown == 167  # ms; four times 1000 / 24, rounded once
 
 
 @pytest.mark.parametrize("fps", [0, -1, float("nan"), 1e9])

@@ -189,6 +189,20 @@ def test_options_for_pictures_take_samples():
     assert len(words) == 5
 
 
+def test_views_take_samples(capsys):
+    np.savetxt("pose.txt", np.eye(4))
+    view = f"{spec('room')},x=0.4,pose.txt"
+    color, depth, pose = expanded(["render", "--view", view])[2].split(",")
+    assert [Path(color).name, Path(depth).suffix, pose] == ["room.png", ".npy", "pose.txt"]
+    assert expanded(["render", f"--view={view}"])[1].startswith("--view=")
+    words = ["render", spec("room"), "--view", view, "-o", "out.png"]
+    assert ended(app_of("warp3d"), *words, "--move", "0.4,0,0", "--fov", "60") == 0
+    capsys.readouterr()
+    for wrong in (spec("room"), "sample:bricks,pose.txt"):
+        error = refused(app_of("warp3d"), capsys, "render", spec("room"), "--view", wrong)
+        assert "give sample:NAME,POSE" in error
+
+
 def test_an_unknown_sample_names_those_that_there_are(capsys):
     error = refused(app_of("texture"), capsys, "warp", "sample:brick", "-o", "out.png")
     assert "unknown sample 'brick', did you mean 'bricks'?" in error

@@ -134,3 +134,12 @@ def test_pictures_of_different_sizes_are_refused(name):
         ValueError, match=r"a picture of \(4, 4, 3\) cannot be compared with one of"
     ):
         getattr(quality, name)(np.zeros((4, 4, 3)), np.zeros((4, 5, 3)))
+
+
+def test_ssim_is_that_of_opencvs_own_module(pair):
+    cv2 = pytest.importorskip("cv2")
+    if not hasattr(cv2, "quality"):
+        pytest.skip("this build of OpenCV has no module quality")
+    one, two = (np.float32(picture) * np.float32(255) for picture in pair)
+    wanted = np.mean(cv2.quality.QualitySSIM_compute(one, two)[0][:3])
+    assert quality.ssim(*pair) == pytest.approx(wanted, abs=1e-6)

@@ -141,7 +141,7 @@ def test_a_bomb_of_raw_data_is_refused(kind, tmp_path):
 
 
 def test_raw_data_that_never_end_are_not_unpacked_to_their_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample_volume.files.integrity.SLACK", 1 << 16)
+    monkeypatch.setattr("resample_volume.files.formats.voxels.SLACK", 1 << 16)
     put(tmp_path / "a.raw.gz", gzip.compress(bytes(1 << 22), 1))
     text = (
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: gzip\ndata file: a.raw.gz\n"
@@ -150,7 +150,7 @@ def test_raw_data_that_never_end_are_not_unpacked_to_their_end(tmp_path, monkeyp
 
 
 def test_a_nifti_that_goes_on_behind_its_values_is_not_unpacked_to_its_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample_volume.files.integrity.SLACK", 1 << 16)
+    monkeypatch.setattr("resample_volume.files.formats.voxels.SLACK", 1 << 16)
     start = bytearray(352)
     struct.pack_into("<i", start, 0, 348)
     struct.pack_into("<8h", start, 40, 3, 4, 4, 4, 1, 1, 1, 1)

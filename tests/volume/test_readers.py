@@ -15,6 +15,7 @@ from resample.memory import physical_memory
 from resample_volume.files import memory
 from resample_volume.files.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
 from resample_volume.files.source import describe
+from resample_volume.media.recordings import volume_at
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
@@ -185,12 +186,7 @@ def test_nifti_comes_in_two_byte_orders(order, values, tmp_path):
     assert np.array_equal(volume.values, values)
     assert volume.spacing.tolist() == list(SPACING)
     cut = put(tmp_path / "a.nii", bytes(content) + data[:-10])
-    refused(Nifti(), cut, "holds 2982 bytes, 2992 are wanted")
-
-
-def test_nifti_2_is_refused_by_name(tmp_path):
-    path = put(tmp_path / "a.nii", struct.pack("<i", 540) + b"n+2\0" + bytes(600))
-    refused(Nifti(), path, "is NIfTI-2, which ITK does not read")
+    refused(Nifti(), cut, "holds 2630 bytes, 2640 are wanted")
 
 
 def test_vti_keeps_values_and_space(values, tmp_path):
@@ -228,6 +224,30 @@ def test_an_array_of_many_is_chosen_by_name(values, tmp_path):
     assert np.array_equal(Vti(array="wind")(path).values, values + 1)
     refused(Vti(), path, "heat, wind")
     refused(Vti(array="rain"), path, "rain given.*heat, wind")
+
+
+def test_vectors_of_vti_are_channels_or_colors(values, tmp_path):
+    io = pytest.importorskip("vtkmodules.vtkIOXML")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+
+    data = vtkImageData()
+    data.SetDimensions(12, 11, 10)
+    wind = np.stack([values.ravel() + n for n in range(2)], 1).astype(np.float32)
+    color = np.stack([values.ravel() % (99 + n) for n in range(3)], 1).astype(np.uint8)
+    for name, array in (("wind", wind), ("color", color)):
+        made = numpy_to_vtk(array, deep=1)
+        made.SetName(name)
+        data.GetPointData().AddArray(made)
+    writer = io.vtkXMLImageDataWriter()
+    writer.SetInputData(data)
+    writer.SetFileName(str(tmp_path / "a.vti"))
+    writer.Write()
+    refused(Vti(), tmp_path / "a.vti", "wind, color")
+    refused(Vti(array="wind"), tmp_path / "a.vti", "wind: 2, color: 3.*by channel, 0 to 1")
+    held = Vti(array="wind").recorded(tmp_path / "a.vti")
+    assert np.array_equal(volume_at(held, None, 1).values.ravel(), wind[:, 1])
+    assert np.array_equal(Vti(array="color")(tmp_path / "a.vti").colors.reshape(-1, 3), color)
 
 
 def test_a_missing_vtk_says_what_to_install(monkeypatch, tmp_path):
@@ -310,6 +330,16 @@ def test_raw_takes_options(shape, values, tmp_path):
     assert np.array_equal(volume.values, values)
     assert volume.values.dtype.isnative
     assert volume.spacing.tolist() == list(SPACING)
+
+
+@pytest.mark.parametrize("name", ["a.raw", "b_12x11x5x2_uint16.raw", "a.raw.gz"])
+def test_raw_has_times(name, values, tmp_path):
+    content = values.tobytes()
+    path = put(tmp_path / name, gzip.compress(content) if name.endswith("gz") else content)
+    reader = Raw() if "_" in name else Raw("12x11x5x2", "uint16")
+    held = reader.recorded(path)
+    assert np.array_equal(volume_at(held, 1, None).values, values[5:])
+    refused(reader, path, r"4 dimensions, 12 x 11 x 5 x 2; .* by time, 0 to 1")
 
 
 def test_compressed_raw_is_unpacked(values, tmp_path):
@@ -537,7 +567,7 @@ def test_four_dimensions_are_no_volume(values, tmp_path):
 def test_vectors_that_are_no_colors_are_no_scalars(name, values, tmp_path):
     vectors = np.stack([values] * 2, -1).astype(np.uint8)
     path = write(tmp_path / name, vectors, isVector=True)
-    refused(ITK[name](), path, "'vector of 8-bit unsigned integer', 2 numbers each")
+    refused(ITK[name](), path, "'vector of uint8', 2 numbers each")
     shifts = np.stack([values] * 3, -1).astype(np.float32) - 9e4
     refused(ITK[name](), write(path, shifts, isVector=True), "below 0, which are no colors")
 
@@ -554,7 +584,7 @@ def test_slices_of_gray_and_opacity_are_no_scalars(values, tmp_path):
 @pytest.mark.parametrize("name", ["a.nrrd", "a.nii"])
 def test_complex_numbers_are_refused(name, values, tmp_path):
     path = write(tmp_path / name, values.astype(np.complex64))
-    refused(ITK[name](), path, "complex of 32-bit float")
+    refused(ITK[name](), path, "complex numbers")
 
 
 @pytest.mark.parametrize("kind", ["int64", "uint32", "uint64", "complex64", "U3"])
@@ -570,7 +600,7 @@ def test_int64_nrrd_is_refused(values, tmp_path):
 def test_empty_volumes_are_refused(values, tmp_path):
     put(tmp_path / "a.raw", b"")
     np.save(tmp_path / "a.npy", values[:0])
-    refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", sizes="0 11 10"), "size is zero")
+    refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", sizes="0 11 10"), "empty: 0 x 11 x 10")
     refused(MetaImage(), meta(tmp_path / "a.mhd", sizes="0 11 10"), "empty: 0 x 11 x 10")
     refused(Npy(), tmp_path / "a.npy", "empty: 12 x 11 x 0")
     refused(Raw(), put(tmp_path / "a_0x11x10_uint8.raw", b""), "positive numbers")
@@ -622,7 +652,7 @@ def test_vti_spacing_is_checked(spacing, values, tmp_path):
 )
 def test_metaimage_direction_is_checked(matrix, values, tmp_path):
     put(tmp_path / "a.raw", values.tobytes())
-    refused(MetaImage(), meta(tmp_path / "a.mhd", matrix=matrix), "singular")
+    refused(MetaImage(), meta(tmp_path / "a.mhd", matrix=matrix), "singular|is not finite")
 
 
 @pytest.mark.parametrize("first", ["(0,0,0)", "(0,1,0)", "(nan,0,0)"])
@@ -674,7 +704,7 @@ def test_what_cannot_fit_is_refused_before_it_is_read(form, values, tmp_path, mo
 
 def test_a_huge_header_does_not_allocate(tmp_path):
     path = nrrd(tmp_path / "a.nrrd", sizes="12000 11000 10000")
-    refused(Nrrd(), put(path, path.read_bytes() + b"\n123"), "needs 4917.4 GiB, this machine has")
+    refused(Nrrd(), put(path, path.read_bytes() + b"\n123"), "needs 2458.7 GiB, this machine has")
 
 
 def test_a_platform_that_does_not_tell_its_memory_refuses_nothing(monkeypatch):

@@ -9,7 +9,13 @@ import SimpleITK
 from resample import registry
 from resample_volume.files import source
 from resample_volume.files.readers import Dicom, Nifti, Npy, Raw, TiffStack
-from resample_volume.files.source import describe, find_reader, generate, open_volume
+from resample_volume.files.source import (
+    describe,
+    find_reader,
+    generate,
+    open_recording,
+    open_volume,
+)
 from resample_volume.types import Volume
 
 SUFFIXES = [
@@ -188,3 +194,12 @@ def test_compressed_raw_and_its_header_agree(volumes):
     raw = open_volume(volumes / "engine_256x256x128_uint8.raw.gz")
     assert np.array_equal(raw.values, open_volume(volumes / "engine.nhdr").values)
     assert raw.name == "engine"
+
+
+def test_built_in_data_are_opened_by_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("HYBRID_RESAMPLE_DATA", str(tmp_path))
+    given = open_volume("sample:vessel-tree:size=8")
+    assert np.array_equal(given.values, open_volume("vessel-tree:size=8").values)
+    assert open_recording("sample:vessel-tree:size=8").values.shape == (1, 1, 8, 8, 8)
+    with pytest.raises(LookupError, match="vessel-trees"):
+        open_volume("sample:vessel-trees")

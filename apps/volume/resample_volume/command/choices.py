@@ -34,7 +34,7 @@ class Source(Choices):
         str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
     ] = None
     shape: Annotated[
-        str | None, Field(description="Voxels of a raw file along x, y, z: 256x256x128.")
+        str | None, Field(description="Voxels of a raw file along x, y, z, and times: 256x256x128.")
     ] = None
     dtype: Annotated[
         str | None, Field(description="Type of a raw file: uint8, int16, or >i2 for big-endian...")

@@ -1,6 +1,7 @@
 """What a volume file must say about itself, checked before its voxels are read."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -108,6 +109,9 @@ def check_alone(known: Header) -> None:
             "numbers each; a volume has one real number per voxel: extract a component, or choose "
             f"one by channel, 0 to {known.parts - 1}"
         )
+
+
+Check = Callable[[Header], None]  # of what a file says, before its values are read
 
 
 def check_nothing(known: Header) -> None:

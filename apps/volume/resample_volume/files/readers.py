@@ -5,24 +5,22 @@ matrix of the axes is kept as it is, rotated or mirrored; what a format cannot s
 0 (origin). Heavy libraries are imported by the reader that needs them, when it reads.
 """
 
-import gzip
 import math
 import re
 import sys
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.reading.arrays import DamageError, read_npy
-from resample.reading.limits import check_unpacked
-from resample_volume.files import integrity
+from resample_volume.files.formats.metaimage import read_metaimage
+from resample_volume.files.formats.nifti import read_nifti
+from resample_volume.files.formats.nrrd import read_nrrd
+from resample_volume.files.formats.voxels import VoxelData, voxels, wrong_size
 from resample_volume.files.headers import (
+    Check,
     Header,
     check_alone,
     check_nothing,
@@ -32,18 +30,14 @@ from resample_volume.files.headers import (
     header,
     recording,
     stem,
-    volume,
 )
-from resample_volume.files.itk import is_hounsfield, read_header, read_values
-from resample_volume.files.memory import require_memory
-from resample_volume.files.stacks import slices
+from resample_volume.files.stacks import dicom, slices
 from resample_volume.files.stacks.pages import page_order
 from resample_volume.files.vti import read_vti
 from resample_volume.media.recordings import alone, is_color
 from resample_volume.types import Recording, Volume
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
-Check = Callable[[Header], None]  # of what a file says, before its values are read
 Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
@@ -81,7 +75,7 @@ class Streamer(Protocol):
 
 @dataclass(frozen=True)
 class Nrrd:
-    """NRRD, with the data in the same file or beside it."""
+    """NRRD, with the data in the same file or beside it; bare voxels are mapped, not read."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
 
@@ -89,22 +83,12 @@ class Nrrd:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        detached = integrity.check_nrrd(existing_file(path))
-        reader, known = read_header(path, "NrrdImageIO", stem(path, self.suffixes))
-        if detached:
-            integrity.check_nrrd_size(detached, known)
-        # ITK passes on keys of the user's own, but no field of the format.
-        told = integrity.text_fields(path, ":").value
-        if is_hounsfield(told.get("sample units", "")):
-            known = known._replace(units="hu")
-        known = known._replace(is_color=known.is_color and not _is_list(told.get("kinds", "")))
-        check(known)
-        return read_values(reader, known)
+        return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)
 class MetaImage:
-    """MetaImage, with the data in the same file or beside it."""
+    """MetaImage, with the data in the same file or beside it; bare voxels are mapped, not read."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
 
@@ -112,16 +96,12 @@ class MetaImage:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        integrity.check_metaimage(existing_file(path))
-        reader, known = read_header(path, "MetaImageIO", stem(path, self.suffixes))
-        check(known)
-        integrity.check_metaimage(path, known)
-        return read_values(reader, known)
+        return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)
 class Nifti:
-    """NIfTI-1 in a single file; slope and intercept are applied, which gives floats.
+    """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
 
     Its coordinates are RAS; they come out as LPS, like those of the other formats.
     """
@@ -133,23 +113,22 @@ class Nifti:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        existing_file(path)
-        with _unpacked(path) as file:
-            reader, known = read_header(file, "NiftiImageIO", stem(path, self.suffixes))
-            check(known)
-            return read_values(reader, known)
+        return read_nifti(existing_file(path), stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)
 class Vti:
-    """VTK image data; values at points."""
+    """VTK image data; values at points. Several numbers at each are channels, or a color."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one
 
     suffixes: ClassVar[tuple[str, ...]] = (".vti",)
 
     def __call__(self, path: Path) -> Volume:
-        return read_vti(existing_file(path), self.array, stem(path, self.suffixes))
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        return read_vti(existing_file(path), self.array, stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)
@@ -205,12 +184,10 @@ class Dicom:
 
     def __call__(self, path: Path) -> Volume:
         if path.is_dir():
-            files = slices.dicom_files(path, self.series)
-            return slices.dicom_volume(files, path.resolve().name)
+            files = dicom.dicom_slices(path, self.series)
+            return dicom.dicom_volume(files, path.resolve().name)
         name = stem(existing_file(path), self.suffixes)
-        reader, known = read_header(path, "GDCMImageIO", name)
-        check_alone(known)
-        return alone(read_values(reader, known))
+        return dicom.dicom_file(path, name)
 
 
 @dataclass(frozen=True)
@@ -220,7 +197,7 @@ class Raw:
     Without `shape` and `dtype` they are taken from a name like `engine_256x256x128_uint8.raw`.
     """
 
-    shape: Numbers = ""  # voxels along x, y, z: (256, 256, 128) or "256x256x128"
+    shape: Numbers = ""  # voxels along x, y, z, and times: (256, 256, 128) or "256x256x128x10"
     dtype: str = ""  # NumPy's name; > or < before it, as in >i2, is the order of its bytes
     spacing: Numbers = "1x1x1"
     endian: str = ""  # little or big; empty: as dtype says, else little
@@ -240,18 +217,22 @@ class Raw:
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
     def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         known = self._header(existing_file(path))
+        check(known)
         if path.suffix.lower() == ".gz":
-            return volume(_gunzipped(path, known, self.offset), known)
+            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
         given = path.stat().st_size - self.offset
         if given != known.size:
-            raise integrity.wrong_size(path.name, max(0, given), known.size)
-        values = np.memmap(path, known.dtype, "r", self.offset, known.shape[::-1])
-        return volume(values, known)
+            raise wrong_size(path.name, max(0, given), known.size)
+        shape = (known.times, *known.shape[::-1])
+        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
     def _header(self, path: Path) -> Header:
         name = stem(path, self.suffixes)
-        found = re.fullmatch(r"(.+)_(\d+x\d+x\d+)_(\w+)", name)
+        found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):
             raise ValueError(
                 f"{path.name} does not tell its shape and type as engine_256x256x128_uint8.raw "
@@ -259,12 +240,14 @@ class Raw:
             )
         sizes = self.shape or (found[2] if found else "")
         kind = self.dtype or (found[3] if found else "")
-        return header(
-            _sizes(sizes),
+        every = _sizes(sizes)
+        known = header(
+            every[:3],
             _type(kind, self.endian),
             found[1] if found else name,
             spacing=three_numbers("spacing", self.spacing),
         )
+        return known._replace(times=math.prod(every[3:]))
 
 
 @dataclass(frozen=True)
@@ -305,58 +288,6 @@ class Npy:
         return recording(values, known, channels_first=not colored)
 
 
-def _is_list(kinds: str) -> bool:
-    """Whether the axis of a NRRD file that is not of space lists what is no color."""
-    return bool({"list", "time", "none", "???"} & set(kinds.lower().split()))
-
-
-@contextmanager
-def _unpacked(path: Path) -> Iterator[Path]:
-    """Make sure of a NIfTI file that is whole, and unpack it.
-
-    Not left to ITK: it reads damaged files without a word, and given `a.nii.gz` it takes the values
-    of an `a.nii` that happens to lie beside it.
-    """
-    if not path.name.lower().endswith(".gz"):
-        with path.open("rb") as file:
-            size = integrity.nifti_size(file.read(348), path.name)
-        if path.stat().st_size < size:
-            raise integrity.wrong_size(path.name, path.stat().st_size, size)
-        yield path
-        return
-    with tempfile.TemporaryDirectory() as folder, integrity.unpacking(path.name):
-        whole = Path(folder, "whole.nii")
-        with gzip.open(path) as packed, whole.open("wb") as file:
-            size = integrity.nifti_size(packed.read(348), path.name)
-            require_memory(size, path.name)
-            check_unpacked(path.name, path.stat().st_size, size)
-            packed.seek(0)
-            copied = integrity.copied(packed, file, size)
-            if len(packed.read(integrity.SLACK)) == integrity.SLACK:  # some have padding
-                given = copied + integrity.SLACK
-                raise integrity.wrong_size(path.name, given, size, more=" or more")
-        if whole.stat().st_size < size:
-            raise integrity.wrong_size(path.name, whole.stat().st_size, size)
-        yield whole
-
-
-def _gunzipped(path: Path, known: Header, offset: int) -> NDArray[Any]:
-    """Values (Z, Y, X) of a compressed raw file."""
-    require_memory(known.size, known.name)
-    check_unpacked(known.name, path.stat().st_size, known.size + offset)
-    values = np.empty(known.shape[::-1], known.dtype)
-    target, count = values.reshape(-1).view(np.uint8).data, 0
-    with integrity.unpacking(path.name), gzip.open(path) as packed:
-        packed.seek(offset)
-        while piece := packed.readinto(target[count : count + integrity.BLOCK]):
-            count += piece
-        rest = packed.read(1)  # reads the checksum, too
-    if count != known.size or rest:
-        more = " or more" if rest else ""
-        raise integrity.wrong_size(path.name, count + len(rest), known.size, more=more)
-    return values
-
-
 def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
     """Three positive numbers, given as such or as text like 1x1x1.4.
 
@@ -365,21 +296,32 @@ def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
     ValueError
         They are not.
     """
-    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
-    try:
-        found = tuple(float(piece) for piece in pieces)
-    except (TypeError, ValueError):
-        found = ()
+    found = _numbers(numbers)
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
         raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")
     return found
 
 
+def _numbers(numbers: Numbers) -> tuple[float, ...]:
+    """Numbers, or none where some are not."""
+    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
+    try:
+        return tuple(float(piece) for piece in pieces)
+    except (TypeError, ValueError):
+        return ()
+
+
 def _sizes(shape: Numbers) -> tuple[int, ...]:
-    sizes = tuple(int(size) for size in three_numbers("shape", shape))
-    if sizes != three_numbers("shape", shape):
+    """Voxels along x, y, z, and times, where there are several."""
+    found = _numbers(shape)
+    if len(found) not in (3, 4) or not all(0 < number < float("inf") for number in found):
+        raise ValueError(
+            "shape is three positive numbers like 256x256x128 (x, y, z), or four, with times, not "
+            f"{shape}"
+        )
+    if not all(number.is_integer() for number in found):
         raise ValueError(f"shape is three whole numbers like 256x256x128 (x, y, z), not {shape}")
-    return sizes
+    return tuple(map(int, found))
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from resample import registry
+from resample.samples.finding import PREFIX, sample_path
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
-from resample_volume.files.stacks.slices import is_dicom
+from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.files.stores.opening import is_store
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
@@ -24,7 +25,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     ----------
     name
         A file, a folder of slices, or a generated volume with its parameters: `vessel-tree`,
-        `checker-box:size=64,block=8`.
+        `checker-box:size=64,block=8`, `sample:vessel-tree`.
     reader
         Reads the file or folder; None finds one among all that are installed.
 
@@ -45,6 +46,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     >>> open_volume("checker-box:size=16,block=4").values.shape
     (16, 16, 16)
     """
+    name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
         found = reader or find_reader(path)
@@ -67,6 +69,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     name, reader
         As in `open_volume`, whose errors are those of this, too.
     """
+    name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
         found = reader or find_reader(path)
@@ -89,7 +92,7 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
     name, reader
         As in `open_volume`, whose errors are those of this, too.
     """
-    path = Path(name)
+    path = Path(_unprefixed(name))
     if not path.exists():
         return None
     found = reader or find_reader(path)
@@ -191,6 +194,15 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "findings": [volume.note] * bool(volume.note) + findings(known),
         "histogram": counts,
     }
+
+
+def _unprefixed(name: str | Path) -> str | Path:
+    """Name of a generated volume, or file, in place of built-in data's; any other as it is."""
+    text = str(name)
+    if not text.startswith(PREFIX):
+        return name
+    spec = text.removeprefix(PREFIX)
+    return spec if spec.partition(":")[0] in GENERATED else sample_path(text)
 
 
 def _histogram(values: Values, bins: int, limits: tuple[float, float]) -> list[int]:

@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 
 from resample.reading.limits import check_unpacked
-from resample_volume.files.headers import Header, header, volume
+from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
 from resample_volume.files.vtk_blocks import check_blocks
+from resample_volume.media.recordings import is_color
 from resample_volume.media.rectilinear import rectilinear
-from resample_volume.types import Volume
+from resample_volume.types import Recording, Volume
 
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, array: str, name: str) -> Volume:
-    """One array of values at points.
+def read_vti(path: Path, array: str, name: str, check: Check = check_nothing) -> Recording:
+    """One array at points, whose numbers at each are its channels, or a color.
 
     Parameters
     ----------
@@ -30,11 +31,18 @@ def read_vti(path: Path, array: str, name: str) -> Volume:
         Name of the array; empty: the active one, or the only one.
     name
         Of the volume.
+    check
+        Of what the file says.
     """
     image = _grid(path, "vtkXMLImageDataReader")
-    values = _values(image, array, path.name)
+    chosen, values = _values(image, array, path.name)
     known = _header(image, values.dtype, _spacing(path), name)
-    return volume(values.reshape(known.shape[::-1]), known)
+    parts = math.prod(values.shape[1:])
+    colored = is_color((parts,), known.dtype)
+    kind = f"vector of {known.dtype.name} ({chosen}; {_listed(image.GetPointData())})"
+    known = known._replace(parts=parts, is_color=colored, pixel=kind)
+    check(known)
+    return recording(values, known)
 
 
 def read_vtr(path: Path, array: str, name: str) -> Volume:
@@ -42,7 +50,12 @@ def read_vtr(path: Path, array: str, name: str) -> Volume:
     grid = _grid(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    values = _values(grid, array, path.name)
+    chosen, values = _values(grid, array, path.name)
+    if values.ndim != 1:
+        raise ValueError(
+            f"{path.name}: {chosen} has {values.shape[1]} numbers per voxel, a volume on an uneven "
+            f"grid has one; choose another array ({_listed(grid.GetPointData())})"
+        )
     known = header(grid.GetDimensions(), values.dtype, name)
     axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
     x, y, z = (vtk_to_numpy(axis) for axis in axes)
@@ -72,18 +85,19 @@ def _grid(path: Path, reader_name: str) -> Any:
     return reader.GetOutput()
 
 
-def _values(grid: Any, array: str, name: str) -> Any:
-    """Values of one array, one at each point."""
+def _values(grid: Any, array: str, name: str) -> tuple[str, Any]:
+    """Name and values of one array: (N,), or (N, C) of several numbers at each point."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     chosen = _chosen(grid.GetPointData(), array, name)
-    values = vtk_to_numpy(chosen)  # shares VTK's memory and keeps it alive
-    if values.ndim != 1:
-        raise ValueError(
-            f"{name}: {chosen.GetName()} has {values.shape[1]} numbers per voxel, a volume "
-            "has one; extract a component"
-        )
-    return values
+    return str(chosen.GetName()), vtk_to_numpy(chosen)  # shares VTK's memory and keeps it alive
+
+
+def _listed(points: Any) -> str:
+    """Names of all arrays, with how many numbers each has at a point."""
+    arrays = [points.GetArray(n) for n in range(points.GetNumberOfArrays())]
+    told = [f"{each.GetName()}: {each.GetNumberOfComponents()}" for each in arrays if each]
+    return f"arrays are {', '.join(told)}"
 
 
 def _header(image: Any, dtype: Any, spacing: Any, name: str) -> Header:

@@ -9,6 +9,10 @@ from resample.command.settings import Color
 from resample.files.writing import replacing
 from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import Frame
+from resample_volume.files.formats.metaimage import write_metaimage
+from resample_volume.files.formats.nifti import write_nifti
+from resample_volume.files.formats.nrrd import write_nrrd
+from resample_volume.files.headers import KEPT
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
 from resample_volume.rendering import Appearance, transfer_of
 from resample_volume.types import Volume
@@ -32,13 +36,14 @@ def write_volume(path: Path, volume: Volume) -> None:
             with temporary.open("wb") as file:  # given a name, NumPy may append to it
                 np.save(file, volume.values)
             return
-        # ITK goes by the suffix: the whole of it, in lower case, and no other before it.
-        inner = temporary.with_name(f"{temporary.stem}-itk{suffix}")
-        try:
-            _write_image(inner, volume)
-            inner.replace(temporary)
-        finally:
-            inner.unlink(missing_ok=True)
+        if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
+            raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")
+        if suffix == ".nrrd":
+            write_nrrd(temporary, volume)
+        elif suffix == ".mha":
+            write_metaimage(temporary, volume)
+        else:
+            write_nifti(temporary, volume, is_packed=suffix == ".nii.gz")
 
 
 def check_suffix(path: Path) -> str:
@@ -81,17 +86,3 @@ def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
     known = value[np.isfinite(value)]
     levels = TransferFunction(share, gray, np.ones(share.size), normalized=True)
     return levels, (0.0, float(known.max(initial=0.0)))
-
-
-def _write_image(path: Path, volume: Volume) -> None:
-    import SimpleITK as sitk  # noqa: N813 - the library's own habit
-
-    image = sitk.GetImageFromArray(volume.values)
-    image.SetSpacing(tuple(map(float, volume.spacing)))
-    image.SetOrigin(tuple(map(float, volume.origin)))
-    image.SetDirection(tuple(map(float, volume.direction.ravel())))
-    try:
-        sitk.WriteImage(image, str(path), useCompression=True)
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise OSError(f"{path}: could not be written ({reason})") from None

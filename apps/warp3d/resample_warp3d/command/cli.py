@@ -80,7 +80,8 @@ def render(
         Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; of a film
         .mp4, .gif, .webp or .apng.
     view
-        A further view of the same scene, COLOR,DEPTH,POSE; may be given several times.
+        A further view of the same scene, COLOR,DEPTH,POSE or sample:room,POSE; may be given
+        several times.
     """
     from resample.command.session import Session
     from resample.files.pictures import Look, check_output, look_of, write_picture

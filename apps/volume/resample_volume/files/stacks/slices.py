@@ -1,6 +1,5 @@
-"""Volumes that come as pictures: TIFF and PNG stacks, DICOM series."""
+"""Volumes that come as pictures: TIFF and PNG stacks."""
 
-import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,19 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.pictures import check_picture
-from resample.types import Doubles
-from resample_volume.files.headers import Header, volume
-from resample_volume.files.itk import attempt, described, units_told
+from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
-from resample_volume.media.rectilinear import rectilinear
-from resample_volume.types import Volume
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
-
-EVEN_GAPS = 0.01  # of their mean, by which distances of slices may differ
-
-POSITION = "0020|0032"  # DICOM's Image Position (Patient)
 
 
 class Page(NamedTuple):
@@ -87,97 +78,6 @@ def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
             values[n] = _straight(pixels, image.spec())
     return values if known.parts > 1 else values[..., 0]
-
-
-def dicom_files(folder: Path, series: str) -> list[str]:
-    """Files of one DICOM series, in the order of their positions.
-
-    GDCM leaves out files that it cannot parse; here they are an error.
-    """
-    import SimpleITK
-
-    with suppressed_output():
-        reader = SimpleITK.ImageSeriesReader()
-        known = {
-            uid: reader.GetGDCMSeriesFileNames(str(folder), uid)
-            for uid in reader.GetGDCMSeriesIDs(str(folder))
-        }
-    taken = {Path(file).name for files in known.values() for file in files}
-    damaged = [file.name for file in sorted(folder.iterdir()) if is_dicom(file)]
-    damaged = [name for name in damaged if name not in taken and name != "DICOMDIR"]
-    if damaged:
-        raise ValueError(f"{damaged[0]} is a damaged DICOM file (of {len(damaged)}); get it again")
-    if len(known) == 1 and not series:
-        return list(*known.values())
-    if series not in known:
-        listed = ", ".join(known) or "none; is this a folder of DICOM files?"
-        raise ValueError(f"{folder.name}: name one series ({series or 'none'} given) of: {listed}")
-    return list(known[series])
-
-
-def dicom_volume(files: list[str], name: str) -> Volume:
-    """Volume of DICOM slices; where these are not evenly spaced, it is interpolated.
-
-    Raises
-    ------
-    ValueError
-        Slices are at one place, or not behind each other.
-    """
-    import SimpleITK
-
-    with suppressed_output():
-        first = SimpleITK.ImageFileReader()
-        first.SetFileName(files[0])
-        attempt(name, first.ReadImageInformation)
-        require_memory(2 * 2 * math.prod(first.GetSize()) * len(files), name)  # int16, copied
-        reader = SimpleITK.ImageSeriesReader()
-        reader.SetFileNames(files)
-        reader.MetaDataDictionaryArrayUpdateOn()
-        image = attempt(name, reader.Execute)
-    known = described(image, name)._replace(units=units_told(first))
-    found = volume(SimpleITK.GetArrayFromImage(image), known)
-    places = _places(reader, len(files))
-    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    if len(gaps) < 2 or np.ptp(gaps) <= EVEN_GAPS * gaps.mean():
-        return found
-    return _interpolated(found, places, gaps)
-
-
-def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
-    """Volume whose slices, at uneven distances along one line, are made even."""
-    uneven = (
-        f"{found.name}: its {len(places)} slices are not evenly spaced but {gaps.min():.4g} to "
-        f"{gaps.max():.4g} apart"
-    )
-    way = (places[-1] - places[0]) / max(np.linalg.norm(places[-1] - places[0]), 1e-30)
-    z = (places - places[0]) @ way
-    aside = np.linalg.norm(places - places[0] - z[:, np.newaxis] * way, axis=1).max()
-    if np.diff(z).min() <= EVEN_GAPS * gaps.mean() or aside > EVEN_GAPS * gaps.mean():
-        raise ValueError(f"{uneven}; is one missing, or there twice?")
-    if found.colors is not None:
-        raise ValueError(f"{uneven}, and colors are not interpolated; is one missing?")
-    x, y = (found.spacing[n] * np.arange(found.values.shape[2 - n]) for n in (0, 1))
-    even = rectilinear(found.values, x, y, z, name=found.name)
-    direction = np.column_stack([found.direction[:, :2], way])
-    note = f"{even.note}; is a slice missing?"
-    return even._replace(origin=places[0], direction=direction, units=found.units, note=note)
-
-
-def is_dicom(file: Path) -> bool:
-    """Whether a file says that it is DICOM; its name often does not."""
-    if not file.is_file():
-        return False
-    with file.open("rb") as opened:
-        opened.seek(128)
-        return opened.read(4) == b"DICM"
-
-
-def _places(reader: Any, count: int) -> Doubles:
-    """Positions (N, 3) of slices, as far as all have one."""
-    if not all(reader.HasMetaDataKey(n, POSITION) for n in range(count)):
-        return np.zeros((0, 3))
-    places = [reader.GetMetaData(n, POSITION).split("\\") for n in range(count)]
-    return np.array(places, np.float64)
 
 
 def _walk(path: Path) -> Iterator[tuple[Page, Any]]:

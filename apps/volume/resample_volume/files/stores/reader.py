@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from resample.reading.limits import check_free
-from resample_volume.files.headers import Header, check_alone, check_nothing, header, stem
+from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
-from resample_volume.files.readers import Check, Numbers, three_numbers
+from resample_volume.files.readers import Numbers, three_numbers
 from resample_volume.files.stores.chunks import Chunked
 from resample_volume.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample_volume.files.stores.opening import open_node, reading

@@ -1,0 +1,1 @@
+"""NRRD, MetaImage and NIfTI: what their headers say, and how they are written."""

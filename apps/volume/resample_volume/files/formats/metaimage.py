@@ -1,0 +1,146 @@
+"""MetaImage, by its definition (itk.org/Wiki/MetaIO/Documentation), as ITK understands it."""
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.reading.headers import check_meta_numbers, whole
+from resample_volume.files.formats.texts import Fields, files_named, is_hounsfield, text_fields
+from resample_volume.files.formats.voxels import VoxelData, voxels
+from resample_volume.files.headers import Check, Header, check_shape, header, recording
+from resample_volume.media.recordings import is_color
+from resample_volume.types import Recording, Volume
+
+TYPES = {
+    "met_char": "int8",
+    "met_uchar": "uint8",
+    "met_short": "int16",
+    "met_ushort": "uint16",
+    "met_int": "int32",
+    "met_uint": "uint32",
+    "met_long": "int32",  # 4 bytes in all files, whatever the machine
+    "met_ulong": "uint32",
+    "met_long_long": "int64",
+    "met_ulong_long": "uint64",
+    "met_float": "float32",
+    "met_double": "float64",
+}
+NAMES = {TYPES[name]: name.upper() for name in reversed(TYPES)}
+SPACINGS = ("elementspacing", "elementsize")
+ORIGINS = ("offset", "origin", "position")
+MATRICES = ("transformmatrix", "rotation", "orientation")
+PIECE = 1 << 22  # bytes packed at a time
+
+
+def read_metaimage(path: Path, name: str, check: Check) -> Recording:
+    """All times and channels of a file that exists, with its data in it or beside it.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is no MetaImage, damaged, none of a volume, or refused by `check`.
+    """
+    told = text_fields(path, "=", "elementdatafile")
+    if not told.value.get("elementdatafile"):
+        raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
+    check_meta_numbers(path, told.value)
+    known = _header(told.value, path, name)
+    stored = _stored(path, told)
+    check(known)
+    return recording(voxels(stored, known), known)
+
+
+def write_metaimage(path: Path, volume: Volume) -> None:
+    """Write a volume with its place, packed, in one file."""
+    kind = volume.values.dtype
+    packer, packed = zlib.compressobj(6), []
+    for plane in volume.values:
+        packed.append(packer.compress(np.ascontiguousarray(plane, kind.newbyteorder("<")).data))
+    packed.append(packer.flush())
+    lines = (
+        "ObjectType = Image",
+        "NDims = 3",
+        "BinaryData = True",
+        "BinaryDataByteOrderMSB = False",
+        "CompressedData = True",
+        f"CompressedDataSize = {sum(map(len, packed))}",
+        f"TransformMatrix = {_listed(volume.direction.T.ravel())}",
+        f"Offset = {_listed(volume.origin)}",
+        "CenterOfRotation = 0 0 0",
+        f"ElementSpacing = {_listed(volume.spacing)}",
+        f"DimSize = {' '.join(map(str, volume.values.shape[::-1]))}",
+        f"ElementType = {NAMES[kind.name]}",
+        "ElementDataFile = LOCAL",
+    )
+    with path.open("wb") as file:
+        file.write("\n".join(lines).encode() + b"\n")
+        file.writelines(packed)
+
+
+def _listed(numbers: Any) -> str:
+    return " ".join(f"{number:.17g}" for number in numbers)
+
+
+def _first(value: Mapping[str, str], keys: tuple[str, ...], count: int) -> Any:
+    """Numbers of the first key that is there, or none."""
+    found = next((value[key] for key in keys if key in value), "")
+    return np.array([float(word) for word in found.split()][:count])
+
+
+def _header(value: Mapping[str, str], path: Path, name: str) -> Header:
+    axes = whole(path, value["ndims"])
+    sizes = tuple(whole(path, word) for word in value["dimsize"].split())
+    word = value.get("elementtype", "")
+    kind = TYPES.get(word.lower().removesuffix("_array"))
+    if kind is None:
+        raise ValueError(f"{path.name} has voxels of type {word!r}; known are {', '.join(TYPES)}")
+    if len(sizes) != 4:
+        check_shape(sizes, name)
+    spacing, origin = _first(value, SPACINGS, 3), _first(value, ORIGINS, 3)
+    matrix = _first(value, MATRICES, axes * axes)
+    steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
+    known = header(
+        sizes[:3],
+        np.dtype(kind).newbyteorder(">" if _is_big(value) else "<"),
+        name,
+        spacing=spacing if spacing.size else (1, 1, 1),
+        origin=origin if origin.size else (0, 0, 0),
+        direction=steps,
+    )
+    parts = whole(path, value.get("elementnumberofchannels", "1"))
+    if parts < 1:
+        raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
+    return known._replace(
+        times=sizes[3] if len(sizes) == 4 else 1,
+        parts=parts,
+        is_color=is_color((parts,), known.dtype),
+        pixel=f"vector of {kind}",
+        units="hu" if is_hounsfield(value.get("units", "")) else "",
+    )
+
+
+def _is_true(value: Mapping[str, str], key: str) -> bool:
+    return value.get(key, "").lower()[:1] in ("t", "y", "1")
+
+
+def _is_big(value: Mapping[str, str]) -> bool:
+    return any(_is_true(value, key) for key in ("binarydatabyteordermsb", "elementbyteordermsb"))
+
+
+def _stored(path: Path, told: Fields) -> VoxelData:
+    """Where the data is."""
+    value = told.value
+    data = value["elementdatafile"]
+    is_local = data.upper() == "LOCAL"
+    paths = [path] if is_local else files_named(path, data)
+    skipped = whole(path, value.get("headersize", "0"))
+    start = (told.end if is_local else 0) + max(0, skipped)
+    is_exact = not (is_local or skipped)
+    if value.get("binarydata", "true").lower()[:1] == "f":
+        return VoxelData(paths, start, "text", is_exact=is_exact)
+    if _is_true(value, "compresseddata"):
+        return VoxelData(paths, start, "gzip", is_exact=is_exact)
+    return VoxelData(paths, -1 if skipped < 0 else start, is_exact=is_exact)

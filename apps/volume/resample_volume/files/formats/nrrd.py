@@ -1,0 +1,244 @@
+"""NRRD, by its definition (teem.sourceforge.net/nrrd/format.html), with what ITK makes of places.
+
+Positions come out in LPS where the file's space is one of right/left, anterior/posterior and
+superior/inferior; other spaces are kept.
+"""
+
+import gzip
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.reading.headers import check_nrrd_numbers, whole
+from resample.types import Doubles
+from resample_volume.files.formats.texts import Fields, files_named, is_hounsfield, text_fields
+from resample_volume.files.formats.voxels import VoxelData, voxels
+from resample_volume.files.headers import Check, Header, check_shape, header, recording
+from resample_volume.media.recordings import is_color
+from resample_volume.types import Recording, Volume
+
+TYPES = {
+    "int8": ("signed char", "int8", "int8_t"),
+    "uint8": ("uchar", "unsigned char", "uint8", "uint8_t"),
+    "int16": ("short", "short int", "signed short", "signed short int", "int16", "int16_t"),
+    "uint16": ("ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"),
+    "int32": ("int", "signed int", "int32", "int32_t"),
+    "uint32": ("uint", "unsigned int", "uint32", "uint32_t"),
+    "int64": ("longlong", "long long", "long long int", "signed long long", "int64", "int64_t"),
+    "uint64": ("ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"),
+    "float32": ("float",),
+    "float64": ("double",),
+}
+NAMES = {name: kind for kind, names in TYPES.items() for name in names}
+PACKINGS = {"raw": "raw", "gzip": "gzip", "gz": "gzip", "bzip2": "bzip2", "bz2": "bzip2"}
+PACKINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
+WRITTEN = {"uint8": "uint8", "int8": "int8", "uint16": "uint16", "int16": "int16"}
+WRITTEN |= {"int32": "int32", "float32": "float", "float64": "double"}
+
+OF_SPACE = ("domain", "space", "time", "none", "???")  # kinds of axes along which voxels lie
+LISTED = {"list", "time", "none", "???"}  # kinds of axes that list what is no color
+SIGNS = {
+    **dict.fromkeys(("right-anterior-superior", "ras"), (-1.0, -1.0, 1.0)),
+    **dict.fromkeys(("left-anterior-superior", "las"), (1.0, -1.0, 1.0)),
+}
+NUMBER = r"[^\s,()]+"
+VECTOR = re.compile(rf"none|\(\s*{NUMBER}(?:\s*,\s*{NUMBER})*\s*\)", re.IGNORECASE)
+IDENTITY = np.eye(3)
+
+
+class _Axes(NamedTuple):
+    """Which axes of a file, the fastest first, are which."""
+
+    space: list[int]  # along which voxels lie: x, y, z and perhaps time
+    part: int | None  # along which the numbers of a voxel lie
+    size: list[int]
+
+
+def read_nrrd(path: Path, name: str, check: Check) -> Recording:
+    """All times and channels of a file that exists, with its data in it or beside it.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is no NRRD file, damaged, none of a volume, or refused by `check`.
+    """
+    told = text_fields(path, ":")
+    with path.open("rb") as file:
+        if file.read(4) != b"NRRD":
+            raise ValueError(f"{path.name} is not a NRRD file: it does not begin with NRRD000")
+    data = told.value.get("data file", told.value.get("datafile", ""))
+    paths = files_named(path, data) if data else []
+    _require(told.value, path)
+    check_nrrd_numbers(path, told.value)
+    axes = _axes(told.value, path)
+    known = _header(told.value, axes, path, name)
+    stored = _stored(path, told, paths)
+    check(known)
+    values = voxels(stored, known).reshape(axes.size[::-1])
+    parts = [] if axes.part is None else [axes.part]
+    values = values.transpose([values.ndim - 1 - axis for axis in (*parts, *axes.space[::-1])])
+    if len(axes.space) == 4 and parts:
+        values = values.swapaxes(0, 1)
+    shape = (known.times, known.parts, *known.shape[::-1])
+    return recording(values.reshape(shape), known, channels_first=True)
+
+
+def write_nrrd(path: Path, volume: Volume) -> None:
+    """Write a volume with its place, packed."""
+    kind = volume.values.dtype
+    steps = (volume.spacing * volume.direction).T
+    lines = (
+        "NRRD0004",
+        f"type: {WRITTEN[kind.name]}",
+        "dimension: 3",
+        "space: left-posterior-superior",
+        f"sizes: {' '.join(map(str, volume.values.shape[::-1]))}",
+        f"space directions: {' '.join(map(_vector, steps))}",
+        "kinds: domain domain domain",
+        "endian: little",
+        "encoding: gzip",
+        f"space origin: {_vector(volume.origin)}",
+    )
+    with path.open("wb") as file:
+        file.write("\n".join(lines).encode() + b"\n\n")
+        with gzip.GzipFile("", "wb", 6, file, mtime=0) as packed:
+            for plane in volume.values:
+                packed.write(np.ascontiguousarray(plane, kind.newbyteorder("<")).data)
+
+
+def _vector(numbers: Doubles) -> str:
+    return f"({','.join(f'{number:.17g}' for number in numbers)})"
+
+
+def _require(value: Mapping[str, str], path: Path) -> None:
+    for key in ("dimension", "type", "sizes", "encoding"):
+        if key not in value:
+            raise ValueError(f"{path.name} is not a NRRD file: its header has no {key}")
+
+
+def _axes(value: Mapping[str, str], path: Path) -> _Axes:
+    size = [whole(path, word) for word in value["sizes"].split()]
+    kinds = value.get("kinds", "").lower().split() or ["???"] * len(size)
+    if len(kinds) != len(size):
+        raise ValueError(f"{path.name}: its kinds are {len(kinds)}, its axes {len(size)}")
+    if "complex" in kinds:
+        raise ValueError(
+            f"{path.name} has voxels of complex numbers; a volume has one real number per voxel: "
+            "extract a component"
+        )
+    apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
+    vectors = _vectors(value, path)
+    if not apart and len(size) == 4 and vectors and vectors[0] is None:
+        apart = [0]  # unlike the last one, which are times
+    if len(apart) > 1:
+        raise ValueError(f"{path.name} has {len(apart)} axes that are none of space; it may have 1")
+    space = [axis for axis in range(len(size)) if axis not in apart]
+    return _Axes(space, apart[0] if apart else None, size)
+
+
+def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Header:
+    kind = _dtype(value, path)
+    sizes = tuple(axes.size[axis] for axis in axes.space)
+    if len(sizes) != 4:
+        check_shape(sizes, name)
+    spacing, origin, direction = _place(value, axes, path)
+    known = header(sizes[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
+    parts = 1 if axes.part is None else axes.size[axes.part]
+    listed = LISTED & set(value.get("kinds", "").lower().split())
+    units = [value.get(key, "") for key in ("sample units", "units")]
+    return known._replace(
+        times=math.prod(sizes[3:]),
+        parts=parts,
+        is_color=is_color((parts,), known.dtype) and not listed,
+        pixel=f"vector of {kind.name}",
+        units="hu" if any(map(is_hounsfield, units)) else "",
+    )
+
+
+def _dtype(value: Mapping[str, str], path: Path) -> np.dtype[Any]:
+    name = NAMES.get(value["type"].lower())
+    if name is None:
+        raise ValueError(f"{path.name} has voxels of type {value['type']!r}; known are numbers")
+    kind, endian = np.dtype(name), value.get("endian", "").lower()
+    if kind.itemsize == 1 or PACKINGS.get(value["encoding"].lower()) == "text":
+        return kind
+    if endian not in ("little", "big"):
+        raise ValueError(f"{path.name}: its endian is {endian!r}; it must be little or big")
+    return kind.newbyteorder("<" if endian == "little" else ">")
+
+
+def _vectors(value: Mapping[str, str], path: Path) -> list[Doubles | None]:
+    """Step along each axis; none of those that are not of space, and no list without steps."""
+    text = value.get("space directions", "")
+    words = VECTOR.findall(text)
+    found = [None if word.lower() == "none" else _triple(word) for word in words]
+    if text and len(found) != len(value["sizes"].split()):
+        raise ValueError(f"{path.name}: its space directions are {len(found)}, not one per axis")
+    return found
+
+
+def _triple(text: str) -> Doubles:
+    numbers = np.array([float(word) for word in text.strip("() ").split(",")])
+    return np.resize(np.append(numbers, np.zeros(3)), 3)  # a fourth one is of time
+
+
+def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, Doubles, Doubles]:
+    """Spacing, origin and direction."""
+    vectors = _vectors(value, path)
+    steps = [vectors[axis] for axis in axes.space[:3]] if vectors else []
+    if not steps:
+        return _along_axes(value, axes)
+    if any(step is None for step in steps):
+        raise ValueError(f"{path.name}: its space directions are none along x, y or z")
+    name = value.get("space", "").lower()
+    sign = np.array(next((SIGNS[key] for key in SIGNS if name.startswith(key)), (1.0, 1.0, 1.0)))
+    every = np.array(steps) * sign
+    text = value.get("space origin", "")
+    origin = _triple(text) * sign if text else np.zeros(3)
+    length = np.linalg.norm(every, axis=1)
+    unit = every / np.where(length > 0, length, 1)[:, np.newaxis]
+    return length, origin, unit.T
+
+
+def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles, Doubles]:
+    """The same of a file without a space, whose axes may have spacings, and begin somewhere."""
+
+    def numbers(key: str) -> Doubles:
+        words = value.get(key, "").split() or ["nan"] * len(axes.size)
+        known = [math.nan if word in ("none", "???", "?") else float(word) for word in words]
+        return np.array(known)[axes.space[:3]]
+
+    spacing, low, high = numbers("spacings"), numbers("axis mins"), numbers("axis maxs")
+    count = np.array(axes.size, np.float64)[axes.space[:3]]
+    words = value.get("centers", value.get("centerings", "")).lower().split()
+    nodes = np.array([words[axis] == "node" if words else False for axis in axes.space[:3]])
+    told = np.where(np.isfinite(spacing), spacing, (high - low) / np.maximum(count - nodes, 1))
+    origin = low + np.where(nodes, 0, told / 2)
+    origin = np.where(np.isfinite(origin), origin, 0)
+    return np.where(np.isnan(spacing), 1, spacing), origin, IDENTITY
+
+
+def _stored(path: Path, told: Fields, apart: list[Path]) -> VoxelData:
+    """Where the data is; `apart` are its own files, if it has any."""
+    value = told.value
+    packing = PACKINGS.get(value["encoding"].lower())
+    if packing is None:
+        known = ", ".join(PACKINGS)
+        raise ValueError(f"{path.name}: its encoding is {value['encoding']!r}; known are {known}")
+    paths, start = apart or [path], 0 if apart else told.end
+    lines = whole(path, value.get("line skip", value.get("lineskip", "0")))
+    skip = whole(path, value.get("byte skip", value.get("byteskip", "0")))
+    if lines > 0:
+        with paths[0].open("rb") as file:
+            file.seek(start)
+            for _ in range(min(lines, 100_000)):
+                file.readline(1 << 20)
+            start = file.tell()
+    is_exact = bool(apart) and not (lines or skip)
+    if packing in ("gzip", "bzip2"):
+        return VoxelData(paths, start, packing, max(0, skip), is_exact)
+    return VoxelData(paths, start + skip if skip >= 0 else -1, packing, is_exact=is_exact)

@@ -1,0 +1,361 @@
+"""DICOM: series in folders and files of many frames, by pydicom, as volumes in LPS."""
+
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.reading.limits import check_unpacked
+from resample.types import Doubles
+from resample_volume.files.headers import check_alone, header, volume
+from resample_volume.files.memory import require_memory
+from resample_volume.files.stacks.slices import natural
+from resample_volume.files.suppression import suppressed_output
+from resample_volume.media.rectilinear import rectilinear
+from resample_volume.types import Volume
+
+EVEN_GAPS = 0.01  # of their mean, by which distances of slices may differ
+TILTED = 1e-3  # of a step, by which slices may lie aside of each other and stand upright
+FITTING = ("uint8", "uint16", "int32", "int8", "int16", "int32")  # what rescaled values may be
+GROUPS = ("PerFrameFunctionalGroupsSequence", "SharedFunctionalGroupsSequence")
+ORIENTATION = ("PlaneOrientationSequence", "ImageOrientationPatient")
+POSITION = ("PlanePositionSequence", "ImagePositionPatient")
+PIXELS = ("PixelMeasuresSequence", "PixelSpacing")
+BETWEEN = ("PixelMeasuresSequence", "SpacingBetweenSlices")
+SLOPE = ("PixelValueTransformationSequence", "RescaleSlope")
+INTERCEPT = ("PixelValueTransformationSequence", "RescaleIntercept")
+
+
+class _Slice(NamedTuple):
+    """One plane of voxels before they are read."""
+
+    path: Path
+    told: Any  # header of its file
+    frame: int  # in its file
+    place: Doubles  # (3,) of its first voxel; NaN where it is not told
+    axes: Doubles  # (2, 3) steps along its rows and columns
+    slope: float
+    intercept: float
+
+
+def dicom_slices(folder: Path, series: str) -> list[Path]:
+    """Files of one series.
+
+    Parameters
+    ----------
+    folder
+        Of files of any name.
+    series
+        Its instance UID; empty: the only one.
+
+    Raises
+    ------
+    ValueError
+        There is none, or several, of that UID, or a file is damaged.
+    """
+    known: dict[str, list[Path]] = {}
+    for file in sorted(folder.iterdir(), key=natural):
+        if file.name == "DICOMDIR" or not (is_dicom(file) or file.suffix.lower() == ".dcm"):
+            continue
+        told = _told(file)
+        with _quiet(file):
+            uid, has_picture = str(told.get("SeriesInstanceUID", "")), "Rows" in told
+            if not has_picture and _is_picture(told):
+                raise ValueError("its picture is missing")
+        if has_picture:
+            known.setdefault(uid, []).append(file)
+    if len(known) == 1 and not series:
+        return next(iter(known.values()))
+    if series not in known:
+        listed = ", ".join(known) or "none; is this a folder of DICOM files?"
+        raise ValueError(f"{folder.name}: name one series ({series or 'none'} given) of: {listed}")
+    return known[series]
+
+
+def dicom_file(path: Path, name: str) -> Volume:
+    """Volume of the frames of one file; errors as of `dicom_volume`."""
+    return dicom_volume([path], name)
+
+
+def dicom_volume(files: list[Path], name: str) -> Volume:
+    """Volume of slices; where these are not evenly spaced, it is interpolated.
+
+    Slices are sorted by their positions, or by their numbers where these tell nothing, or else by
+    the names of their files. Those that lie aside of each other (a tilted gantry) make a sheared
+    volume.
+
+    Raises
+    ------
+    ValueError
+        A file is damaged or packed in a way that is not known, slices differ, are at one place, or
+        not behind each other.
+    """
+    slices = [each for path in files for each in _slices(path)]
+    with _quiet(files[0]):
+        slices = _sorted(slices)
+        first = slices[0].told
+        parts, kind, units = _parts(first), _kind(slices), _units(first)
+        sizes = (int(first.Columns), int(first.Rows), len(slices))
+        places = np.array([each.place for each in slices])
+        spacing, direction = _lattice(slices, places)
+    origin = places[0] if np.isfinite(places).all() else np.zeros(3)
+    known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
+    known = known._replace(parts=parts, is_color=parts > 1, units=units)
+    check_alone(known)
+    require_memory(known.size, name)
+    check_unpacked(name, sum(file.stat().st_size for file in files), known.size)
+    values = _values(slices, (*sizes[::-1], parts), kind)
+    found = volume(values if parts > 1 else values[..., 0], known)
+    if not np.isfinite(places).all():
+        return found
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    if len(gaps) < 2 or np.ptp(gaps) <= EVEN_GAPS * gaps.mean():
+        return found
+    return _interpolated(found, places, gaps)
+
+
+def is_dicom(file: Path) -> bool:
+    """Whether a file says that it is DICOM; its name often does not."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        opened.seek(128)
+        return opened.read(4) == b"DICM"
+
+
+@contextmanager
+def _quiet(path: Path) -> Iterator[None]:
+    """Turn all that pydicom may raise at a damaged file into one line; its warnings are dropped."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except MemoryError:
+        raise
+    except Exception as error:  # of any kind: AttributeError, KeyError, struct.error
+        reason = (str(error) or type(error).__name__).strip().splitlines()[0]
+        raise ValueError(
+            f"{path.name} is a damaged DICOM file; get it again ({reason:.150})"
+        ) from None
+
+
+def _told(path: Path, *, is_whole: bool = False) -> Any:
+    """Header of a file, or all of it."""
+    import pydicom
+
+    with _quiet(path):
+        read = pydicom.dcmread(path, stop_before_pixels=not is_whole, force=not is_dicom(path))
+        if not len(read):
+            raise ValueError("it holds nothing")
+        return read
+
+
+def _is_picture(told: Any) -> bool:
+    """Whether a file without a picture should have one."""
+    return "SeriesInstanceUID" not in told or "Image Storage" in getattr(
+        told.get("SOPClassUID", ""), "name", "Image Storage"
+    )
+
+
+def _slices(path: Path) -> list[_Slice]:
+    """Slices of one file."""
+    told = _told(path)
+    if "Rows" not in told or "Columns" not in told:
+        raise ValueError(f"{path.name} is a damaged DICOM file, or holds no picture")
+    with _quiet(path):
+        count = int(told.get("NumberOfFrames", 1) or 1)
+        if not 1 <= count <= path.stat().st_size:
+            raise ValueError(f"{count} frames")
+        return [_slice(path, told, frame) for frame in range(count)]
+
+
+def _slice(path: Path, told: Any, frame: int) -> _Slice:
+    place = _numbers(told, frame, POSITION, (math.nan,) * 3)
+    axes = _numbers(told, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
+    if told.get("GridFrameOffsetVector"):  # doses
+        place = place + float(told.GridFrameOffsetVector[frame]) * np.cross(*axes)
+    elif frame and not any("PlanePositionSequence" in each for each in _groups(told, frame)):
+        place = place + frame * _between(told, frame) * np.cross(*axes)
+    slope = float(_numbers(told, frame, SLOPE, (1,))[0])
+    intercept = float(_numbers(told, frame, INTERCEPT, (0,))[0])
+    return _Slice(path, told, frame, place, axes, slope, intercept)
+
+
+def _groups(told: Any, frame: int) -> list[Any]:
+    """What a file says of a frame, then of all of them."""
+    found = []
+    for name in GROUPS:
+        every = told.get(name) or []
+        if len(every):
+            found.append(every[frame if name == GROUPS[0] and frame < len(every) else 0])
+    return found
+
+
+def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> Doubles:
+    """Numbers of one kind, of the frame, of all frames or of the file."""
+    group, key = where
+    homes = [each[group][0] for each in _groups(told, frame) if each.get(group)]
+    for home in (*homes, told):
+        found = home.get(key)
+        if found not in (None, ""):
+            return np.atleast_1d(np.array(found, np.float64))
+    return np.array(otherwise, np.float64)
+
+
+def _between(told: Any, frame: int) -> float:
+    """Distance of slices where their positions do not tell it."""
+    for key in ("SpacingBetweenSlices", "SliceThickness"):
+        step = _numbers(told, frame, ("PixelMeasuresSequence", key), (0,))[0]
+        if step > 0 and math.isfinite(step):
+            return float(step)
+    return 1.0
+
+
+def _sorted(slices: list[_Slice]) -> list[_Slice]:
+    axes = slices[0].axes
+    is_one_way = all(np.allclose(each.axes, axes, atol=1e-4) for each in slices)
+    if is_one_way and all(np.isfinite(each.place).all() for each in slices):
+        normal = np.cross(*axes)
+        if len({float(normal @ each.place) for each in slices}) == len(slices):
+            return sorted(slices, key=lambda each: float(normal @ each.place))
+    numbers = [each.told.get("InstanceNumber") for each in slices]
+    if len(slices) == len({each.path for each in slices}) and None not in numbers:
+        return sorted(slices, key=lambda each: int(each.told.InstanceNumber))
+    return sorted(slices, key=lambda each: (natural(each.path), each.frame))
+
+
+def _parts(told: Any) -> int:
+    """Numbers of a voxel."""
+    if told.get("PhotometricInterpretation") == "PALETTE COLOR":
+        return 3
+    return int(told.get("SamplesPerPixel", 1) or 1)
+
+
+def _units(told: Any) -> str:
+    """Hounsfield units of computed tomography, where rescaling makes nothing else of values.
+
+    (US is "unspecified".)
+    """
+    if str(told.get("Modality", "")) != "CT":
+        return ""
+    return "hu" if str(told.get("RescaleType", "") or "") in ("", "HU", "US") else ""
+
+
+def _kind(slices: list[_Slice]) -> np.dtype[Any]:
+    """Smallest type of integers that holds all values that may be; floats where they are none."""
+    first = slices[0].told
+    if first.get("PhotometricInterpretation") == "PALETTE COLOR":
+        entries = first.get("RedPaletteColorLookupTableDescriptor", (0, 0, 16))
+        return np.dtype("uint8" if int(entries[2]) <= 8 else "uint16")
+    bits, signed = int(first.get("BitsAllocated", 16)), int(first.get("PixelRepresentation", 0))
+    if all((each.slope, each.intercept) == (1, 0) for each in slices):
+        return np.dtype(f"{'int' if signed else 'uint'}{max(8, bits)}")
+    scales = {(each.slope, each.intercept) for each in slices}
+    if not all(number.is_integer() for scale in scales for number in scale):
+        return np.dtype(np.float64)
+    stored = int(first.get("BitsStored", bits))
+    ends = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if signed else (0, 2**stored - 1)
+    reached = [slope * end + intercept for slope, intercept in scales for end in ends]
+    for name in FITTING if min(reached) >= 0 else FITTING[3:]:
+        limits = np.iinfo(name)
+        if limits.min <= min(reached) and max(reached) <= limits.max:
+            return np.dtype(name)
+    return np.dtype(np.float64)
+
+
+def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Values (Z, Y, X, C) of slices, rescaled."""
+    values = np.empty(shape, kind)
+    pixels, path = np.zeros(0), None
+    for n, each in enumerate(slices):
+        if each.path != path:
+            path = each.path
+            pixels = _pixels(path)
+        frames = 1 if "NumberOfFrames" not in each.told else int(each.told.NumberOfFrames or 1)
+        if pixels.size != frames * math.prod(shape[1:]):
+            raise ValueError(f"{path.name} is unlike the other slices: {pixels.shape} values")
+        plane = pixels.reshape(frames, *shape[1:])[each.frame]
+        if (each.slope, each.intercept) == (1, 0):
+            values[n] = plane
+        else:
+            values[n] = plane.astype(np.float64) * each.slope + each.intercept
+    return values
+
+
+def _pixels(path: Path) -> NDArray[Any]:
+    """Pixels of a file as they are stored, colors as red, green and blue."""
+    from pydicom.pixels.processing import apply_color_lut
+
+    told = _told(path, is_whole=True)
+    with _quiet(path):
+        syntax: Any = told.file_meta.get("TransferSyntaxUID") if "file_meta" in vars(told) else None
+    plugin = _decoder(path, syntax) if syntax and syntax.is_encapsulated else ""
+    with _quiet(path), suppressed_output():
+        told.pixel_array_options(decoding_plugin=plugin)
+        pixels = np.asarray(told.pixel_array)
+        if told.get("PhotometricInterpretation") == "PALETTE COLOR":
+            return np.asarray(apply_color_lut(pixels, told))
+        if told.get("PhotometricInterpretation") == "MONOCHROME1":  # the lowest are white
+            most = -1 if told.PixelRepresentation else 2**told.BitsStored - 1
+            return (most - pixels.astype(np.int64)).astype(pixels.dtype)
+        return pixels
+
+
+def _decoder(path: Path, syntax: Any) -> str:
+    """Which of pydicom's plugins unpacks pixels; GDCM is the last, as damaged data may end it."""
+    from pydicom.pixels.decoders.base import get_decoder
+
+    try:
+        known = get_decoder(syntax).available_plugins
+    except NotImplementedError:
+        known = ()
+    if not known:
+        raise ValueError(
+            f"{path.name} is packed as {syntax.name}; pip install 'hybrid-resample[dicom]'"
+        )
+    return min(known, key=lambda plugin: (plugin == "gdcm", plugin))
+
+
+def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
+    """Spacing (3,) and direction (3, 3)."""
+    told, frame = slices[0].told, slices[0].frame
+    row, column = slices[0].axes
+    down, across = np.resize(_numbers(told, frame, PIXELS, _imager(told)), 2)
+    normal, step = np.cross(row, column), _between(told, frame)
+    if len(slices) > 1 and np.isfinite(places).all():
+        way = (places[-1] - places[0]) / (len(slices) - 1)
+        length = float(np.linalg.norm(way))
+        if length > 0:
+            step = length
+            if np.linalg.norm(way / length - normal) > TILTED:
+                normal = way / length
+    return np.array([across, down, step]), np.column_stack([row, column, normal])
+
+
+def _imager(told: Any) -> Any:
+    return told.get("ImagerPixelSpacing") or (1.0, 1.0)
+
+
+def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
+    """Volume whose slices, at uneven distances along one line, are made even."""
+    uneven = (
+        f"{found.name}: its {len(places)} slices are not evenly spaced but {gaps.min():.4g} to "
+        f"{gaps.max():.4g} apart"
+    )
+    way = (places[-1] - places[0]) / max(np.linalg.norm(places[-1] - places[0]), 1e-30)
+    z = (places - places[0]) @ way
+    aside = np.linalg.norm(places - places[0] - z[:, np.newaxis] * way, axis=1).max()
+    if np.diff(z).min() <= EVEN_GAPS * gaps.mean() or aside > EVEN_GAPS * gaps.mean():
+        raise ValueError(f"{uneven}; is one missing, or there twice?")
+    if found.colors is not None:
+        raise ValueError(f"{uneven}, and colors are not interpolated; is one missing?")
+    x, y = (found.spacing[n] * np.arange(found.values.shape[2 - n]) for n in (0, 1))
+    even = rectilinear(found.values, x, y, z, name=found.name)
+    direction = np.column_stack([found.direction[:, :2], way])
+    note = f"{even.note}; is a slice missing?"
+    return even._replace(origin=places[0], direction=direction, units=found.units, note=note)
