@@ -394,7 +394,7 @@ def test_headers_do_not_have_raw_data_outside_read(name, tmp_path):
     refused(MetaImage(), path, match="own folder only")
 
 
-@pytest.mark.parametrize("name", ["../a.png", "/tmp/a.png", "https://example.org/a.png"])
+@pytest.mark.parametrize("name", ["../a.png", "/a.png", "https://example.org/a.png"])
 def test_meshes_do_not_have_textures_outside_read(name, tmp_path):
     inner = outside(tmp_path)
     put(inner / "a.mtl", f"newmtl a\nmap_Kd {name}\n")
