@@ -2,7 +2,7 @@
 
 Files come from anywhere. Each limit is far above what honest files need; `RESAMPLE_LIMIT` in the
 environment raises it, for this process and all that it starts, as in
-`RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`.
+`RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`; a command's `--limit` does so for the command.
 """
 
 import os
@@ -57,8 +57,8 @@ def _changed(part: str) -> tuple[str, int]:
         number = 0
     if number < 1:
         raise ValueError(
-            f"{SETTING} has {part.strip()!r}; give {', '.join(FileLimits._fields)} as in "
-            "ratio=5000 or unpacked=8GiB, with commas between them"
+            f"{SETTING} or --limit has {part.strip()!r}; give {', '.join(FileLimits._fields)} as "
+            "in ratio=5000 or unpacked=8GiB, with commas between them"
         )
     return name, number
 
@@ -68,7 +68,7 @@ def refused(what: str, found: str, name: str) -> ValueError:
     most = getattr(limits(), name)
     told = amount(most) if name in BYTES else str(most)
     return ValueError(
-        f"{what}: {found}, over the limit of {told}; raise it by {SETTING}={name}=..."
+        f"{what}: {found}, over the limit of {told}; raise it by --limit {name}=..., or {SETTING}"
     )
 
 
