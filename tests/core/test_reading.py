@@ -17,6 +17,7 @@ from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_lens
 from resample.files.facts.settings import options_of
+from resample.files.sequences import frames_of
 from resample.reading.limits import check_free, check_unpacked, limits
 from resample.reading.neighbours import allows_outside, neighbour
 from resample.reading.raising import raised
@@ -449,3 +450,14 @@ def test_every_command_takes_the_flags_that_raise_limits(application):
         options = options_of(app[name])
         if "settings" in options:
             assert {"memory", "limit", "allow-outside"} <= set(options), name
+
+
+def test_an_animation_whose_frames_are_far_larger_than_its_file_is_refused(tmp_path):
+    from PIL import Image
+
+    frames = [Image.new("L", (8, 8), level) for level in (0, 100, 200)]
+    frames[0].save(tmp_path / "a.gif", save_all=True, append_images=frames[1:])
+    data = bytearray((tmp_path / "a.gif").read_bytes())
+    data[6:10] = struct.pack("<HH", 7600, 7600)  # the screen, of which frames are a part
+    put(tmp_path / "a.gif", bytes(data))
+    refused(frames_of, tmp_path / "a.gif", match=r"unpack to 3 frames of 0\.86 GiB, over the limit")
