@@ -1,12 +1,22 @@
-"""Does it fit into this machine's memory? Asked before anything large is allocated."""
+"""Does it fit into memory? Asked before anything large is allocated.
+
+A command adds up what its work will hold at its height (`require`): the libraries, what is read,
+what is made of it, the picture and its copies. The sum is said with `RESAMPLE_LOG=debug`, and
+refused where it is more than `--memory`, or more than is free. Beside it stands, in the end, what
+the process really held (`held_at_most`).
+"""
 
 import logging
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 GIB = 1 << 30
 LOG = logging.getLogger("resample")
+ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
 def physical_memory() -> int | None:
@@ -58,6 +68,92 @@ def amount(count: int) -> str:
     return f"{count / GIB:.2f} GiB" if count >= GIB / 10 else f"{count / (1 << 20):.2f} MiB"
 
 
+def held() -> int:
+    """Bytes of memory that this process has now; 0 where the platform does not tell."""
+    return _of_status("VmRSS")
+
+
+def held_at_most() -> int:
+    """Bytes of memory that this process had at its height; 0 where the platform does not tell."""
+    return _of_status("VmHWM")
+
+
+def _of_status(name: str) -> int:
+    try:
+        text = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return 0
+    found = re.search(rf"^{name}:\s*(\d+) kB", text, re.MULTILINE)
+    return int(found[1]) << 10 if found else 0
+
+
+@contextmanager
+def allowing(memory: str | None) -> Iterator[None]:
+    """Let work within this block hold so much memory, as `--memory` has it; None: what is free.
+
+    Raises
+    ------
+    ValueError
+        It is no amount.
+    """
+    token = ALLOWED.set(None if memory is None else bytes_of(memory))
+    try:
+        yield
+    finally:
+        ALLOWED.reset(token)
+
+
+def allow(count: int) -> None:
+    """Let work hold so many bytes, from here to the end of the block of `allowing` around it."""
+    ALLOWED.set(count)
+
+
+def require(what: str, parts: dict[str, int], remedy: str) -> None:
+    """Say (DEBUG) what work will hold at its height, and refuse what is not allowed.
+
+    Parameters
+    ----------
+    what
+        Name of the work for the message.
+    parts
+        Bytes by what they are for; libraries are one of them.
+    remedy
+        What to do about it, for the message.
+
+    Raises
+    ------
+    ValueError
+        It is more than `--memory` allows, or than is free beside what the process holds already.
+
+    Examples
+    --------
+    >>> from resample.memory import allowing, require
+    >>> with allowing("1GiB"):
+    ...     require("a warp", {"libraries": 200 << 20, "the picture": 600 << 20}, "take less")
+    """
+    need = sum(parts.values())
+    each = ", ".join(f"{name} {amount(count)}" for name, count in parts.items())
+    LOG.debug("%s needs about %s of memory: %s", what, amount(need), each)
+    allowed, free = ALLOWED.get(), _free()
+    if allowed is not None and need > allowed:
+        raise ValueError(
+            f"{what} needs about {amount(need)} of memory, --memory allows {amount(allowed)}; "
+            f"{remedy}, or allow more"
+        )
+    if allowed is None and free is not None and need > free:
+        raise ValueError(
+            f"{what} needs about {amount(need)} of memory, {amount(free)} are free; {remedy}"
+        )
+
+
+def _free() -> int | None:
+    """Bytes that this process can have, with those that it has; None if the platform is silent."""
+    free, installed = available_memory(), physical_memory()
+    if free is None or installed is None:
+        return None
+    return min(free + held(), installed)
+
+
 def require_memory(count: int, what: str, remedy: str) -> None:
     """Refuse what cannot fit, however long one waits; what it needs is logged (DEBUG).
 
@@ -73,10 +169,14 @@ def require_memory(count: int, what: str, remedy: str) -> None:
     Raises
     ------
     ValueError
-        The machine has less memory than that, used or not.
+        `--memory` allows less, or the machine has less, used or not.
     """
     LOG.debug("%s: %.3g GiB of memory", what, count / GIB)
-    installed = physical_memory()
+    allowed, installed = ALLOWED.get(), physical_memory()
+    if allowed is not None and count > allowed:
+        raise ValueError(
+            f"{what} needs {amount(count)} of memory, --memory allows {amount(allowed)}; {remedy}"
+        )
     if installed is not None and count > installed:
         raise ValueError(
             f"{what} needs {count / GIB:.1f} GiB, this machine has {installed / GIB:.1f} GiB "

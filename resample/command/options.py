@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.console import listening, say
 from resample.command.stopping import INTERRUPTED, StoppedError
+from resample.memory import LOG, amount, held_at_most
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -80,5 +81,6 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
 
         arguments = expanded(words)
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    LOG.debug("at most %s of memory were held", amount(held_at_most()))
     sys.stdout.flush()  # a full disk must show here, not after the end
     return result if isinstance(result, int) else 0

@@ -4,9 +4,14 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from resample.command.console import Progress, progress_bar
-from resample.memory import require_memory
+from resample.memory import require
+
+LIBRARIES = 240 << 20  # bytes that Python, numba and what reads and writes files hold by themselves
+ENCODED = 27  # bytes per value of a picture that is painted, encoded and written as integers
+AS_FLOATS = 10  # the same of one that is written as it is
 
 
 @dataclass
@@ -42,7 +47,15 @@ class Session:
         return {name: round(seconds, 6) for name, seconds in self.seconds.items()}
 
 
-def require_picture(shape: tuple[int, int], bytes_per_pixel: int) -> None:
+def bytes_written(shape: tuple[int, int], output: Path) -> int:
+    """Bytes that a channel of a picture (height, width) takes, painted and written to a file."""
+    is_float = output.suffix.lower() == ".exr"
+    return (AS_FLOATS if is_float else ENCODED) * shape[0] * shape[1]
+
+
+def require_picture(
+    shape: tuple[int, int], bytes_per_pixel: int, others: dict[str, int] | None = None
+) -> None:
     """Refuse a picture (height, width) that this machine cannot hold, before any work is done.
 
     Parameters
@@ -51,12 +64,15 @@ def require_picture(shape: tuple[int, int], bytes_per_pixel: int) -> None:
         Height and width, px.
     bytes_per_pixel
         Of the picture and the copies that are made when it is painted and written.
+    others
+        Bytes of what else is held at that time, by what it is.
 
     Raises
     ------
     ValueError
-        The machine has less memory than that.
+        It is more than is allowed or free.
     """
     height, width = shape
+    picture = {"the picture": bytes_per_pixel * height * width}
     what = f"a picture of {width} x {height} pixels"
-    require_memory(bytes_per_pixel * height * width, what, "take a smaller size")
+    require(what, {"libraries": LIBRARIES, **(others or {}), **picture}, "take a smaller size")

@@ -23,9 +23,15 @@ CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
 )
+MEMORY = "Memory that the work may take: 2GiB. What is free"
 COUNTED = "Opencv counts from the first pixel's center: in"
 
-CAMERA, LIGHT, SETTINGS = "Camera", "Light", "Settings"  # headings of options that many have
+CAMERA, LIGHT, SETTINGS, LIMITS = (
+    "Camera",
+    "Light",
+    "Settings",
+    "Limits",
+)  # headings of options that many have
 HEADINGS = (  # in the order of a command's help
     *(
         "Input",
@@ -46,6 +52,7 @@ HEADINGS = (  # in the order of a command's help
         "Beside the picture",
         "Page",
         SETTINGS,
+        LIMITS,
     ),
 )
 Convention = Literal["corner", "opencv"]

@@ -105,6 +105,18 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
     return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
 
 
+def form_of(path: Path) -> tuple[tuple[int, int, int], Kind]:
+    """Height, width and channels of a picture as `read_picture` gives it, and what it is.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    (height, width, count), kind, _, orientation = _header(path, 0, as_data=True)
+    return (*((width, height) if TURNS[orientation][0] else (height, width)), count), kind
+
+
 class Levels(NamedTuple):
     """A picture as its file stores it, upright: in a quarter of the memory, or half."""
 

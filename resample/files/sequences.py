@@ -30,7 +30,7 @@ from resample.files.pictures import (
     write_pages,
 )
 from resample.files.writing import replacing
-from resample.reading.limits import check_unpacked
+from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
 
 ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well
@@ -157,8 +157,10 @@ def _animated_times(path: Path) -> tuple[float, ...]:
     with decoding(path):
         with Image.open(path) as image:
             width, height = image.size
-            check_unpacked(str(path), path.stat().st_size, FRAME_BYTES * width * height)
+            frame = FRAME_BYTES * width * height
+            check_unpacked(str(path), path.stat().st_size, frame)
             count = getattr(image, "n_frames", 1)
+            check_animation(str(path), path.stat().st_size, frame, count)
             seconds = []
             for n in range(count if count > 1 else 0):
                 image.seek(n)

@@ -1,7 +1,7 @@
-"""Text headers of NRRD and MetaImage, whose numbers are looked at before ITK is.
+"""Text headers of NRRD and MetaImage, whose numbers are looked at before anything is read.
 
-ITK 5.4 ends the process, or never ends, where a header has words in the place of numbers, or more
-or fewer of them than it says that there are dimensions (found by `make fuzz`).
+A header may have words in the place of numbers, or more or fewer of them than it says that there
+are dimensions (found by `make fuzz`).
 """
 
 from collections.abc import Mapping
@@ -41,7 +41,7 @@ def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
     fields = {key.replace(" ", ""): text for key, text in value.items()}
     _check_lengths(path)
     if "dimension" not in fields:
-        return  # ITK says what is wrong with it
+        return  # the reader says what is wrong with it
     axes = _dimensions(path, "dimension", fields["dimension"])
     for key in NRRD_NUMBERS:
         if key in fields:

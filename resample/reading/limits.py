@@ -2,7 +2,7 @@
 
 Files come from anywhere. Each limit is far above what honest files need; `RESAMPLE_LIMIT` in the
 environment raises it, for this process and all that it starts, as in
-`RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`.
+`RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`; a command's `--limit` does so for the command.
 """
 
 import os
@@ -24,6 +24,7 @@ class FileLimits(NamedTuple):
     ratio: int = 200  # times its own size that it may become above that
 
 
+ALIKE = 40  # times the ratio of one picture that frames which are alike may have
 BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
 
 
@@ -57,8 +58,8 @@ def _changed(part: str) -> tuple[str, int]:
         number = 0
     if number < 1:
         raise ValueError(
-            f"{SETTING} has {part.strip()!r}; give {', '.join(FileLimits._fields)} as in "
-            "ratio=5000 or unpacked=8GiB, with commas between them"
+            f"{SETTING} or --limit has {part.strip()!r}; give {', '.join(FileLimits._fields)} as "
+            "in ratio=5000 or unpacked=8GiB, with commas between them"
         )
     return name, number
 
@@ -68,7 +69,7 @@ def refused(what: str, found: str, name: str) -> ValueError:
     most = getattr(limits(), name)
     told = amount(most) if name in BYTES else str(most)
     return ValueError(
-        f"{what}: {found}, over the limit of {told}; raise it by {SETTING}={name}=..."
+        f"{what}: {found}, over the limit of {told}; raise it by --limit {name}=..., or {SETTING}"
     )
 
 
@@ -121,6 +122,35 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
         found = f"{amount(packed)} that unpack to {amount(unpacked)} or more"
         raise refused(what, found, "ratio")
     check_free(what, unpacked)
+
+
+def check_animation(what: str, packed: int, frame: int, count: int) -> None:
+    """Refuse an animation whose frames have far more pixels than its file can honestly hold.
+
+    Parameters
+    ----------
+    what
+        Name for the message.
+    packed
+        Bytes in the file. Frames that are alike take few, so more is let in than of one picture.
+    frame, count
+        Bytes of a frame in memory, and how many frames there are.
+
+    Raises
+    ------
+    ValueError
+        They have more.
+
+    Examples
+    --------
+    >>> from resample.reading.limits import check_animation
+    >>> check_animation("a.gif", packed=1_000_000, frame=1_000_000, count=500)
+    """
+    known = limits()
+    whole = frame * count
+    if whole > known.unpacked and whole > ALIKE * known.ratio * max(1, packed):
+        found = f"{amount(packed)} that unpack to {count} frames of {amount(frame)}"
+        raise refused(what, found, "ratio")
 
 
 def check_free(what: str, count: int) -> None:

@@ -1,7 +1,8 @@
 """Files that a file names: textures, materials, buffers, raw data.
 
 A file that came from anywhere must not have others read that its user never meant: what it names
-lies in or under its own folder. `RESAMPLE_ALLOW_OUTSIDE=1` in the environment lets all of them in.
+lies in or under its own folder. `RESAMPLE_ALLOW_OUTSIDE=1` in the environment, or a command's
+`--allow-outside`, lets all of them in.
 """
 
 import os
@@ -40,7 +41,7 @@ def neighbour(source: Path, name: str) -> Path:
         raise _refusal(source, name, "no name of a file")
     file = source.parent / name
     if not allows_outside():
-        remedy = f"files are read from its own folder only; put it there, or set {SETTING}=1"
+        remedy = "files are read from its own folder only; put it there, or give --allow-outside"
         path = Path(name.replace("\\", "/"))
         if path.is_absolute() or re.match(r"^[A-Za-z]:", name):
             raise _refusal(source, name, f"an absolute path; {remedy}")

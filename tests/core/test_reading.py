@@ -12,11 +12,15 @@ import zlib
 import numpy as np
 import pytest
 
+from resample import registry
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_lens
+from resample.files.facts.settings import options_of
+from resample.files.sequences import frames_of
 from resample.reading.limits import check_free, check_unpacked, limits
-from resample.reading.neighbours import neighbour
+from resample.reading.neighbours import allows_outside, neighbour
+from resample.reading.raising import raised
 from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
 from resample_texture.geometry.maps import read_map
@@ -91,12 +95,14 @@ def test_a_setting_raises_limits(monkeypatch):
 @pytest.mark.parametrize("text", ["speed=3", "ratio=-1", "ratio", "ratio=2GiB", "depth=x"])
 def test_a_setting_that_names_no_limit_is_refused(text, monkeypatch):
     monkeypatch.setenv("RESAMPLE_LIMIT", text)
-    refused(limits, match="RESAMPLE_LIMIT has")
+    refused(limits, match="RESAMPLE_LIMIT or --limit has")
 
 
 def test_what_unpacks_to_too_much_is_refused_with_the_way_to_raise_it():
     check_unpacked("a", 10, 1 << 20)
-    refused(check_unpacked, "a", 1000, 1 << 31, match="raise it by RESAMPLE_LIMIT=ratio=")
+    refused(
+        check_unpacked, "a", 1000, 1 << 31, match="raise it by --limit ratio=..., or RESAMPLE_LIMIT"
+    )
 
 
 def test_what_is_more_than_free_memory_is_refused(monkeypatch):
@@ -425,3 +431,33 @@ def test_messages_hold_no_control_characters_of_files(tmp_path):
     assert "\\x1b" in refused(read_cloud, put(tmp_path / "a.ply", text))
     head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\ndata file: \x1b]0;x\x07.raw\n"
     assert "\\x1b" in refused(Nrrd(), put(tmp_path / "a.nhdr", head))
+
+
+def test_a_command_raises_limits_for_itself_alone(monkeypatch):
+    monkeypatch.setenv("RESAMPLE_LIMIT", "depth=10,items=20")
+    with raised("depth=90", allow_outside=True):
+        assert (limits().depth, limits().items) == (90, 20)
+        assert allows_outside()
+    assert (limits().depth, allows_outside()) == (10, False)
+    with pytest.raises(ValueError, match="--limit has 'height=3'"), raised("height=3"):
+        pass
+
+
+@pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
+def test_every_command_takes_the_flags_that_raise_limits(application):
+    app = registry.load("apps", application)
+    for name in (name for name in app if not name.startswith("-")):
+        options = options_of(app[name])
+        if "settings" in options:
+            assert {"memory", "limit", "allow-outside"} <= set(options), name
+
+
+def test_an_animation_whose_frames_are_far_larger_than_its_file_is_refused(tmp_path):
+    from PIL import Image
+
+    frames = [Image.new("L", (8, 8), level) for level in (0, 100, 200)]
+    frames[0].save(tmp_path / "a.gif", save_all=True, append_images=frames[1:])
+    data = bytearray((tmp_path / "a.gif").read_bytes())
+    data[6:10] = struct.pack("<HH", 7600, 7600)  # the screen, of which frames are a part
+    put(tmp_path / "a.gif", bytes(data))
+    refused(frames_of, tmp_path / "a.gif", match=r"unpack to 3 frames of 0\.86 GiB, over the limit")

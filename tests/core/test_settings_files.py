@@ -11,7 +11,7 @@ import pytest
 from resample import registry
 from resample.cli import app
 from resample.files.facts.origin import settings_in
-from resample.files.facts.settings import as_toml, options_of, read_settings
+from resample.files.facts.settings import OWN, as_toml, options_of, read_settings
 from resample.files.images import read_channels
 from tests import commands
 
@@ -174,7 +174,7 @@ def test_the_schema_of_every_command_knows_its_options(application, capsys):
     for name in [name for name in commands_of if not name.startswith("-")]:
         assert ended("schema", f"resample-{application}", name) == 0
         schema = commands.strict_json(capsys.readouterr().out)
-        known = set(options_of(commands_of[name])) - {"settings", "save-settings"}
+        known = set(options_of(commands_of[name])) - set(OWN)
         assert set(schema["properties"]) == known | {"command"}
 
 

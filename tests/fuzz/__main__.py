@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz`: try changed files and odd arrays for some time; says what was found."""
+"""`python -m tests.fuzz`: try changed files, arrays and command lines; says what was found."""
 
 import argparse
 import random
@@ -8,12 +8,13 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.fuzz import arrays, files
+from tests.fuzz import arrays, files, lines
 from tests.fuzz.pool import Found, Setup, Worker
 
 SETUPS = {
     "files": Setup(files.make),
     "arrays": Setup(arrays.make, seconds=120.0, allowed=(TypeError,)),
+    "commands": Setup(lines.make, seconds=120.0),
 }
 
 
@@ -22,10 +23,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1 << 40))
-    parser.add_argument("--kind", choices=[*SETUPS, "both"], default="both")
+    parser.add_argument("--kind", choices=[*SETUPS, "all"], default="all")
     parser.add_argument("--only", type=int, help="one seed, in this process, with its traceback")
     given = parser.parse_args()
-    kinds = list(SETUPS) if given.kind == "both" else [given.kind]
+    kinds = list(SETUPS) if given.kind == "all" else [given.kind]
     if given.only is not None:
         folder = Path(f"fuzz-{given.only}")
         folder.mkdir(exist_ok=True)

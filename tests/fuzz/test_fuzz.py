@@ -1,6 +1,7 @@
 """The fuzzer's own run in the tests: fixed seeds, in a process that is limited, without a fault."""
 
 import random
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from resample_texture import warp
 from resample_volume import Volume, render
 from resample_warp3d import Cloud, framed, render_cloud
 from resample_warp3d import warp as warp_depth
-from tests.fuzz import arrays, files
+from tests.fuzz import arrays, files, lines
 from tests.fuzz.corpus import corpus
 from tests.fuzz.mutations import mutated
 from tests.fuzz.pool import READ, Setup, attempted, tried_all
 from tests.fuzz.readers import READERS
 from tests.processes import PATIENCE
 
+LINES = 90  # five of each command
 FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries far more
 
 
@@ -31,6 +33,12 @@ def test_changed_files_are_read_or_refused_in_one_line():
 @pytest.mark.slow
 def test_odd_arrays_and_numbers_give_results_or_clear_errors():
     assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), ARRAYS) == []
+
+
+@pytest.mark.slow
+def test_odd_command_lines_are_refused_in_one_line():
+    setup = Setup(partial(lines.make, is_quick=True), seconds=PATIENCE)
+    assert faults(setup, LINES) == []
 
 
 def crashing(_seed, _folder):

@@ -511,7 +511,7 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
     assert "0.10 MiB are allowed; give more memory, take a coarser level" in error
     assert not Path("a.png").exists()
     error = refused(app, capsys, "render", "a.npy", *common)
-    assert "memory is for volumes in chunks, and a.npy is read as a whole" in error
+    assert "a needs about 0.23 GiB of memory, --memory allows 0.10 MiB; take a smaller" in error
     error = refused(app, capsys, "render", "a.zarr", *common[:-1], "much")
     assert "'much' is no amount of memory; give one such as 2GiB" in error
 

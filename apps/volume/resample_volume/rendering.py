@@ -440,8 +440,13 @@ class Subject:
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to see."""
+        return not self.seen
+
+    @property
+    def seen(self) -> int:
+        """Number of voxels that can be seen."""
         voxels = self.voxels
-        return not (voxels.seen if isinstance(voxels, Gathered) else len(voxels.position))
+        return voxels.seen if isinstance(voxels, Gathered) else len(voxels.position)
 
     def facts(self) -> dict[str, Any]:
         """What pictures depend on besides camera and renderer, as JSON holds it."""

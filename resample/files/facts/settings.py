@@ -2,7 +2,7 @@
 
 import inspect
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import partial, wraps
 from pathlib import Path
@@ -13,11 +13,13 @@ from cyclopts.argument import Argument
 from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
-from resample.command.flags import under
-from resample.command.settings import SETTINGS, Choices
+from resample import memory as memories
+from resample.command.flags import Switch, under
+from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
+from resample.reading.raising import raised
 from resample.reading.texts import text_of, toml_of
 from resample.words import naming
 
@@ -27,7 +29,9 @@ Settings = dict[str, Any]
 COMMAND = "command"  # the key that says whose settings they are
 # What a run writes is its own: another run with its settings overwrites nothing.
 TARGETS = {"output", "stats", "holes", "coverage", "depth-output", "export", "resume"}
-OWN = ("settings", "save-settings")
+# Of this run on this machine: a file that came from anywhere raises no limits.
+LIMITING = ("limit", "allow-outside")
+OWN = ("settings", "save-settings", *LIMITING)
 Given = Annotated[
     Path | None,
     under(SETTINGS),
@@ -41,10 +45,26 @@ Saved = Annotated[
     under(SETTINGS),
     Parameter(help="Also write the options, but not what is read and written (.toml)."),
 ]
+Memory = Annotated[str | None, under(LIMITS), Parameter(help=MEMORY + ".")]
+Limit = Annotated[
+    str | None,
+    under(LIMITS),
+    Parameter(
+        help="How much files may hold: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
+        "unpacked, ratio. Far above what honest files need."
+    ),
+]
+Outside = Annotated[
+    bool, Switch, under(LIMITS), Parameter(help="Let files name others outside of their folder.")
+]
 
 
 def with_settings(app: App) -> None:
-    """Give every command of an application that has options `--settings` and `--save-settings`."""
+    """Give every command of an application that has options those that all of them have.
+
+    `--settings` and `--save-settings`, and what raises limits: `--memory`, `--limit` and
+    `--allow-outside`.
+    """
     app.config = (partial(_take, app.name[0]),)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
@@ -154,19 +174,21 @@ def _refuse_time(value: object) -> NoReturn:
 
 
 def _keeping(name: str, command: Command) -> Command:
-    """Command that takes settings from a file and can leave its own."""
+    """Command that takes settings from a file and can leave its own, within limits."""
     signature = inspect.signature(command)
-    own = {"settings": Given, "save_settings": Saved}
 
     @wraps(command)
     def run(
         *inputs: Any,
         settings: Path | None = None,
         save_settings: Path | None = None,
+        memory: str | None = None,
+        limit: str | None = None,
+        allow_outside: bool = False,
         **options: Any,
     ) -> Any:
         text = as_toml(name, dict(_chosen(signature, options)))
-        with stating(text):
+        with memories.allowing(memory), raised(limit, allow_outside=allow_outside), stating(text):
             if save_settings is None:
                 return command(*inputs, **options)
             check_targets(save_settings, settings, options.get("output"))
@@ -175,15 +197,31 @@ def _keeping(name: str, command: Command) -> Command:
             temporary.write_bytes(text.encode())
         return result
 
-    keyword = inspect.Parameter.KEYWORD_ONLY
+    _sign(run, command, signature)
+    return run
+
+
+def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
+    """Give a command the options of another, and those that all have."""
     hints = get_type_hints(command, include_extras=True)
     kinds = {name: _headed(kind) for name, kind in hints.items()}
-    run.__annotations__ = {**kinds, **own}
+    own: dict[str, tuple[Any, object]] = {"settings": (Given, None), "save_settings": (Saved, None)}
+    if not any("memory" in _fields_of(kind) for kind in hints.values()):
+        own["memory"] = Memory, None
+    own |= {"limit": (Limit, None), "allow_outside": (Outside, False)}
+    run.__annotations__ = {**kinds, **{key: kind for key, (kind, _) in own.items()}}
     given = [part.replace(annotation=kinds[name]) for name, part in signature.parameters.items()]
-    more = [inspect.Parameter(key, keyword, default=None, annotation=own[key]) for key in own]
-    changed = signature.replace(parameters=[*given, *more])
-    vars(run)["__signature__"] = changed
-    return run
+    more = [
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=usual, annotation=kind)
+        for key, (kind, usual) in own.items()
+    ]
+    vars(run)["__signature__"] = signature.replace(parameters=[*given, *more])
+
+
+def _fields_of(kind: Any) -> Iterable[str]:
+    """Options that a model in a signature stands for."""
+    model = get_origin(kind) is Annotated and get_args(kind)[0]
+    return model.model_fields if isinstance(model, type) and issubclass(model, Choices) else ()
 
 
 def _headed(kind: Any) -> Any:

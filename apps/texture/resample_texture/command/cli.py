@@ -146,6 +146,7 @@ def rectify(
     job = Job(lambda _: target, warping, look_of(written))
     check_output(output, job.look, transparent=False)
     check_targets(output)
+    job.require_room(photo, output)
     picture = read_picture(photo, as_data=True)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)
@@ -184,11 +185,11 @@ def mesh(
         Behind the picture: black, white, #rrggbb or none for transparent.
     """
     from resample import registry
-    from resample.command.session import Session
+    from resample.command.session import Session, require_picture
     from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.rendering import check_memory
+    from resample_texture.command.needs import BYTES_PER_MESH_PIXEL
     from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
 
     check_suffix(output)
@@ -201,7 +202,7 @@ def mesh(
         shading=view.shading,
     )
     check_targets(output)
-    check_memory((height, width), 16)
+    require_picture((height, width), BYTES_PER_MESH_PIXEL)
     shape = load_mesh(model, texture)
     camera = view.placed(shape, (height, width))
     with Session().stage("paint", bar="painting"):
@@ -320,14 +321,14 @@ def animate(
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
-    from resample_texture.command.rendering import check_memory
+    from resample_texture.command.needs import require_film
     from resample_texture.types import Edge
 
     flight = animation.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
     check_film(output, fps)
-    check_memory(flight.size, flight.frames)
+    require_film(image, flight.size)
     picture = animation.with_alpha(read_picture(image).data)
     with progress_bar("flying") as progress:
         shots = animation.shots(picture, flight, paint)

@@ -20,6 +20,7 @@ from resample.files.pictures import (
     check_output,
     check_source,
     coverage_picture,
+    form_of,
     holds_gaps,
     look_of,
     read_picture,
@@ -32,7 +33,8 @@ from resample.types import Floats
 from resample.words import one_line
 from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
-from resample_texture.command.large import Large, large_picture
+from resample_texture.command.large import MOST_IN_STRIP, Large, large_picture
+from resample_texture.command.needs import require_room
 from resample_texture.command.rendering import report, sees_all, warped
 
 
@@ -48,6 +50,22 @@ class Job:
     def target(self, picture: Picture) -> Target:
         """Where a picture goes."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
+
+    def require_room(self, source: Path | Picture, output: Path) -> None:
+        """Refuse what memory does not hold, of a file before its pixels are read.
+
+        Raises
+        ------
+        ValueError, OSError
+            It does not hold it, or the file is none.
+        """
+        if isinstance(source, Picture):
+            (height, width, count), kind = source.data.shape, source.kind
+        else:
+            (height, width, count), kind = form_of(source)
+        shape = self.aim((height, width)).shape if self.roi is None else (self.roi[3], self.roi[2])
+        form = height, width, count
+        require_room(form, shape, self.warping, output, has_alpha=kind.has_alpha)
 
     def warped(
         self,
@@ -197,6 +215,7 @@ def _warp_picture(
     if large is not None:
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
+        job.require_room(source, output)
         picture = read_picture(source, as_data=True)
         target = job.target(picture)
     job.check(picture, target, output)
@@ -215,6 +234,7 @@ def _warp_large(
     """Warp a picture strip by strip; what is written is the same."""
     check_output(output, job.look, transparent=large.kind.has_alpha)
     height, width = large.shape
+    require_room(large.form, large.shape, job.warping, output, in_strips=MOST_IN_STRIP)
     with ExitStack() as files:
         put = files.enter_context(writing_rows(output, height, job.look))
         put_share = None
@@ -239,6 +259,8 @@ def _warped_frames(
 ) -> Iterator[Picture]:
     """Pictures of a file, warped one by one."""
     for n, picture in enumerate(frames.read()):
+        if n == 0:
+            job.require_room(picture, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             _say_lost(picture.about, result, output)

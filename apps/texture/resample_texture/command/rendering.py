@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from resample.colors import from_srgb, to_srgb
-from resample.command.session import Session, require_picture
+from resample.command.session import Session
 from resample.files import pictures
 from resample.files.facts.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture
@@ -35,8 +35,6 @@ def warped(
     What is not covered is transparent if that is what lies beyond the edge, and black if not; it is
     no number where `keeps_gaps`. Where all is covered no transparency is added.
     """
-    height, width = target.shape if roi is None else (roi[3], roi[2])
-    check_memory((height, width), picture.data.shape[2])
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = _curved(picture, to_srgb) if as_encoded else picture.data
     with session.stage("warp", bar=bar):
@@ -129,11 +127,6 @@ def report(
         "method": choice.method,
         "seconds": session.times(),
     }
-
-
-def check_memory(shape: tuple[int, int], channels: int) -> None:
-    """Refuse a target that this machine cannot hold, before any work is done."""
-    require_picture(shape, BYTES_PER_VALUE * (channels + 1))
 
 
 def bytes_at_once(source: tuple[int, int, int], shape: tuple[int, int]) -> int:

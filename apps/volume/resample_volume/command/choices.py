@@ -8,7 +8,16 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
-from resample.command.settings import CAMERA, LIGHT, Choices, Color, Iso, Resampling, Shown
+from resample.command.settings import (
+    CAMERA,
+    LIGHT,
+    MEMORY,
+    Choices,
+    Color,
+    Iso,
+    Resampling,
+    Shown,
+)
 from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -49,8 +58,8 @@ class Source(Choices):
     memory: Annotated[
         str | None,
         Field(
-            description="Memory that a volume in chunks (OME-Zarr, zarr) may take: 2GiB. Half of "
-            "what is free."
+            description=f"{MEMORY}; of a volume in chunks (OME-Zarr, zarr) its voxels may take "
+            "that, or half of what is free."
         ),
     ] = None
     level: Annotated[

@@ -106,7 +106,7 @@ def render(
         shown = with_meshes(media(source, volume, look, added, resampler), meshes)
         if beside.color_bar:
             require_values(shown[0][0], "a color bar")
-    subject = scene_of(session, shown, resampler, look.fit)
+    subject = scene_of(session, shown, resampler, look.fit, size)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
@@ -275,7 +275,7 @@ def animate(
     if series is None:
         given = media(source, volume, look, added, resampler, recording=recording)
         shown = with_meshes(given, meshes)
-        subject = scene_of(Session(), shown, resampler, look.fit)
+        subject = scene_of(Session(), shown, resampler, look.fit, shape)
         drawn = animation.drawing(shown[0][0], subject, beside.annotations(behind))
         paint = replace(paint, drawing=drawn)
         made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample import registry
 from resample.command.console import say
-from resample.memory import amount, available_memory, bytes_of
+from resample.memory import allow, amount, available_memory, bytes_of
 from resample_volume.command.choices import Source
 from resample_volume.files.readers import Raw, Reader, Streamer, three_numbers
 from resample_volume.files.source import (
@@ -47,10 +47,7 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
     allowed = allowed_memory(source)
     held = open_streamed(place, reader)
     if held is None and allowed is not None:
-        raise ValueError(
-            f"memory is for volumes in chunks, and {name} is read as a whole; leave it out, or "
-            "convert the volume to OME-Zarr first"
-        )
+        allow(allowed)
     if held is not None:
         volume = with_memory(volume_at(held, source.time, source.channel), allowed)
         volume = volume if streamed else in_memory(volume)
@@ -105,6 +102,9 @@ def over_time(source: Source, name: str, *, streamed: bool) -> Recording | None:
 
 def held(source: Source, name: str) -> Recording:
     """All times and channels of that name; errors as of `opened`."""
+    allowed = allowed_memory(source)
+    if allowed is not None:
+        allow(allowed)
     return open_recording(*_named(source, name))._replace(**_changes(source))
 
 

@@ -8,6 +8,7 @@ from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
+from resample_volume.command import needs
 from resample_volume.rendering import (
     Appearance,
     Fit,
@@ -18,7 +19,7 @@ from resample_volume.rendering import (
 )
 from resample_volume.types import Volume
 
-BYTES_PER_PIXEL = 100  # of a picture and the copies that are made when it is written
+BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
 
 def subject_of(
@@ -33,14 +34,26 @@ def subject_of(
 
 
 def scene_of(
-    session: Session, media: Sequence[Medium], resampler: Resampler, fit: Fit = "visible"
+    session: Session,
+    media: Sequence[Medium],
+    resampler: Resampler,
+    fit: Fit = "visible",
+    size: tuple[int, int] = (0, 0),
 ) -> Subject:
-    """Volumes of a scene made ready for a renderer."""
+    """Volumes of a scene made ready for a renderer of pictures (height, width).
+
+    Raises
+    ------
+    ValueError
+        They do not go together, or do not fit in memory.
+    """
+    needs.require_room(media, size)
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
     with session.stage("classify", bar="classifying"):
         subject = Subject.of_several(media, resampler, fit)
+    needs.require_room(media, size, subject)
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject

@@ -116,7 +116,7 @@ def render(
     with session.stage("read"):
         taken = read_views(reader, color, depth, further)
     kind, shape = taken.picture.kind, aim.shape(taken.shape)
-    check_memory(shape, len(kind.channels))
+    check_memory(taken.views, shape, output)
     target = aim.sight(taken.camera, taken.shape, eye.convention)
     sources = prepared(session, taken.views, warping)
     joining = joining_of(taken, joint.joining(unmixed=warping.unmixed))
@@ -203,7 +203,7 @@ def stereo(
         seen = read_view(reader, picture, depth)
         eyes = Eyes.of(seen, parallax)
     shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
-    check_memory(shape, seen.picture.data.shape[2])
+    check_memory([seen], shape, output)
     (source,) = prepared(session, [seen], warping)
     way = fraction if given == "left" else -fraction
     warped = shifted(session, source, of_rectified(way, *eyes), shape, warping)
@@ -273,7 +273,7 @@ def animate(
     session = Session()
     taken = read_views(reader, color, depth)
     shape = target.shape(taken.shape)
-    check_memory(shape, len(taken.picture.kind.channels))
+    check_memory(taken.views, shape, output)
     camera = target.sight(taken.camera, taken.shape, eye.convention)
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
@@ -314,7 +314,7 @@ def cloud(
     aim.check()
     look.check(output, shape[0])
     check_targets(output)
-    check_memory(shape, 4)
+    check_memory([], shape, output)
     session = Session()
     scene = scene_of(session, file, look)
     with session.stage("paint", bar="painting"):
@@ -412,7 +412,7 @@ def animate_cloud(
     viewpoints = path_of(path, frames, fps, start_of(camera, up))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
-    check_memory(shape, 4)
+    check_memory([], shape, output)
     session = Session()
     scene = scene_of(session, file, look)
     film = film_of(scene, cameras_of(scene.surfels, viewpoints, shape), shape, behind)

@@ -129,7 +129,7 @@ def render_film(
         count = len(film.frames.seconds)
 
         def told() -> Iterator[Picture]:
-            made = _pictures(session, film, film.reader(reader), aim, warping)
+            made = _pictures(session, film, film.reader(reader), aim, warping, output)
             for n, (picture, depth) in enumerate(made):
                 if depths is not None:
                     depths.write(n, depth)
@@ -141,7 +141,7 @@ def render_film(
 
 
 def _pictures(
-    session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping
+    session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping, output: Path
 ) -> Iterator[tuple[Picture, Floats]]:
     """Pictures of a film from the other place, and their depth (H, W).
 
@@ -153,7 +153,8 @@ def _pictures(
         if n == 0:
             mention_doubt(reader, view, film.depth)
         shape = aim.shape(view.shape)
-        check_memory(shape, picture.data.shape[2])
+        if n == 0:
+            check_memory([view], shape, output)
         sources = prepared(session, [view], warping)
         warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
         target = aim.sight(reader.eye.sight(view.shape), view.shape, reader.eye.convention)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.console import say
+from resample.command.session import LIBRARIES
 from resample.files.images import read_channels
-from resample.files.pictures import Picture, flattened, read_picture
-from resample.memory import require_memory
+from resample.files.pictures import Picture, flattened, form_of, read_picture
+from resample.memory import require, require_memory
 from resample.types import Floats
 from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.source import SourceCamera
@@ -28,6 +30,7 @@ from resample_warp3d.types import DepthImage
 from resample_warp3d.wide.sights import Sight, taken_by
 
 BYTES_PER_PIXEL = 144  # of what refining and preparing a source takes beside its colors
+BYTES_PER_VALUE = 23  # of a channel of a source, while it is refined, prepared and warped
 
 
 class DepthView(NamedTuple):
@@ -190,6 +193,9 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
     ValueError, LookupError
         The files do not fit each other, hold no depth, or a choice cannot be worked with.
     """
+    form, _ = form_of(Path(color))
+    needed = {"libraries": LIBRARIES, "the source": bytes_of_source(form)}
+    require(f"{color} of {form[1]} x {form[0]} pixels", needed, "take a smaller picture")
     picture = read_names(color) if reader.labels else read_picture(color)
     view = view_of(reader, picture, read_depth(depth), (color, depth), pose)
     mention_doubt(reader, view, depth)
@@ -309,6 +315,11 @@ def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNam
     check_poses(views)
     camera = reader.eye.sight(views[0].shape)
     return Taken(views, views[0].picture, camera, views[0].shape)
+
+
+def bytes_of_source(form: tuple[int, ...]) -> int:
+    """Bytes that a source (height, width, channels) takes at its height, with its depth."""
+    return BYTES_PER_VALUE * prod(form)
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:

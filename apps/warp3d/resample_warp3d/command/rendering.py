@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,13 +12,14 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.console import say
-from resample.command.session import Session, require_picture
+from resample.command.session import LIBRARIES, Session, bytes_written
 from resample.files.animations import fingerprint
+from resample.memory import require
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.choices import Warping
-from resample_warp3d.command.inputs import DepthView, Taken
+from resample_warp3d.command.inputs import DepthView, Taken, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
 from resample_warp3d.sheet.behind import background, behind
@@ -29,7 +31,7 @@ from resample_warp3d.wide.sights import Sight
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
-BYTES_PER_PIXEL = 160  # of a target and the copies that are made when it is warped and written
+CHANNELS = 3  # of most pictures, and of clouds'
 TOLD = {
     "snap": "edges are moved to those of the picture, gaps filled",
     "sharpen": "soft edges are made hard where the picture has them, gaps filled",
@@ -249,9 +251,33 @@ def words_of(camera: Sight) -> list[object]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
 
 
-def check_memory(shape: Shape, channels: int) -> None:
-    """Refuse a target that this machine cannot hold, before any work is done."""
-    require_picture(shape, BYTES_PER_PIXEL + 16 * channels)
+def check_memory(views: Sequence[DepthView], shape: Shape, output: Path) -> None:
+    """Refuse what memory does not hold, and say (DEBUG) what is needed, before any work is done.
+
+    Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
+
+    Parameters
+    ----------
+    views
+        Sources, as they are read; none of a cloud.
+    shape
+        Height and width of the target, px.
+    output
+        What it is written to.
+
+    Raises
+    ------
+    ValueError
+        It needs more than is allowed, or free.
+    """
+    height, width = shape
+    channels = max((view.picture.data.shape[2] for view in views), default=CHANNELS)
+    parts = {
+        "libraries": LIBRARIES,
+        "the sources": sum(bytes_of_source(view.picture.data.shape) for view in views),
+        "the result": (channels + 1) * bytes_written(shape, output),
+    }
+    require(f"a picture of {width} x {height} pixels", parts, "take a smaller size")
 
 
 def mention_holes(warped: Warped) -> None:

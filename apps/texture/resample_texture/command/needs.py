@@ -1,0 +1,79 @@
+"""What a warp will hold in memory at its height, from what is known before any work.
+
+Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
+"""
+
+from math import prod
+from pathlib import Path
+
+from resample.command.session import LIBRARIES, bytes_written, require_picture
+from resample.files.pictures import form_of
+from resample.memory import require
+from resample_texture.asking import method_named
+from resample_texture.command.choices import Warping
+
+BYTES_PER_TEXEL = 6  # and channel, of a source and what is held while it is decoded
+BYTES_IN_STRIP = 28  # and value, of what is drawn of a large picture at a time
+KERNELS = 80 << 20  # bytes of libraries that other programs' methods do not load
+BYTES_PER_MESH_PIXEL = 100  # of a mesh's picture
+BYTES_OF_FILM = 16, 60  # of a texel of what a camera flies over, and of a pixel of a frame
+REMEDY = "take a smaller size, or a part of it by --roi"
+
+
+def require_room(
+    form: tuple[int, int, int],
+    shape: tuple[int, int],
+    choice: Warping,
+    output: Path,
+    *,
+    has_alpha: bool = False,
+    in_strips: int | None = None,
+) -> None:
+    """Refuse a warp that memory does not hold, and say (DEBUG) what it needs.
+
+    Parameters
+    ----------
+    form
+        Height, width and channels of the source, opacity included.
+    shape
+        Height and width of what is written, px.
+    choice
+        How it is warped.
+    output
+        What it is written to: integers are encoded by way of floats.
+    has_alpha
+        Whether one of the channels is opacity.
+    in_strips
+        Values that are drawn at a time of a large picture, which is held as stored.
+
+    Raises
+    ------
+    ValueError
+        It needs more than is allowed, or free.
+    """
+    height, width = shape
+    what = f"a picture of {width} x {height} pixels"
+    if in_strips is not None:
+        parts = {"the source": prod(form), "a strip": BYTES_IN_STRIP * in_strips}
+    else:
+        opens = choice.edge == "transparent" and not (has_alpha or choice.total)
+        values = form[2] + opens
+        parts = {
+            "the source": BYTES_PER_TEXEL * prod(form),
+            "the result": values * bytes_written(shape, output),
+        }
+    is_ours = ".rivals." not in type(method_named(choice.method)).__module__
+    require(what, {"libraries": LIBRARIES if is_ours else LIBRARIES - KERNELS, **parts}, REMEDY)
+
+
+def require_film(source: Path, size: tuple[int, int]) -> None:
+    """Refuse a flight over a picture, in frames (height, width), as `require_room` does.
+
+    Raises
+    ------
+    ValueError, OSError
+        It needs more than is allowed, or free; or the file is no picture.
+    """
+    (height, width, _), _ = form_of(source)
+    texel, pixel = BYTES_OF_FILM
+    require_picture(size, pixel, {"the source": texel * height * width})
