@@ -10,6 +10,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.files.images import read_image
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
 from tests.bits import assert_same
@@ -95,6 +96,25 @@ def run(target, **environment):
     )
     assert done.returncode == 0, done.stderr
     return np.load(target)
+
+
+MANY = {  # words of a command, which ends with its picture
+    "texture": ["warp", "sample:bricks", "--matrix", "0.7,0.2,10,-0.2,0.7,90", "--size", "300"],
+    "warp3d": ["render", "sample:room", "--move", "0.1,0,0"],
+    "volume": ["render", "checker-box:size=48", "--size", "200"],
+}
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("application", MANY)
+def test_64_threads_give_the_bits_of_one(application, tmp_path):
+    for threads in ("64", "1"):
+        picture = str(tmp_path / f"{threads}.exr")
+        words = [f"resample_{application}", *MANY[application], "--threads", threads, "-o", picture]
+        environment = {**os.environ, "NUMBA_NUM_THREADS": "64"}
+        subprocess.run([sys.executable, "-m", *words], env=environment, check=True)
+    many, one = (read_image(tmp_path / f"{threads}.exr") for threads in ("64", "1"))
+    np.testing.assert_array_equal(many, one)
 
 
 @pytest.mark.slow
