@@ -455,7 +455,7 @@ def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
         ("none.nrrd", "there is no such file"),
         ("notes.txt", "has no known suffix"),
         ("folder", "holds no slices"),
-        ("empty.nrrd", "empty cannot be read"),
+        ("empty.nrrd", "empty.nrrd is empty"),
         ("checker-box:size=1", "size is at least 2 voxels"),
         ("checker-box:color=1", "checker-box takes size=100, block=10"),
     ):

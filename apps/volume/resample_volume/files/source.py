@@ -107,8 +107,10 @@ def find_reader(path: Path) -> Reader:
     Raises
     ------
     ValueError
-        No installed reader fits, or two do.
+        The file is empty, no installed reader fits, or two do.
     """
+    if path.is_file() and path.stat().st_size == 0:
+        raise ValueError(f"{path} is empty")
     readers, broken = _readers()
     if is_store(path):
         suffix = ".zarr"
