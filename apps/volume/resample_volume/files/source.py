@@ -109,8 +109,6 @@ def find_reader(path: Path) -> Reader:
     ValueError
         The file is empty, no installed reader fits, or two do.
     """
-    if path.is_file() and path.stat().st_size == 0:
-        raise ValueError(f"{path} is empty")
     readers, broken = _readers()
     if is_store(path):
         suffix = ".zarr"
@@ -121,6 +119,8 @@ def find_reader(path: Path) -> Reader:
         what = "holds no slices" if path.is_dir() else "has no known suffix"
         hint = "; ".join([f"{path} {what}; known are {known}", *broken])
         raise ValueError(f"{hint}; rename it or choose a reader")
+    if path.is_file() and path.stat().st_size == 0:
+        raise ValueError(f"{path} is empty")
     if len(readers[suffix]) > 1:
         raise ValueError(f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix}")
     built: Reader = registry.build("readers", readers[suffix][0])
