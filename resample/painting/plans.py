@@ -33,6 +33,7 @@ class PicturePlan(NamedTuple):
     painter: str  # "splats", "points" or "mixture"
     size: tuple[int, int]  # height and width of the whole picture, px
     tile: int  # px, side of a tile; windows that end between tiles paint more than they show
+    margin: float  # px around a tile in which samples have part in it
     least: Single  # px, spacing of samples
     most: Single  # px, likewise
     farthest: float  # greatest size of a key, as its order counts

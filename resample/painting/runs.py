@@ -55,6 +55,7 @@ def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
         painter,
         (scene.screen.height, scene.screen.width),
         size_of_tiles(grid(least, style), scene.tables.pixel_margin, columns),
+        scene.screen.margin,
         least,
         known["most_spacing"].max(),
         float(np.abs(seen["key"]).max(initial=0)),
