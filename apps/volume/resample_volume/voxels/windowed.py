@@ -151,6 +151,10 @@ def painted_in_windows(work: Work, bricks: Bricks, memory: int) -> Iterator[tupl
     if known is None:
         return
     for window in windows_of(known, memory // BYTES_PER_VOXEL):
-        voxels = _voxels(work, bricks, bricks_in(known, window))
-        samples = work.lit(voxels, known.steepest)
-        yield window, work.resampler.paint_window(samples, work.camera, known.plan, window)
+        yield window, _painted(work, bricks, known, window)
+
+
+def _painted(work: Work, bricks: Bricks, known: Surveyed, window: Window) -> Frame:
+    """A window, after which nothing of its voxels is in memory."""
+    samples = work.lit(_voxels(work, bricks, bricks_in(known, window)), known.steepest)
+    return work.resampler.paint_window(samples, work.camera, known.plan, window)
