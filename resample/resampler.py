@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -13,6 +13,14 @@ from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
 from resample.painting.layers import layers_of
+from resample.painting.plans import (
+    NOTHING,
+    POINTS,
+    SPLATS,
+    PicturePlan,
+    Window,
+    checked_window,
+)
 from resample.painting.points import can_defer_points, paint_points
 from resample.painting.rays import Gathering, paint_field
 from resample.painting.scene import (
@@ -44,6 +52,7 @@ from resample.types import (
     Classifier,
     Doubles,
     Field,
+    Film,
     Floats,
     Frame,
     LatticeField,
@@ -260,10 +269,109 @@ class Resampler:
             return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
         with _kernels(threads):
             scene = self._scene(checked, camera.view(), (height, width), look, clip)
-            if look is None and self.order.summing is Summing.POINTS:
-                return self._developed(*self._streamed(scene, checked, progress))
-            summed = paint_summed(scene, checked, self.reconstruction, progress)
-            return self._developed(*summed)
+            return self._developed(*self._painted(scene, checked, progress))
+
+    def _painted(
+        self, scene: Scene, samples: Samples, progress: Progress | None
+    ) -> tuple[Painted, Statistics]:
+        """Picture of a scene by whom its order asks for."""
+        if scene.classifier is None and self.order.summing is Summing.POINTS:
+            return self._streamed(scene, samples, progress)
+        return paint_summed(scene, samples, self.reconstruction, progress)
+
+    def plan(
+        self,
+        samples: Samples | Field | LatticeField,
+        camera: AnyCamera,
+        *,
+        height: int,
+        width: int,
+        clip: ArrayLike | None = None,
+    ) -> PicturePlan:
+        """What a picture depends on besides the samples that are seen in a window of it.
+
+        Same parameters as a call. Where not all samples are in memory together, plans of some
+        after the other are `merged`.
+
+        Raises
+        ------
+        ValueError
+            As a call does; or such a picture cannot be painted window by window, or has no samples.
+        """
+        check_size(height, width)
+        self._check_field(samples)
+        checked, look = self._checked_for_windows(samples)
+        with _kernels(None):
+            scene = self._scene(checked, camera.view(), (height, width), look, clip)
+            painted, _ = self._painted(replace(scene, window=NOTHING), checked, None)
+        if painted.plan is None:
+            raise RuntimeError("a scene is planned before it is painted")
+        return painted.plan
+
+    def _checked_for_windows(
+        self, samples: Samples | Field | LatticeField
+    ) -> tuple[Samples, Classifier | None]:
+        """Samples and the look of a field, if they can be painted window by window."""
+        if isinstance(samples, LatticeField) or self.projection in WHOLE:
+            what = "the order rays" if isinstance(samples, LatticeField) else self.projection
+            raise ValueError(
+                f"{what} cannot be painted window by window; leave the window out, or take samples "
+                "of the projection composite in another order"
+            )
+        checked, look = _checked(samples)
+        if checked.extinction.size == 0:
+            raise ValueError("there are no samples, so there is nothing to plan; leave plans out")
+        if checked.scale is not None:
+            self._check_scaled()
+        return checked, look
+
+    def paint_window(
+        self,
+        samples: Samples | Field,
+        camera: AnyCamera,
+        plan: PicturePlan,
+        window: Window,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+        clip: ArrayLike | None = None,
+    ) -> Frame:
+        """Window of a picture, with the bits that the whole picture has there.
+
+        Parameters
+        ----------
+        samples
+            Those that are seen in the window, at least; in any order.
+        camera
+            Of the whole picture.
+        plan
+            Of the whole picture and all of its samples, from `plan`.
+        window
+            (x0, y0, x1, y1) px of the whole picture: the frame is of y1 - y0 rows and x1 - x0
+            columns of it. Tiles that it cuts are painted whole.
+        threads, progress, clip
+            As of a call. Statistics count what was painted, and nothing as hidden.
+
+        Raises
+        ------
+        ValueError
+            As a call does; or the window is no part of the picture, or cannot be painted by itself.
+        """
+        x0, y0, x1, y1 = checked_window(window, *plan.size)
+        self._check_field(samples)
+        if isinstance(samples, Samples) and not len(samples.extinction):
+            nothing = nothing_painted(y1 - y0, x1 - x0)
+            return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
+        checked, look = self._checked_for_windows(samples)
+        with _kernels(threads):
+            scene = self._scene(checked, camera.view(), plan.size, look, clip)
+            scene = replace(scene, layers=plan.layers, plan=plan, window=(x0, y0, x1, y1))
+            painted, statistics = self._painted(scene, checked, progress)
+        part = slice(y0, y1), slice(x0, x1)
+        film = Film(*(np.ascontiguousarray(layer[part]) for layer in painted.film))
+        value = painted.value[part].copy() if painted.value.size else painted.value
+        counts = painted.statistics(statistics.samples, statistics.seconds)
+        return self._developed(painted._replace(film=film, value=value), counts)
 
     def footprints(
         self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
@@ -335,9 +443,10 @@ class Resampler:
     ) -> tuple[Painted, Statistics]:
         """Picture of samples that are composited one by one, or as points in layers."""
         painted, formula = None, formula_of(scene, self._profile, self._pieces)
-        if are_splats_exact(scene):
+        by = None if scene.plan is None else scene.plan.painter
+        if are_splats_exact(scene) and by in (None, SPLATS):
             painted = paint_splats(scene, samples, formula, progress)
-        can_defer = samples.scale is None and can_defer_points(scene)
+        can_defer = samples.scale is None and can_defer_points(scene) and by in (None, POINTS)
         if painted is None and self._point_profile is not None and can_defer:
             painted = paint_points(scene, samples, self._point_profile, progress)
         return painted or paint_mixture(scene, samples, formula, progress)
@@ -445,6 +554,7 @@ class Resampler:
 
 
 OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
+WHOLE = (Projection.ADDITIVE, Projection.FIRST_HIT)  # whose pixels depend on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE, Projection.MINIMUM)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,

@@ -8,12 +8,15 @@ import math
 
 import numpy as np
 
+from resample.painting.plans import POINTS, PicturePlan
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
     counted,
     dealt,
     paint_tiles,
+    plan_of,
+    planned,
 )
 from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
 from resample.profiles.orders import Summing
@@ -50,38 +53,39 @@ def can_defer_points(scene: Scene) -> bool:
 
 
 def _runs_of(scene: Scene, samples: Samples) -> Runs | None:
-    """Samples in runs; None if one is no point, or none is seen."""
+    """Samples in runs; None if there is no plan yet, and one is no point or none is seen."""
     from resample.engine.points.outlines import outline_point_runs
 
     extent = RUN_EXTENT * min(1.0, scene.layers.thickness / scene.ellipsoid.volume ** (1 / 3))
     start = breaks(scene, samples, extent, LONGEST_RUN)
     known, style = np.zeros(start.size - 1, RUN), scene.style
     outline_point_runs(known, start, samples, scene.stage)
+    if scene.plan is not None:
+        return Runs(samples, start, known)
     finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
     is_point = known["most_spacing"].max() * finest <= style.threshold
     return Runs(samples, start, known) if is_point and known["seen"].any() else None
 
 
-def _form_of(scene: Scene, runs: Runs, finest: int) -> Spread | None:
+def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
     """How points are spread; None if filters, rows, sheets or crowds do not fit."""
     from resample.engine.points.runs import MOST_TAPS
 
-    style, known, ellipsoid = scene.style, runs.known, scene.ellipsoid
-    least, most = known["least_spacing"].min(), float(known["most_spacing"].max())
+    style, ellipsoid = scene.style, scene.ellipsoid
+    least, most = plan.least, float(plan.most)
     widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12) if style.variance else finest
     narrowest = math.sqrt(1 / 12) if style.variance else 1.0
     thinnest = np.linalg.svd(ellipsoid.from_unit, compute_uv=False)[-1] / ellipsoid.radius
     area = ellipsoid.volume / (style.layer * thinnest**2) * (most * finest) ** 2
     crowd = style.layer / ellipsoid.volume ** (1 / 3) / (least * finest) ** 2
     reach = style.point_extent * narrowest
-    farthest = float(np.abs(known["key"][known["seen"] > 0]).max())
     margin = scene.tables.pixel_margin
     columns = (size_of_tiles(finest, margin) + 2 * margin) * finest
     if 2 * style.point_extent * widest > MOST_TAPS or reach < NARROWEST:
         return None
-    if crowd > CROWD or columns > MOST_COLUMNS or farthest * PRECISION > style.layer:
+    if crowd > CROWD or columns > MOST_COLUMNS or plan.farthest * PRECISION > style.layer:
         return None
-    opacity = -math.expm1(-float(runs.samples.extinction.max()) * style.layer)
+    opacity = -math.expm1(-plan.strongest * style.layer)
     return Spread(
         style.point_extent,
         style.variance,
@@ -125,8 +129,9 @@ def paint_points(
     runs = _runs_of(scene, samples)
     if runs is None:
         return None
-    finest = grid(runs.known["least_spacing"].min(), scene.style)
-    form = _form_of(scene, runs, finest)
+    scene = planned(scene, POINTS, runs, MOST_COLUMNS)
+    plan = plan_of(scene)
+    form = _form_of(scene, plan, grid(plan.least, scene.style))
     if form is None:
         return None
     clock.lap("project")

@@ -1,11 +1,20 @@
 """Runs of neighbouring samples, which tiles take whole; what splats and points have in common."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.painting.scene import Painted, Scene, nothing_painted, size_of_tiles, tiles_along
-from resample.types import MOST_COLUMNS, Film, Indices, Runs, Samples, Statistics, Tally, Tiles
+from resample.painting.plans import NOTHING, PicturePlan
+from resample.painting.scene import (
+    Painted,
+    Scene,
+    nothing_painted,
+    size_of_tiles,
+    tiles_along,
+)
+from resample.types import Film, Indices, Runs, Samples, Statistics, Tally, Tiles
 from resample.watching import Progress, told
 
 RUN_EXTENT = 8.0  # voxels
@@ -30,22 +39,61 @@ def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indic
     return begins
 
 
+def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
+    """Scene with a plan of what was found of all samples, if it has none yet.
+
+    `columns` as in `size_of_tiles`.
+    """
+    if scene.plan is not None:
+        return scene
+    from resample.engine.grid import grid
+
+    known, style = runs.known, scene.style
+    least = known["least_spacing"].min()
+    seen = known[known["seen"] > 0]
+    plan = PicturePlan(
+        painter,
+        (scene.screen.height, scene.screen.width),
+        size_of_tiles(grid(least, style), scene.tables.pixel_margin, columns),
+        scene.screen.margin,
+        least,
+        known["most_spacing"].max(),
+        float(np.abs(seen["key"]).max(initial=0)),
+        float(runs.samples.extinction.max()),
+        scene.layers,
+        (
+            float(known["left"].min()),
+            float(known["top"].min()),
+            float(known["right"].max()),
+            float(known["bottom"].max()),
+        ),
+        int(seen["seen"].sum()),
+    )
+    return replace(scene, plan=plan)
+
+
+def plan_of(scene: Scene) -> PicturePlan:
+    """The plan that a scene has by now."""
+    if scene.plan is None:
+        raise RuntimeError("a scene is planned before it is painted")
+    return scene.plan
+
+
 def dealt(
     scene: Scene,
     runs: Runs,
     find_spacings: Callable[[Tiles], None],
-    columns: int = MOST_COLUMNS,
 ) -> Deal:
     """Runs that tiles may show, and how many samples these have.
 
-    `find_spacings` fills in the tiles' spacings; `columns` as in `size_of_tiles`.
+    `find_spacings` fills in the spacings of tiles of a scene that was planned.
     """
     from resample.engine.grid import grid
     from resample.engine.runs import count_runs, deal_runs
 
     known, screen, style = runs.known, scene.screen, scene.style
-    least, most = known["least_spacing"].min(), known["most_spacing"].max()
-    size = size_of_tiles(grid(least, style), scene.tables.pixel_margin, columns)
+    plan = plan_of(scene)
+    least, most, size = plan.least, plan.most, plan.tile
     rows, columns = tiles_along(screen, size)
     count, load = np.zeros((2, rows * columns), np.int64)
     count_runs(known, screen, size, columns, count)
@@ -53,7 +101,7 @@ def dealt(
     spacing = np.full(count.size, least, np.float32)
     tiles = Tiles(start, np.zeros(start[-1], np.int32), spacing, size, columns)
     deal_runs(known, screen, tiles, load)
-    if grid(most, style) < grid(least, style):
+    if grid(most, style) < grid(least, style) and scene.window != NOTHING:
         find_spacings(tiles)
     return tiles, load
 
@@ -65,10 +113,11 @@ def paint_tiles(
     progress: Progress | None,
 ) -> Painted:
     """Tiles that have members, most of them first; `paint` paints those of some numbers."""
-    _, load = deal
-    painted = nothing_painted(scene.screen.height, scene.screen.width, load.size)
+    tiles, load = deal
+    size = (0, 0) if scene.window == NOTHING else (scene.screen.height, scene.screen.width)
+    painted = nothing_painted(*size, load.size)._replace(plan=scene.plan)
     turn = np.argsort(-load, kind="stable")
-    turn = turn[load[turn] > 0]
+    turn = turn[(load[turn] > 0) & _shown(scene, tiles)[turn]]
     if turn.size:
         done = np.cumsum(load[turn])
         with told(progress, done / done[-1]):
@@ -76,7 +125,19 @@ def paint_tiles(
     return painted
 
 
+def _shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
+    """Which tiles (T,) have pixels in the scene's window."""
+    rows, columns = tiles_along(scene.screen, tiles.size)
+    is_shown = np.ones((rows, columns), bool)
+    if scene.window is not None:
+        x0, y0, x1, y1 = scene.window
+        left, top = tiles.size * np.arange(columns), tiles.size * np.arange(rows)
+        is_shown &= (left < x1) & (left + tiles.size > x0)
+        is_shown &= ((top < y1) & (top + tiles.size > y0))[:, np.newaxis]
+    return is_shown.reshape(-1)
+
+
 def counted(statistics: Statistics, runs: Runs, points: int) -> Statistics:
-    """What a rendering did, of which painters know the samples only that were not hidden."""
+    """What a rendering of a whole did, of which painters know the samples that were not hidden."""
     seen, shown = int(runs.known["seen"].sum()), statistics.points + statistics.splats
     return statistics._replace(points=points, splats=seen - points, hidden=seen - shown)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.painting.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
@@ -256,6 +257,7 @@ class Painted(NamedTuple):
     film: Film
     value: Floats  # (H, W) what projections of fields measure; NaN where nothing is; or (0, 0)
     tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
+    plan: PicturePlan | None = None  # that it was painted by
 
     def statistics(self, samples: int, seconds: dict[str, float]) -> Statistics:
         """What is known of a rendering of so many samples."""
@@ -304,6 +306,8 @@ class Scene:
     summing: Summing
     layers: Layers
     classifier: Classifier | None  # of a field; None: samples have their colors already
+    plan: PicturePlan | None = None  # of the whole picture; None: it is found of the samples
+    window: Window | None = None  # that is painted; None: all
 
     @property
     def stage(self) -> Stage:

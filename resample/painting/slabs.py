@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import counted, dealt, paint_tiles
+from resample.painting.plans import MIXTURE, SPLATS
+from resample.painting.runs import counted, dealt, paint_tiles, planned
 from resample.painting.scene import Clock, Painted, Scene
 from resample.painting.splats import count_of_points, may_have_points, mixture_of, runs_of
 from resample.profiles.orders import Summing
@@ -39,7 +40,6 @@ from resample.types import (
 from resample.watching import Progress
 
 if TYPE_CHECKING:
-    from resample.engine.ellipsoids.mixed import Mixture
     from resample.engine.slabs.blends import Blend
     from resample.engine.slabs.integrals import Integral
     from resample.engine.slabs.painting import Summed
@@ -61,11 +61,12 @@ def paint_summed(
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
-    scene, runs, mixture = _seen(scene, samples)
-    summed, columns = _summed(scene, runs)
+    scene, runs, painter = _seen(scene, samples)
+    scene, summed = _summed(scene, runs, painter)
+    mixture = mixture_of(scene) if painter == MIXTURE else None
     clock.lap("project")
     stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture), columns)
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
     clock.lap("bin")
     screen, is_measuring = scene.screen, scene.style.projection in MEASURING
     value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
@@ -83,32 +84,33 @@ def paint_summed(
     return painted, counted(statistics, runs, points)
 
 
-def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs, "Mixture | None"]:
-    """Samples in runs, as fine as the projection asks for, and what they are if not all splats."""
+def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs, str]:
+    """Samples in runs, as fine as the projection asks for, and by whom they are painted."""
     from resample.engine.grid import grid
 
     style, fewest = scene.style, FEWEST.get(scene.style.projection, 0)
-    runs, mixture = _runs_of(scene, samples)
+    runs, painter = _runs_of(scene, samples)
     if fewest and not style.subpixels:
         finest = max(fewest, int(grid(runs.known["least_spacing"].min(), style)))
         scene = replace(scene, style=style._replace(subpixels=finest))
-        runs, mixture = _runs_of(scene, samples)
-    return scene, runs, mixture
+        runs, painter = _runs_of(scene, samples)
+    return scene, runs, painter
 
 
-def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, "Mixture | None"]:
-    style = scene.style
+def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, str]:
+    style, plan = scene.style, scene.plan
+    if plan is not None:
+        return runs_of(scene, samples, are_mixed=plan.painter == MIXTURE), plan.painter
     is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
     if is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0:
         runs = runs_of(scene, samples, are_mixed=False)
         if not may_have_points(scene, runs):
-            return runs, None
-    runs = runs_of(scene, samples, are_mixed=True)
-    return runs, mixture_of(scene, runs)
+            return runs, SPLATS
+    return runs_of(scene, samples, are_mixed=True), MIXTURE
 
 
-def _summed(scene: Scene, runs: Runs) -> tuple["Summed", int]:
-    """What is summed, and how many columns tiles may have.
+def _summed(scene: Scene, runs: Runs, painter: str) -> tuple[Scene, "Summed"]:
+    """The scene with a plan, and what is summed.
 
     Where these are sheets, runs get keys of sheets.
     """
@@ -117,18 +119,19 @@ def _summed(scene: Scene, runs: Runs) -> tuple["Summed", int]:
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import NARROW, Narrow, Wide
 
-    margin, layers = scene.tables.pixel_margin, scene.layers
-    finest = grid(runs.known["least_spacing"].min(), scene.style)
+    margin, layers, plan = scene.tables.pixel_margin, scene.layers, scene.plan
+    finest = grid(plan.least if plan else runs.known["least_spacing"].min(), scene.style)
     is_narrow = (1 + 2 * margin) * finest <= NARROW
     ring, columns = (Narrow, NARROW) if is_narrow else (Wide, MOST_COLUMNS)
+    scene = planned(scene, painter, runs, columns)
     if scene.style.projection in (AVERAGE, ADDITIVE):
-        return Summed(ALL, layers.thickness, layers, ring(1)), columns
+        return scene, Summed(ALL, layers.thickness, layers, ring(1))
     if scene.summing is Summing.SHEETS:
         find_first_sheets(runs, layers, scene.view)
-        return Summed(WHOLES, layers.thickness, layers, ring(1)), columns
+        return scene, Summed(WHOLES, layers.thickness, layers, ring(1))
     reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
     slots = math.ceil(2 * reach / layers.thickness) + 2
-    return Summed(PARTS, layers.thickness, layers, ring(slots)), columns
+    return scene, Summed(PARTS, layers.thickness, layers, ring(slots))
 
 
 def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":

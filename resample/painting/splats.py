@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.painting.runs import RUN_EXTENT, breaks, counted, dealt, paint_tiles
+from resample.painting.plans import MIXTURE, SPLATS
+from resample.painting.runs import (
+    RUN_EXTENT,
+    breaks,
+    counted,
+    dealt,
+    paint_tiles,
+    plan_of,
+    planned,
+)
 from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
 from resample.types import (
     DISC,
@@ -118,8 +127,9 @@ def paint_splats(
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)
-    if may_have_points(scene, runs):
+    if scene.plan is None and may_have_points(scene, runs):
         return None
+    scene = planned(scene, SPLATS, runs, MOST_COLUMNS)
     clock.lap("project")
     return _painted(scene, runs, formula, None, clock, progress)
 
@@ -130,16 +140,16 @@ def paint_mixture(
     """Like `paint_splats`, of any samples."""
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=True)
+    scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
     clock.lap("project")
-    return _painted(scene, runs, formula, mixture_of(scene, runs), clock, progress)
+    return _painted(scene, runs, formula, mixture_of(scene), clock, progress)
 
 
-def mixture_of(scene: Scene, runs: Runs) -> "Mixture":
-    """What painters know of samples of all kinds."""
+def mixture_of(scene: Scene) -> "Mixture":
+    """What painters know of samples of all kinds, of a scene that was planned."""
     from resample.engine.ellipsoids.mixed import Mixture
 
-    least = float(runs.known["least_spacing"].min())
-    return Mixture(bool(scene.style.threshold < np.inf), least)
+    return Mixture(bool(scene.style.threshold < np.inf), float(plan_of(scene).least))
 
 
 def _painted(

@@ -10,15 +10,18 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
+from resample.painting.scene import nothing_painted
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler, shape_of
 from resample.types import (
     NO_TRIANGLES,
     Doubles,
     Field,
+    Floats,
     Frame,
     LatticeField,
     Samples,
+    Statistics,
     Triangles,
     View,
 )
@@ -34,7 +37,7 @@ from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import in_memory
+from resample_volume.voxels.bricks import Bricks, in_memory
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
@@ -50,12 +53,16 @@ from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, wit
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify, finite_range, unit_of
+from resample_volume.voxels.windowed import Work, painted_in_windows
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
 
 BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())  # each keeps tables of its own
+
+NOTHING = np.zeros((0, 3), np.float32)
+NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
 Visible = Voxels | FieldVoxels | Gathered | Mixed
 
@@ -307,12 +314,83 @@ def _reached(
     return voxels._replace(reached=voxels_reached(voxels, light))
 
 
-def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Samples:
-    """Samples that carry the light which voxels send to a camera."""
+def lit_samples(
+    voxels: Voxels, light: Light | None, camera: AnyCamera, steepest: Floats | None = None
+) -> Samples:
+    """Samples that carry the light which voxels send to a camera; `steepest` as of `shade`."""
     view = camera.view()
     if view.perspective:
-        return shade(voxels, light, eye=_eye(view))
-    return shade(voxels, light, view=view.rotation[2])
+        return shade(voxels, light, eye=_eye(view), steepest=steepest)
+    return shade(voxels, light, view=view.rotation[2], steepest=steepest)
+
+
+def render_in_windows(
+    volume: Volume,
+    appearance: Appearance,
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+    memory: int,
+) -> tuple[Frame, int]:
+    """Picture of a volume in bricks, of which one window's voxels are in memory at a time.
+
+    Parameters
+    ----------
+    volume
+        Whose values are `Bricks`.
+    appearance
+        Its look, without what depends on all voxels that are seen.
+    viewpoint
+        Orbits are around the whole volume, whatever of it is seen.
+    size
+        Height and width of the picture, px.
+    memory
+        Bytes that a window's visible voxels may take.
+
+    Returns
+    -------
+    frame
+        With the bits of a volume in memory; of its statistics the samples alone are known.
+    windows
+        How many there were.
+
+    Raises
+    ------
+    ValueError
+        A choice needs all visible voxels together, or those of a single tile do not fit.
+    """
+    scene, middle = centered(volume)
+    _check_windows(scene, appearance)
+    subject = Subject(NO_VOXELS, appearance, ball_around(scene), middle, planes(scene, None, ()))
+    camera = subject.camera(viewpoint, *size)
+
+    def lit(voxels: Voxels, steepest: Floats) -> Samples:
+        return lit_samples(voxels, appearance.light, camera, steepest)
+
+    work = Work(scene, lambda part: visible_voxels(part, appearance), lit, BY_DEFAULT, camera, size)
+    whole, count, samples = nothing_painted(*size).film, 0, 0
+    values: Any = scene.values
+    for (x0, y0, x1, y1), frame in painted_in_windows(work, values, memory):
+        seen = (frame.rgba, frame.depth, frame.first_depth, frame.coverage)
+        for layer, part in zip(whole, seen, strict=True):
+            layer[y0:y1, x0:x1] = part
+        count, samples = count + 1, samples + frame.statistics.samples
+    return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+
+
+def _check_windows(volume: Volume, look: Appearance) -> None:
+    """Refuse what depends on all visible voxels together."""
+    needs = [name for name in look.extras if name != "mesh"]
+    needs += ["crop"] * (look.crop is not None) + ["clip"] * bool(look.clip)
+    needs += ["mesh"] * bool(look.meshes)
+    if look.light is not None and look.light.is_blocked:
+        needs.append("shadows or occlusion")
+    if transfer_of(volume, look).needs_gradient:
+        needs.append("a transfer function of gradients")
+    if look.classification is not Classification.PRE:
+        needs.append("the classification post")
+    if needs or not isinstance(volume.values, Bricks):
+        what = ", ".join(needs) or "a volume in memory"
+        raise ValueError(f"{what} cannot be painted window by window; leave it out")
 
 
 @dataclass(frozen=True, eq=False)

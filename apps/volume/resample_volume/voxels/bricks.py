@@ -1,9 +1,9 @@
 """Values that stay in their file: read brick by brick, and looked at once."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from math import prod
@@ -54,6 +54,7 @@ class Bricks:
     memory: int | None = None  # bytes that what is made of them may take; None: the machine's
     reads: int = 0  # bricks that were read
     most_held: int = 0  # bytes of bricks that were in memory together, at most
+    only: frozenset[Step] | None = None  # bricks whose voxels are asked for; None: all
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -91,6 +92,12 @@ class Bricks:
         if self.dtype.kind == "f":
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
+
+    def among(self, some: Iterable[Step]) -> "Bricks":
+        """The same, of which voxels of some bricks are asked for; it counts its own reads."""
+        part = replace(self, only=frozenset(some), reads=0, _lock=Lock())
+        part.__dict__["glance"] = self.glance  # of the whole
+        return part
 
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""

@@ -118,6 +118,7 @@ def shade(
     eye: Sequence[float] | Doubles | None = None,
     *,
     view: Sequence[float] | Doubles | None = None,
+    steepest: Floats | None = None,
 ) -> Samples:
     """Voxels as samples that carry the light which they send to the viewer.
 
@@ -132,6 +133,8 @@ def shade(
         (3,) scene position of a perspective camera.
     view
         (3,) scene direction in which a parallel camera looks; takes the place of `eye`.
+    steepest
+        (N, 3) the extreme components of gradients, where these voxels are not all; see `lamp_of`.
 
     Raises
     ------
@@ -142,7 +145,7 @@ def shade(
     if light is not None and len(voxels.reached):
         color = _lit_as_reached(voxels, light, viewer_of(eye, view))
     elif light is not None:
-        color = _lit(voxels, light, viewer_of(eye, view))
+        color = _lit(voxels, light, viewer_of(eye, view), steepest)
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
 
 
@@ -160,13 +163,13 @@ def viewer_of(
     raise ValueError("light needs the eye of a perspective or the view of a parallel camera")
 
 
-def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
+def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None) -> Floats:
     from resample_volume.voxels.kernels.shading import shade_voxels
 
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
     shaded = np.empty(voxels.color.shape, np.float32)
-    lamp = lamp_of(light, viewer, voxels.gradient)
+    lamp = lamp_of(light, viewer, voxels.gradient if steepest is None else steepest)
     shade_voxels(
         voxels.position.reshape(-1),
         voxels.color.reshape(-1),

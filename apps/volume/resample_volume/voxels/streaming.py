@@ -103,7 +103,8 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
         values = np.where(is_seen, least, 0).astype(bricks.dtype)
         is_opaque = transfer.opacities(values.ravel(), data_range).reshape(values.shape) > 0
         is_seen &= is_opaque | (least < greatest)
-    return [index for index in bricks.all() if is_seen[index]]
+    some = bricks.only
+    return [n for n in bricks.all() if is_seen[n] and (some is None or n in some)]
 
 
 def _nothing(bricks: Bricks) -> Candidates:

@@ -1,0 +1,92 @@
+"""What a whole picture has in common, so that parts of it can be painted by themselves."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.types import Layers, Single
+
+SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # painters
+
+Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the last two beyond
+NOTHING: Window = (0, 0, 0, 0)  # is painted where a plan alone is asked for
+
+
+class PicturePlan(NamedTuple):
+    """What of a picture depends on all of its samples: found once, given to each window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import Camera, Resampler, particles
+    >>> balls = particles([[0, 0, 5], [1, 0, 9]], [[1, 0, 0], [0, 0, 1]], 0.9, 1)
+    >>> picture = {"camera": Camera.from_fov(60, 24, 32), "height": 24, "width": 32}
+    >>> plan = Resampler().plan(balls, **picture)
+    >>> plan.painter
+    'splats'
+    >>> part = Resampler().paint_window(balls, picture["camera"], plan, (8, 0, 20, 24))
+    >>> bool(np.array_equal(part.rgba, Resampler()(balls, **picture).rgba[:, 8:20]))
+    True
+    """
+
+    painter: str  # "splats", "points" or "mixture"
+    size: tuple[int, int]  # height and width of the whole picture, px
+    tile: int  # px, side of a tile; windows that end between tiles paint more than they show
+    margin: float  # px around a tile in which samples have part in it
+    least: Single  # px, spacing of samples
+    most: Single  # px, likewise
+    farthest: float  # greatest size of a key, as its order counts
+    strongest: float  # extinction of a sample, per scene unit
+    layers: Layers
+    bounds: tuple[float, float, float, float]  # left, top, right, bottom of samples, px
+    seen: int  # samples that can be seen
+
+    def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
+        """Plan of a picture whose samples were looked at part by part.
+
+        Raises
+        ------
+        ValueError
+            Parts are painted in different ways, or by bounds that depend on how they were cut.
+        """
+        plans = [plan for plan in (self, *others) if plan.seen] or [self]
+        if any(plan.painter != SPLATS for plan in plans):
+            raise ValueError(
+                "some samples are so close that they are painted as points, which windows of a "
+                "picture take from memory as a whole; give a larger picture, a coarser level, or "
+                "the primitive splats"
+            )
+        sides = np.array([plan.bounds for plan in plans])
+        low, high = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
+        return plans[0]._replace(
+            tile=min(plan.tile for plan in plans),
+            least=min(plan.least for plan in plans),
+            most=max(plan.most for plan in plans),
+            farthest=max(plan.farthest for plan in plans),
+            strongest=max(plan.strongest for plan in plans),
+            bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+            seen=sum(plan.seen for plan in plans),
+        )
+
+
+def checked_window(window: Window, height: int, width: int) -> Window:
+    """Window of a picture of that size, px.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    try:
+        x0, y0, x1, y1 = (int(number) for number in window)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"window {window!r}; give x0, y0, x1 and y1, whole numbers of px"
+        ) from None
+    if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        raise ValueError(
+            f"the window {x0}, {y0}, {x1}, {y1} is no part of a picture of {width} x {height} "
+            "pixels; x0 and y0 come before x1 and y1"
+        )
+    return x0, y0, x1, y1

@@ -1,0 +1,140 @@
+"""Windows of a picture have the bits of the whole, whatever of the samples is at hand."""
+
+import itertools
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from resample import Camera, Primitive, Resampler
+from resample.painting.plans import MIXTURE, POINTS, SPLATS
+from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.types import Samples
+
+HEIGHT, WIDTH = 50, 70
+PICTURE = {"height": HEIGHT, "width": WIDTH}
+LAYERS = ("rgba", "depth", "first_depth", "coverage")
+REACH = 24  # px around a window in which its samples are kept: filters and tiles
+
+
+def cloud(count, near, seed=3):
+    """Samples of a lattice of unit steps, some of them left out, from `near` on."""
+    rng = np.random.default_rng(seed)
+    place = rng.permutation(14**3)[:count]
+    at = np.column_stack(np.unravel_index(place, (14, 14, 14))) - 6.5
+    position = (at + np.array([0, 0, near + 7])).astype(np.float32)
+    color = rng.uniform(0, 1, (count, 3)).astype(np.float32)
+    return Samples(position, color, rng.uniform(0, 1, count).astype(np.float32), np.eye(3))
+
+
+def camera():
+    return Camera.from_fov(50, HEIGHT, WIDTH)
+
+
+def those_near(samples, paint, eye, window):
+    """Samples whose bounds come near a window."""
+    record, (x0, y0, x1, y1) = paint.footprints(samples, eye, **PICTURE), window
+    kept = (record["right"] >= x0 - REACH) & (record["left"] <= x1 + REACH)
+    kept &= (record["bottom"] >= y0 - REACH) & (record["top"] <= y1 + REACH)
+    names = ("position", "color", "extinction")
+    return samples._replace(**{name: getattr(samples, name)[kept] for name in names})
+
+
+def assert_same(part, whole, window):
+    x0, y0, x1, y1 = window
+    for name in LAYERS:
+        wanted = np.ascontiguousarray(getattr(whole, name)[y0:y1, x0:x1])
+        assert getattr(part, name).tobytes() == wanted.tobytes(), (name, window)
+
+
+def cut(size, *places):
+    return list(itertools.pairwise(sorted({0, size, *places})))
+
+
+CASES = [
+    (Resampler(), 2.0, SPLATS),
+    (Resampler(), 90.0, SPLATS),
+    (Resampler(threshold=1.5), 60.0, MIXTURE),
+    (Resampler(primitive=Primitive.POINTS), 60.0, POINTS),
+    (Resampler(primitive=Primitive.PAPER), 60.0, POINTS),
+    (Resampler(primitive=Primitive.PAPER), 14.0, MIXTURE),
+    (Resampler(order=AxisSheets()), 14.0, SPLATS),
+    (Resampler(order=ImageSheets()), 14.0, SPLATS),
+]
+
+
+@pytest.mark.parametrize(("paint", "near", "painter"), CASES)
+def test_windows_have_the_bits_of_the_whole(paint, near, painter):
+    samples, eye = cloud(700, near), camera()
+    whole, plan = paint(samples, eye, **PICTURE), paint.plan(samples, eye, **PICTURE)
+    assert plan.painter == painter
+    for (x0, x1), (y0, y1) in itertools.product(cut(WIDTH, 33), cut(HEIGHT, 9)):
+        window = (x0, y0, x1, y1)
+        near_it = those_near(samples, paint, eye, window)
+        for given_samples in (samples, near_it):
+            part = paint.paint_window(given_samples, eye, plan, window)
+            assert_same(part, whole, window)
+
+
+@settings(max_examples=12, derandomize=True, deadline=None)
+@given(
+    st.lists(st.integers(1, WIDTH - 1), max_size=2),
+    st.lists(st.integers(1, HEIGHT - 1), max_size=2),
+    st.sampled_from([2.0, 14.0, 40.0]),
+    st.integers(1, 4),
+    st.integers(1, 2),
+)
+def test_any_partition_and_any_parts_of_the_samples_give_the_same_bits(
+    columns, rows, near, parts, threads
+):
+    paint, samples, eye = Resampler(), cloud(500, near), camera()
+    whole = paint(samples, eye, **PICTURE)
+    shares = [
+        samples._replace(
+            **{
+                name: getattr(samples, name)[n::parts]
+                for name in ("position", "color", "extinction")
+            }
+        )
+        for n in range(parts)
+    ]
+    first, *others = (paint.plan(share, eye, **PICTURE) for share in shares)
+    plan = pickle.loads(pickle.dumps(first.merged(others)))
+    for (x0, x1), (y0, y1) in itertools.product(cut(WIDTH, *columns), cut(HEIGHT, *rows)):
+        window = (x0, y0, x1, y1)
+        near_it = those_near(samples, paint, eye, window)
+        part = paint.paint_window(near_it, eye, plan, window, threads=threads)
+        assert_same(part, whole, window)
+
+
+def test_a_plan_bounds_what_is_seen():
+    samples, eye, paint = cloud(300, 30.0), camera(), Resampler()
+    plan, record = paint.plan(samples, eye, **PICTURE), paint.footprints(samples, eye, **PICTURE)
+    left, top, right, bottom = plan.bounds
+    seen = record[record["left"] <= record["right"]]
+    assert plan.seen == len(seen)
+    assert left <= seen["left"].min()
+    assert top <= seen["top"].min()
+    assert right >= seen["right"].max()
+    assert bottom >= seen["bottom"].max()
+
+
+def test_what_is_no_window_or_cannot_have_one_is_refused():
+    samples, eye, paint = cloud(50, 20.0), camera(), Resampler()
+    plan = paint.plan(samples, eye, **PICTURE)
+    for window in ((0, 0, WIDTH + 1, 5), (5, 0, 5, 5), (-1, 0, 5, 5)):
+        with pytest.raises(ValueError, match="is no part of a picture of 70 x 50"):
+            paint.paint_window(samples, eye, plan, window)
+    with pytest.raises(ValueError, match="give x0, y0, x1 and y1"):
+        paint.paint_window(samples, eye, plan, (1, 2, 3))
+    points = Resampler(primitive=Primitive.POINTS).plan(samples, eye, **PICTURE)
+    with pytest.raises(ValueError, match="painted as points"):
+        points.merged([])
+    nothing = samples._replace(**{name: getattr(samples, name)[:0] for name in samples._fields[:3]})
+    with pytest.raises(ValueError, match="nothing to plan"):
+        paint.plan(nothing, eye, **PICTURE)
+    empty = paint.paint_window(nothing, eye, plan, (0, 0, 4, 3))
+    assert empty.rgba.shape == (3, 4, 4)
+    assert not empty.rgba.any()
