@@ -1,6 +1,7 @@
 """OME-Zarr and plain zarr arrays: read like any other file, and refused in one line."""
 
 import json
+import re
 import shutil
 import zipfile
 from pathlib import Path
@@ -498,6 +499,30 @@ def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert np.array_equal(a, b)
     told = capsys.readouterr().err
     assert "b: 72 x 72 x 72 voxels are read brick by brick (8), within" in told
+
+
+def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
+    smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
+    np.save("a.npy", smoke)
+    assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
+    common = ["--size", "96", "--transfer", "150..190", "--camera", "30/10/1.3", "--fit", "volume"]
+    assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
+    few = ["--memory", "18MB"]
+    assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr", "--stats", "b.json") == 0
+    told = capsys.readouterr().err
+    found = re.search(r"not all that is seen fits in memory: painted in (\d+) windows", told)
+    assert found
+    assert int(found[1]) > 1
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+    assert json.loads(Path("b.json").read_text())["seconds"]["paint"] > 0
+    for choices, complaint in (
+        ([*common[:-2]], "with --fit volume it is painted window by window"),
+        ([*common, "--crop", "2:38,:,:"], "crop cannot be painted window by window; leave"),
+        ([*common, "--deep", "4"], "slabs of depth cannot be painted window by window; leave"),
+    ):
+        assert ended(app, "render", "b.zarr", *choices, *few, "-o", "c.exr") == 2
+        assert complaint in capsys.readouterr().err
+        assert not Path("c.exr").exists()
 
 
 def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):

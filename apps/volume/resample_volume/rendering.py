@@ -330,13 +330,15 @@ def render_in_windows(
     viewpoint: Viewpoint,
     size: tuple[int, int],
     memory: int,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Frame, int]:
     """Picture of a volume in bricks, of which one window's voxels are in memory at a time.
 
     Parameters
     ----------
     volume
-        Whose values are `Bricks`.
+        Whose values are `Bricks`, without padding.
     appearance
         Its look, without what depends on all voxels that are seen.
     viewpoint
@@ -345,6 +347,10 @@ def render_in_windows(
         Height and width of the picture, px.
     memory
         Bytes that a window's visible voxels may take.
+    resampler
+        Paints splats of voxels; None is the default one.
+    progress
+        Called with the share of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -358,23 +364,39 @@ def render_in_windows(
     ValueError
         A choice needs all visible voxels together, or those of a single tile do not fit.
     """
-    scene, middle = centered(volume)
-    _check_windows(scene, appearance)
-    subject = Subject(NO_VOXELS, appearance, ball_around(scene), middle, planes(scene, None, ()))
-    camera = subject.camera(viewpoint, *size)
+    camera = unseen(volume, appearance).camera(viewpoint, *size)
+    scene, _ = centered(volume)
+    paint, tell = resampler or BY_DEFAULT, progress or _unheard
 
     def lit(voxels: Voxels, steepest: Floats) -> Samples:
         return lit_samples(voxels, appearance.light, camera, steepest)
 
-    work = Work(scene, lambda part: visible_voxels(part, appearance), lit, BY_DEFAULT, camera, size)
+    work = Work(scene, lambda part: visible_voxels(part, appearance), lit, paint, camera, size)
     whole, count, samples = nothing_painted(*size).film, 0, 0
     values: Any = scene.values
-    for (x0, y0, x1, y1), frame in painted_in_windows(work, values, memory):
+    for (x0, y0, x1, y1), frame in painted_in_windows(work, values, memory, tell):
         seen = (frame.rgba, frame.depth, frame.first_depth, frame.coverage)
         for layer, part in zip(whole, seen, strict=True):
             layer[y0:y1, x0:x1] = part
         count, samples = count + 1, samples + frame.statistics.samples
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+
+
+def _unheard(share: float) -> None:
+    """Progress that nobody wants to know."""
+
+
+def unseen(volume: Volume, appearance: Appearance) -> "Subject":
+    """Volume in bricks of which nothing is in memory: where it is, and cameras around it.
+
+    Raises
+    ------
+    ValueError
+        It cannot be painted window by window.
+    """
+    scene, middle = centered(volume)
+    _check_windows(scene, appearance)
+    return Subject(NO_VOXELS, appearance, ball_around(scene), middle, planes(scene, None, ()))
 
 
 def _check_windows(volume: Volume, look: Appearance) -> None:

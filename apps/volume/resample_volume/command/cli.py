@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
@@ -22,10 +22,6 @@ from resample_volume.command.choices import (
     Projecting,
     Source,
 )
-
-if TYPE_CHECKING:
-    from resample.cameras.models import AnyCamera
-    from resample.types import Frame
 
 Unshown = Parameter(show_default=False)
 
@@ -87,7 +83,7 @@ def render(
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
     from resample_volume.command.media import media, with_meshes
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, lit, painted, report, scene_of
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, report, to_paint
     from resample_volume.files.writing import with_bar
     from resample_volume.space.annotations import annotated
     from resample_volume.space.slabs import boxed, write_slabs
@@ -106,13 +102,9 @@ def render(
         shown = with_meshes(media(source, volume, look, added, resampler), meshes)
         if beside.color_bar:
             require_values(shown[0][0], "a color bar")
-    subject = scene_of(session, shown, resampler, look.fit, size)
-    camera = subject.camera(viewpoint, *size)
-    seen = lit(session, subject, camera)
-
-    def paint(eye: "AnyCamera") -> "Frame":
-        return painted(session, resampler, seen, eye, size, picture.threads, subject.clip)
-
+    threads = picture.threads
+    scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, threads)
+    subject, camera, paint = scene
     frame = paint(camera)
     with session.stage("write"):
         if beside.deep is not None:

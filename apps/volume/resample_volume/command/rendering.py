@@ -1,11 +1,13 @@
 """A volume made ready once and painted as often as is asked for."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, cast
 
 from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Viewpoint
 from resample.command.console import progress_bar, say
 from resample.command.session import Session
+from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample_volume.command import needs
@@ -16,8 +18,12 @@ from resample_volume.rendering import (
     Subject,
     check_several,
     check_together,
+    render_in_windows,
+    unseen,
 )
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.streaming import TooManyVoxelsError
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -57,6 +63,72 @@ def scene_of(
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject
+
+
+class Painting(NamedTuple):
+    """What is painted, from where, and how."""
+
+    subject: Subject
+    camera: AnyCamera
+    paint: Callable[[AnyCamera], Frame]
+
+
+def to_paint(
+    session: Session,
+    media: Sequence[Medium],
+    resampler: Resampler,
+    fit: Fit,
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+    threads: int | None,
+) -> Painting:
+    """Volumes ready to be painted; a single one in bricks, that is too dense, window by window.
+
+    Raises
+    ------
+    ValueError
+        As of `scene_of`; or windows serve neither.
+    """
+    try:
+        subject = scene_of(session, media, resampler, fit, size)
+    except TooManyVoxelsError as error:
+        if fit != "volume":
+            raise ValueError(f"{error}; with --fit volume it is painted window by window") from None
+        return _in_windows(session, media, resampler, viewpoint, size)
+    camera = subject.camera(viewpoint, *size)
+    seen = lit(session, subject, camera)
+
+    def paint(eye: AnyCamera) -> Frame:
+        return painted(session, resampler, seen, eye, size, threads, subject.clip)
+
+    return Painting(subject, camera, paint)
+
+
+def _in_windows(
+    session: Session,
+    media: Sequence[Medium],
+    resampler: Resampler,
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+) -> Painting:
+    """A volume in bricks, of which one window's voxels are in memory at a time."""
+    (volume, look), *others = media
+    subject, bricks = unseen(volume, look), cast(Bricks, volume.values)
+    if others:
+        raise ValueError("several volumes cannot be painted window by window; leave the others out")
+    camera, allowed = subject.camera(viewpoint, *size), bricks.memory or available_memory() or 0
+
+    def paint(eye: AnyCamera) -> Frame:
+        if eye is not camera:
+            raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
+        with session.stage("paint", bar="painting windows") as progress:
+            frame, count = render_in_windows(
+                volume, look, viewpoint, size, allowed, resampler, progress
+            )
+        say(f"not all that is seen fits in memory: painted in {count} windows")
+        return frame
+
+    return Painting(subject, camera, paint)
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:

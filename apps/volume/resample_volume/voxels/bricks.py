@@ -101,8 +101,12 @@ class Bricks:
 
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""
-        size = prod(map(min, self.side, self.shape)) * self.dtype.itemsize
-        self.most_held = max(self.most_held, count * size)
+        self.most_held = max(self.most_held, count * self.bytes_each)
+
+    @property
+    def bytes_each(self) -> int:
+        """Of a brick."""
+        return prod(map(min, self.side, self.shape)) * self.dtype.itemsize
 
     def each(self, job: Callable[[Step], R], indices: Sequence[Step]) -> Iterator[R]:
         """What a job gives for bricks, in their order; several are worked on at a time."""

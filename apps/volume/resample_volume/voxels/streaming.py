@@ -20,6 +20,11 @@ BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at m
 BYTES_OF_SLOPE = 16  # more of the same where its look depends on its slope
 REMEDY = "give more memory, take a coarser level, or show less of it"
 
+
+class TooManyVoxelsError(ValueError):
+    """What can be seen of a volume does not fit in memory all together."""
+
+
 Indices = NDArray[np.int64]
 
 
@@ -57,7 +62,7 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
 
     Raises
     ------
-    ValueError
+    TooManyVoxelsError
         They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
@@ -81,7 +86,7 @@ def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
     what, size = f"{name} with {count} visible voxels", each * count + bricks.most_held
     if bricks.memory is not None and size > bricks.memory:
-        raise ValueError(
+        raise TooManyVoxelsError(
             f"{what} or more needs {memory.amount(size)}, {memory.amount(bricks.memory)} are "
             f"allowed; {REMEDY}"
         )

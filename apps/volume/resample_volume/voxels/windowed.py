@@ -10,10 +10,14 @@ from resample.cameras.models import AnyCamera
 from resample.painting.plans import PicturePlan, Window
 from resample.resampler import Resampler
 from resample.types import Floats, Frame, Samples
+from resample.watching import Progress
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Step
+from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import Voxels, lattice_of
+
+LOOKING = 0.3  # share of the work until all visible voxels were looked at once, about
 
 Classified = Callable[[Volume], Voxels]
 Lit = Callable[[Voxels, Floats], Samples]  # of voxels, and of extreme gradients of all (2, 3)
@@ -38,11 +42,12 @@ class Surveyed(NamedTuple):
     parts: dict[Step, PicturePlan]  # of bricks that are seen
 
 
-def surveyed(work: Work, bricks: Bricks) -> Surveyed | None:
+def surveyed(work: Work, bricks: Bricks, tell: Progress) -> Surveyed | None:
     """What a picture depends on, found a row of bricks at a time; None if nothing is seen."""
     parts: dict[Step, PicturePlan] = {}
     ends = []
-    for z, y in product(range(bricks.count[0]), range(bricks.count[1])):
+    for n, (z, y) in enumerate(product(range(bricks.count[0]), range(bricks.count[1]))):
+        tell(LOOKING * n / (bricks.count[0] * bricks.count[1]))
         row = [(z, y, x) for x in range(bricks.count[2])]
         voxels = _voxels(work, bricks, row)
         if len(voxels.gradient):
@@ -130,7 +135,9 @@ def bricks_in(known: Surveyed, window: Window) -> list[Step]:
     return found
 
 
-def painted_in_windows(work: Work, bricks: Bricks, memory: int) -> Iterator[tuple[Window, Frame]]:
+def painted_in_windows(
+    work: Work, bricks: Bricks, memory: int, tell: Progress
+) -> Iterator[tuple[Window, Frame]]:
     """Windows that make up the picture, one after the other; none if nothing is seen.
 
     Parameters
@@ -141,17 +148,28 @@ def painted_in_windows(work: Work, bricks: Bricks, memory: int) -> Iterator[tupl
         Its values.
     memory
         Bytes that the visible voxels of a window may take.
+    tell
+        Called with the share of the work that is done.
 
     Raises
     ------
     ValueError
         A tile's do not fit, or the picture cannot be painted by windows.
     """
-    known = surveyed(work, bricks)
+    known = surveyed(work, bricks, tell)
     if known is None:
         return
-    for window in windows_of(known, memory // BYTES_PER_VOXEL):
+    windows = windows_of(known, _most_voxels(bricks, memory))
+    for n, window in enumerate(windows):
+        tell(LOOKING + (1 - LOOKING) * n / len(windows))
         yield window, _painted(work, bricks, known, window)
+
+
+def _most_voxels(bricks: Bricks, memory: int) -> int:
+    """Visible voxels that fit beside the bricks around those that are looked at."""
+    deep, down, across = bricks.count
+    held = min(deep * down * across, 2 * (down + 1) * across + 3 + threads_at_work())
+    return max(0, memory - held * bricks.bytes_each) // BYTES_PER_VOXEL
 
 
 def _painted(work: Work, bricks: Bricks, known: Surveyed, window: Window) -> Frame:
