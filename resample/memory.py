@@ -15,6 +15,8 @@ from contextvars import ContextVar
 from pathlib import Path
 
 GIB = 1 << 30
+# Bytes of addresses, and of data, that libraries and their threads take without holding memory.
+OF_ADDRESSES, OF_DATA = 1 << 30, 400 << 20
 LOG = logging.getLogger("resample")
 ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
@@ -94,8 +96,13 @@ def allowing(memory: str | None) -> Iterator[None]:
     Raises
     ------
     ValueError
-        It is no amount.
+        It is no amount, or the limits of the process leave no room for libraries.
     """
+    if _limit() == 0:
+        raise ValueError(
+            f"the limits of this process (ulimit) leave no room for libraries; allow more than "
+            f"{amount(OF_DATA)} of data and {amount(OF_ADDRESSES)} of addresses"
+        )
     token = ALLOWED.set(None if memory is None else bytes_of(memory))
     try:
         yield
@@ -144,6 +151,24 @@ def require(what: str, parts: dict[str, int], remedy: str) -> None:
         raise ValueError(
             f"{what} needs about {amount(need)} of memory, {amount(free)} are free; {remedy}"
         )
+    limit = _limit()
+    if limit is not None and need > limit:
+        raise ValueError(
+            f"{what} needs about {amount(need)} of memory, the limits of this process (ulimit) "
+            f"leave {amount(limit)} beside libraries; {remedy}, or raise them"
+        )
+
+
+def _limit() -> int | None:
+    """Bytes that the limits of this process let it hold; None if there are none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    kinds = ((resource.RLIMIT_AS, OF_ADDRESSES), (resource.RLIMIT_DATA, OF_DATA))
+    limits = [(resource.getrlimit(kind)[0], apart) for kind, apart in kinds]
+    left = [max(0, most - apart) for most, apart in limits if most != resource.RLIM_INFINITY]
+    return min(left, default=None)
 
 
 def _free() -> int | None:

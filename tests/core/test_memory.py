@@ -1,5 +1,9 @@
 """What commands say they need of memory, and what they held."""
 
+import re
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -93,3 +97,19 @@ def test_what_is_free_is_what_is_allowed_by_itself(monkeypatch):
 def test_platforms_that_do_not_tell_refuse_nothing(monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda: None)
     require("all", {"libraries": 100 << 40}, "do less")
+
+
+@pytest.mark.parametrize(("kind", "most"), [("DATA", 300 << 20), ("AS", 1100 << 20)])
+def test_limits_of_the_process_are_refused_in_a_line(kind, most, tmp_path):
+    resource = pytest.importorskip("resource", reason="Windows has no such limits")
+
+    def limited():
+        resource.setrlimit(getattr(resource, f"RLIMIT_{kind}"), (most, most))
+
+    words = ["-m", "resample_texture", "warp", "sample:bricks:size=64", "--size", "32x32"]
+    words += ["--corners", "4,2 28,4 30,30 2,28", "-o", str(tmp_path / "a.png")]
+    command = [sys.executable, *words]
+    found = subprocess.run(command, capture_output=True, text=True, preexec_fn=limited, check=False)
+    assert found.returncode == 2
+    assert re.fullmatch(r"resample: error: .* process \(ulimit\) leave .*\n", found.stderr)
+    assert not list(tmp_path.iterdir())

@@ -49,7 +49,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
-        found = reader or find_reader(path)
+        found = reader or find_reader(_not_empty(path))
         volume = found(path)
         return volume._replace(space=getattr(found, "space", volume.space))
     if str(name).partition(":")[0] in GENERATED:
@@ -72,7 +72,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
-        found = reader or find_reader(path)
+        found = reader or find_reader(_not_empty(path))
         if isinstance(found, Recorder):
             recording = found.recorded(path)
             return recording._replace(space=getattr(found, "space", recording.space))
@@ -101,13 +101,20 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
     return found.streamed(path)
 
 
+def _not_empty(path: Path) -> Path:
+    """Path of what is no empty file; an empty one has no format to be told."""
+    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, _readers()[0]):
+        raise ValueError(f"{path} is empty")
+    return path
+
+
 def find_reader(path: Path) -> Reader:
     """Reader for a file's suffix, the longest that fits, or for what a folder holds.
 
     Raises
     ------
     ValueError
-        The file is empty, no installed reader fits, or two do.
+        No installed reader fits, or two do.
     """
     readers, broken = _readers()
     if is_store(path):
@@ -119,8 +126,6 @@ def find_reader(path: Path) -> Reader:
         what = "holds no slices" if path.is_dir() else "has no known suffix"
         hint = "; ".join([f"{path} {what}; known are {known}", *broken])
         raise ValueError(f"{hint}; rename it or choose a reader")
-    if path.is_file() and path.stat().st_size == 0:
-        raise ValueError(f"{path} is empty")
     if len(readers[suffix]) > 1:
         raise ValueError(f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix}")
     built: Reader = registry.build("readers", readers[suffix][0])
