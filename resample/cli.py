@@ -61,6 +61,9 @@ def compare(
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
     from resample.measuring import compare as comparison
+    from resample.memory import check_limits
+
+    check_limits()
 
     if not pictures:
         raise ValueError("compare needs at least one picture besides the reference")

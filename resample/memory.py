@@ -98,16 +98,27 @@ def allowing(memory: str | None) -> Iterator[None]:
     ValueError
         It is no amount, or the limits of the process leave no room for libraries.
     """
-    if _limit() == 0:
-        raise ValueError(
-            f"the limits of this process (ulimit) leave no room for libraries; allow more than "
-            f"{amount(OF_DATA)} of data and {amount(OF_ADDRESSES)} of addresses"
-        )
+    check_limits()
     token = ALLOWED.set(None if memory is None else bytes_of(memory))
     try:
         yield
     finally:
         ALLOWED.reset(token)
+
+
+def check_limits() -> None:
+    """Refuse to begin in a process whose limits end it while libraries are loaded.
+
+    Raises
+    ------
+    ValueError
+        They leave no room.
+    """
+    if _limit() == 0:
+        raise ValueError(
+            f"the limits of this process (ulimit) leave no room for libraries; allow more than "
+            f"{amount(OF_DATA)} of data and {amount(OF_ADDRESSES)} of addresses"
+        )
 
 
 def allow(count: int) -> None:
