@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from werkzeug import Response
 
-from resample_volume.files.public import downloads
+from resample.files.public import downloads
 from resample_volume.files.public import fetch as module
 from resample_volume.files.public.fetch import available, fetch
 from resample_volume.files.source import open_volume

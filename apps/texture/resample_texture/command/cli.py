@@ -336,6 +336,24 @@ def animate(
 
 
 @app.command
+def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+    """Download a public set of files, check it and print where it is; without a name, list them.
+
+    Example: resample-texture fetch astronaut
+
+    Parameters
+    ----------
+    name
+        Of the set; on which terms it may be used is said.
+    folder
+        Where to keep it; the user's cache.
+    """
+    from resample.files.public.sets import told
+
+    told("resample_texture", name, folder)
+
+
+@app.command
 def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> None:
     """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
 

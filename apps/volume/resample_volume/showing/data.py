@@ -1,11 +1,10 @@
 """The paper's volumes where they are to be had, and what stands in for them, which says so."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from resample_volume.files.public.fetch import FOLDER_VARIABLE
+from resample.files.public.sets import place_of
 from resample_volume.files.source import generate, open_volume
 from resample_volume.types import Volume
 
@@ -41,7 +40,7 @@ class Shelf:
 
     def find(self, name: str) -> Path | None:
         """File of a volume; None where it is in neither place."""
-        places = [place for place in (self.folder, _cache()) if place is not None]
+        places = [place for place in (self.folder, place_of(None)) if place is not None]
         files = [place / f"{name}{suffix}" for place in places for suffix in SUFFIXES]
         return next((file for file in files if file.is_file()), None)
 
@@ -80,10 +79,3 @@ def missing(name: str) -> str:
         f"{TITLES[name]} is not there (give --data a folder with {name}.nhdr, or run "
         f"resample-volume fetch {name})"
     )
-
-
-def _cache() -> Path:
-    """Folder in which `resample_volume.files.public.fetch.fetch` keeps what it downloads."""
-    import pooch
-
-    return Path(os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))

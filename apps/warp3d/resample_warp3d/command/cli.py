@@ -494,6 +494,24 @@ def compare(
 
 
 @app.command
+def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+    """Download a public set of files, check it and print where it is; without a name, list them.
+
+    Example: resample-warp3d fetch living-room
+
+    Parameters
+    ----------
+    name
+        Of the set; on which terms it may be used is said.
+    folder
+        Where to keep it; the user's cache.
+    """
+    from resample.files.public.sets import told
+
+    told("resample_warp3d", name, folder)
+
+
+@app.command
 def figures(
     color: str | None = None,
     depth: str | None = None,

@@ -2,17 +2,15 @@
 
 import json
 import math
-import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from resample.files.public.downloads import download
+from resample.files.public.sets import place_of
 from resample.files.writing import replacing
-from resample_volume.files.public.downloads import download
-
-FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"
 
 # NRRD, because it knows the spacing; the raw file beside it is as it came.
 NRRD = """NRRD0004
@@ -69,9 +67,7 @@ def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None =
     known = available()
     if name not in known:
         raise LookupError(f"unknown volume {name!r}; known are {', '.join(known)}")
-    import pooch
-
-    place = Path(folder or os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))
+    place = place_of(folder)
     url = known[name]["url"]
     file = url.rpartition("/")[2]
     if base_url is not None:

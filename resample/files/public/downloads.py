@@ -24,7 +24,7 @@ class WrongFileError(ValueError):
     """What came is not what was asked for."""
 
 
-def download(url: str, target: Path, size: int, sha512: str) -> None:
+def download(url: str, target: Path, size: int, digest: str) -> None:
     """Fetch a file that is known beforehand, unless it is there.
 
     Parameters
@@ -35,8 +35,8 @@ def download(url: str, target: Path, size: int, sha512: str) -> None:
         Where it is kept; its folder is made.
     size
         Bytes that it has. A server that sends more is not listened to.
-    sha512
-        Digest of its content.
+    digest
+        SHA-256 or SHA-512 of its content, as hexadecimal digits.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def download(url: str, target: Path, size: int, sha512: str) -> None:
         The server cannot be reached, refuses, is silent or is too slow; or the folder cannot be
         written or has not that much room.
     """
-    if target.is_file() and _digest(target) == sha512:
+    if target.is_file() and _digest(target, digest) == digest:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     free = shutil.disk_usage(target.parent).free
@@ -56,10 +56,10 @@ def download(url: str, target: Path, size: int, sha512: str) -> None:
         try:
             with replacing(target) as temporary, _progress(target.name, size) as advance:
                 _receive(url, temporary, size, advance)
-                if _digest(temporary) != sha512:
+                if _digest(temporary, digest) != digest:
                     raise WrongFileError(
-                        f"{url} gave another file than the collection lists (wrong SHA-512); "
-                        "nothing was kept"
+                        f"{url} gave another file than the collection lists (wrong "
+                        f"{_kind(digest)}); nothing was kept"
                     )
             return
         except (ConnectionError, WrongFileError):
@@ -104,9 +104,14 @@ def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
         raise WrongFileError(f"{url} gave {more} the {size} bytes that it has; nothing was kept")
 
 
-def _digest(path: Path) -> str:
+def _kind(digest: str) -> str:
+    return "SHA-512" if len(digest) == 128 else "SHA-256"
+
+
+def _digest(path: Path, like: str) -> str:
+    """Digest of a file, of the kind of another one."""
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha512").hexdigest()
+        return hashlib.file_digest(file, _kind(like).replace("-", "")).hexdigest()
 
 
 @contextmanager

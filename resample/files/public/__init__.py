@@ -1,0 +1,1 @@
+"""Public files, downloaded once and checked."""

@@ -1,0 +1,99 @@
+"""Sets of public files that an application lists, by name."""
+
+import json
+import os
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from resample.files.public.downloads import download
+from resample.samples.finding import FOLDER_VARIABLE
+
+
+class PublicFile(NamedTuple):
+    """A file of a set."""
+
+    name: str  # that it is kept by
+    url: str
+    size: int  # bytes
+    digest: str  # SHA-256
+
+
+class PublicSet(NamedTuple):
+    """Files that belong together."""
+
+    description: str
+    terms: str  # on which they may be used, and whom to thank
+    example: str  # words of a command that shows them, in their folder
+    files: tuple[PublicFile, ...]
+
+
+def available(package: str) -> dict[str, PublicSet]:
+    """Sets that a package lists in `data/public.json`, by name."""
+    text = files(package).joinpath("data/public.json").read_text("utf-8")
+    return {
+        name: PublicSet(**{**entry, "files": tuple(PublicFile(*each) for each in entry["files"])})
+        for name, entry in json.loads(text).items()
+    }
+
+
+def place_of(folder: str | Path | None) -> Path:
+    """Folder that public files are kept in; None: what HYBRID_RESAMPLE_DATA says, or a cache."""
+    import pooch
+
+    return Path(folder or os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))
+
+
+def fetch(
+    package: str, name: str, *, folder: str | Path | None = None, base_url: str | None = None
+) -> Path:
+    """Download a set, or find it where it was downloaded before.
+
+    Parameters
+    ----------
+    package
+        Whose sets.
+    name
+        One of `available(package)`.
+    folder
+        Where sets are kept, each in a folder of its name; see `place_of`.
+    base_url
+        Where a mirror has the files, by their names; None: their public homes.
+
+    Returns
+    -------
+    Folder of the set.
+
+    Raises
+    ------
+    LookupError
+        The name is unknown.
+    ValueError
+        What came is not what is listed. It is not kept.
+    OSError
+        A server cannot be reached, or refuses; or the folder cannot be written.
+    """
+    known = available(package)
+    if name not in known:
+        raise LookupError(f"unknown set {name!r}; known are {', '.join(known)}")
+    place = place_of(folder) / name
+    for file in known[name].files:
+        url = file.url if base_url is None else f"{base_url.rstrip('/')}/{file.name}"
+        download(url, place / file.name, file.size, file.digest)
+    return place
+
+
+def told(package: str, name: str | None, folder: Path | None) -> None:
+    """Write what a `fetch` command says: what there is, or where a set lies and on which terms."""
+    from resample.command.console import say
+
+    if name is None:
+        lines = [f"{key}  {each.description}\n" for key, each in available(package).items()]
+        sys.stdout.write("".join(lines))
+        return
+    place = fetch(package, name, folder=folder)
+    chosen = available(package)[name]
+    say(f"{name}: {chosen.terms}")
+    say(f"try, in that folder: {chosen.example}")
+    sys.stdout.write(f"{place}\n")
