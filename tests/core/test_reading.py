@@ -222,6 +222,11 @@ def test_clouds_of_more_points_than_their_file_has_room_for_are_cut_off(count, e
     refused(read_cloud, put(tmp_path / "a.ply", head + rest), match="is cut off")
 
 
+def test_a_cloud_whose_numbers_have_no_size_is_refused(tmp_path):
+    head = "FIELDS x y z\nSIZE 4 4 ,\nTYPE F F F\nPOINTS 1\nDATA binary\n"
+    refused(read_cloud, put(tmp_path / "a.pcd", head + 12 * "1"), match="no PCD header")
+
+
 def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
     text = (

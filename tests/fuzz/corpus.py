@@ -112,6 +112,69 @@ def _zarr() -> bytes:
     return _made("a.zarr.zip", write)
 
 
+def _film(name: str, codec: str) -> bytes:
+    import av
+
+    def write(path: Path) -> None:
+        with av.open(str(path), "w") as film:
+            stream = film.add_stream(codec, rate=10)
+            stream.width, stream.height, stream.pix_fmt = 32, 24, "yuv420p"
+            for n in range(3):
+                levels = RNG.integers(0, 255, (24, 32, 3), np.uint8) // (n + 1)
+                frame = av.VideoFrame.from_ndarray(levels, format="rgb24")
+                film.mux(stream.encode(frame.reformat(format="yuv420p")))
+            film.mux(stream.encode(None))
+
+    return _made(name, write)
+
+
+def films() -> list[Case]:
+    """Films; none where PyAV is not installed."""
+    try:
+        import av  # noqa: F401
+    except ImportError:
+        return []
+    codecs = {"mp4": "libx264", "webm": "libvpx-vp9", "avi": "mpeg4", "mkv": "ffv1"}
+    codecs |= {"mpg": "mpeg2video", "mov": "libx264"}
+    return [Case("film", {f"a.{end}": _film(f"a.{end}", name)}) for end, name in codecs.items()]
+
+
+def _slice(z: int, *, frames: int = 1, packed: bool = False) -> bytes:
+    """DICOM file of one slice, or of several frames."""
+    import pydicom
+    from pydicom import uid
+
+    told = pydicom.Dataset()
+    told.file_meta = pydicom.dataset.FileMetaDataset()
+    told.file_meta.TransferSyntaxUID = uid.ExplicitVRLittleEndian
+    told.SOPClassUID, told.SOPInstanceUID = uid.CTImageStorage, f"1.2.8.{z + 1}"
+    told.file_meta.MediaStorageSOPClassUID = told.SOPClassUID
+    told.file_meta.MediaStorageSOPInstanceUID = told.SOPInstanceUID
+    told.Modality, told.SeriesInstanceUID, told.InstanceNumber = "CT", "1.2.3", z + 1
+    told.ImagePositionPatient, told.PixelSpacing = [0, 0, 2.5 * z], [1, 1]
+    told.ImageOrientationPatient, told.SliceThickness = [1, 0, 0, 0, 1, 0], 2.5
+    told.RescaleSlope, told.RescaleIntercept = 1, -1024
+    told.Rows, told.Columns, told.SamplesPerPixel = 7, 8, 1
+    told.BitsAllocated, told.BitsStored, told.HighBit, told.PixelRepresentation = 16, 12, 11, 0
+    told.PhotometricInterpretation = "MONOCHROME2"
+    if frames > 1:
+        told.NumberOfFrames = frames
+    told.PixelData = (VALUES[z : z + frames].astype(np.uint16) * 9).tobytes()
+    if packed:
+        told.compress(uid.RLELossless)
+    return _made("a.dcm", lambda path: told.save_as(path, enforce_file_format=True))
+
+
+def dicoms() -> list[Case]:
+    """Slices in a folder, and files of several frames."""
+    slices = {f"{'bca'[z]}.dcm": _slice(z) for z in range(3)}
+    return [
+        Case("series", slices),
+        Case("series", {name: _slice(n, packed=True) for n, name in enumerate(slices)}),
+        Case("volume", {"a.dcm": _slice(0, frames=3)}),
+    ]
+
+
 def volumes() -> list[Case]:
     """Volumes of every reader."""
     data = VALUES.tobytes()
@@ -384,4 +447,4 @@ def choices() -> list[Case]:
 
 def corpus() -> list[Case]:
     """All of them."""
-    return [*volumes(), *pictures(), *meshes(), *cameras(), *choices()]
+    return [*volumes(), *dicoms(), *pictures(), *films(), *meshes(), *cameras(), *choices()]

@@ -341,7 +341,10 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
     try:
         names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
         counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
-        sizes, types = header["SIZE"], [PCD_TYPES[word.upper()] for word in header["TYPE"]]
+        sizes, types = (
+            map(int, header["SIZE"]),
+            [PCD_TYPES[word.upper()] for word in header["TYPE"]],
+        )
         points = int(header["POINTS"][0]) if "POINTS" in header else _area(header)
         described = zip(_told_apart(names), types, sizes, counts, strict=True)
         return points, np.dtype(
