@@ -306,6 +306,11 @@ def test_deeply_nested_toml_is_refused(text, tmp_path):
     refused(viewpoint, lens)
 
 
+def test_a_very_long_word_is_looked_at_once():
+    with pytest.raises(ValueError, match="Expected '='"):
+        toml_of("a" * (4 << 20))  # when each letter could begin a name, its square took minutes
+
+
 def test_dotted_names_that_are_not_deep_are_read():
     assert toml_of("a.b.c = 1.5\n'x.y'.z = 'a.b.c.d.e'\n")["x.y"] == {"z": "a.b.c.d.e"}
 
