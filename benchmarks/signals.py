@@ -126,8 +126,9 @@ def ended(target: str) -> float:
     start = time.perf_counter()
     process = begun(target)
     said = process.communicate(timeout=PATIENCE)[1]
-    if process.returncode or hidden():
-        raise RuntimeError(f"{target}: {said}, left {hidden()}")
+    left = hidden() - {f".{name}.frames" for name in COMMANDS if name != target}
+    if process.returncode or left:
+        raise RuntimeError(f"{target}: {said}, left {left}")
     seconds = time.perf_counter() - start
     kept = Path("whole") / target
     remove(kept)

@@ -286,7 +286,7 @@ def _length(words: list[str]) -> int:
 
 def _binary_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
     wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
-    if not 0 <= wanted <= given:
+    if not 0 <= wanted <= given or count > given:  # points of nothing have no bytes
         raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
     data = file.read(wanted)
     points = np.frombuffer(data, kind, count)
