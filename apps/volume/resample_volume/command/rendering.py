@@ -18,12 +18,11 @@ from resample_volume.rendering import (
     Subject,
     check_several,
     check_together,
-    render_in_windows,
-    unseen,
 )
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.streaming import TooManyVoxelsError
+from resample_volume.windows import Spent, render_in_windows, unseen
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -123,7 +122,7 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with session.stage("paint", bar="painting windows") as progress:
             frame, count = render_in_windows(
-                volume, look, viewpoint, size, allowed, resampler, progress
+                volume, look, viewpoint, size, Spent(allowed), resampler, progress
             )
         say(f"not all that is seen fits in memory: painted in {count} windows")
         return frame

@@ -1,7 +1,7 @@
 """Values that stay in their file: read brick by brick, and looked at once."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -38,6 +38,23 @@ class Glance(NamedTuple):
     codes: NDArray[np.int64] | None  # how often each value occurs, by its bits, where these are few
 
 
+class Asked(NamedTuple):
+    """Blocks whose voxels are asked for."""
+
+    side: int  # voxels along each axis
+    is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
+
+    def has_any(self, box: Box) -> bool:
+        """Whether some voxel of a box is asked for."""
+        z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
+        return bool(self.is_asked[z, y, x].any())
+
+    def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
+        """Which voxels (N,) are asked for, by their indices along z, y and x."""
+        z, y, x = (n // self.side for n in at)
+        return self.is_asked[z, y, x]
+
+
 @dataclass(eq=False)
 class Bricks:
     """Values (Z, Y, X) of a volume in a file, in place of an array of NumPy's.
@@ -54,7 +71,7 @@ class Bricks:
     memory: int | None = None  # bytes that what is made of them may take; None: the machine's
     reads: int = 0  # bricks that were read
     most_held: int = 0  # bytes of bricks that were in memory together, at most
-    only: frozenset[Step] | None = None  # bricks whose voxels are asked for; None: all
+    asked: Asked | None = None  # blocks whose voxels are asked for; None: all
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -93,11 +110,20 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def among(self, some: Iterable[Step]) -> "Bricks":
-        """The same, of which voxels of some bricks are asked for; it counts its own reads."""
-        part = replace(self, only=frozenset(some), reads=0, _lock=Lock())
-        part.__dict__["glance"] = self.glance  # of the whole
+    def within(self, asked: Asked | None) -> "Bricks":
+        """The same, of which voxels of some blocks are asked for; it counts its own reads."""
+        part = replace(self, asked=asked, reads=0, most_held=0, _lock=Lock())
+        part.__dict__["ends"] = self.ends  # of the whole
         return part
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs, of what was found the ends of bricks alone."""
+        known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
+        left = {name: part for name, part in self.__dict__.items() if name != "glance"}
+        return left | known | {"found": {}, "_lock": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _lock=Lock())
 
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""
@@ -137,6 +163,11 @@ class Bricks:
         """The same without values that stand for none, nor infinite ones."""
         replaced = (np.array(padding), by)
         return Bricks(self.read, self.shape, self.dtype, self.side, replaced, memory=self.memory)
+
+    @cached_property
+    def ends(self) -> tuple[Doubles, Doubles]:
+        """Least and greatest finite value of each brick, as `Glance` has them."""
+        return self.glance.least, self.glance.greatest
 
     @cached_property
     def glance(self) -> Glance:
