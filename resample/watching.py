@@ -177,4 +177,4 @@ def shared_out(executor: Executor | None, job: Callable[[P], R], parts: Iterable
     parts
         Of the work.
     """
-    yield from map(job, parts) if executor is None else executor.map(job, parts)
+    yield from map(job, parts) if executor is None else executor.map(job, list(parts))

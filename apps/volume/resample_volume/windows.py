@@ -26,7 +26,7 @@ from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import ball_around, centered
 from resample_volume.voxels.shading import Light
-from resample_volume.voxels.visible import Voxels, classified_by_bricks
+from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
 from resample_volume.voxels.windowed import Finish, Work, painted_in_windows
 
 
@@ -90,6 +90,19 @@ def render_in_windows(
         Windows cannot be written or read.
     """
     camera = unseen(volume, appearance).camera(viewpoint, *size)
+    return paint_in_windows(volume, appearance, camera, size, spent, resampler, progress)
+
+
+def paint_in_windows(
+    volume: Volume,
+    appearance: Appearance,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    spent: Spent,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+) -> tuple[Frame, int]:
+    """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
     scene, _ = centered(volume)
     chosen = replace(appearance, transfer=transfer_of(scene, appearance))
     work = Work(
@@ -136,7 +149,8 @@ def unseen(volume: Volume, appearance: Appearance) -> "Subject":
     """
     scene, middle = centered(volume)
     _check_windows(scene, appearance)
-    return Subject(NO_VOXELS, appearance, ball_around(scene), middle, planes(scene, None, ()))
+    nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
+    return Subject(nothing, appearance, ball_around(scene), middle, planes(scene, None, ()))
 
 
 def _check_windows(volume: Volume, look: Appearance) -> None:

@@ -38,6 +38,25 @@ class Single:
 
 
 @dataclass(frozen=True, eq=False)
+class Boxes:
+    """Reads boxes of one time and channel of an array; other processes can, too."""
+
+    array: "zarr.Array[Any]"  # of a store that is opened by its path
+    axes: str  # its letters
+    at: tuple[tuple[str, int], ...]  # time and channel
+    dtype: np.dtype[Any]  # that voxels get
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box."""
+        space = [letter for letter in self.axes if letter in "zyx"]
+        part = dict(self.at) | dict(zip("zyx", box, strict=True))
+        with reading(self.array.name.strip("/") or "the array"):
+            found = np.asarray(self.array[tuple(part[letter] for letter in self.axes)])
+        turned = found.transpose([space.index(letter) for letter in "zyx"])
+        return np.ascontiguousarray(turned, self.dtype)
+
+
+@dataclass(frozen=True, eq=False)
 class Chunked:
     """An array as (T, C, Z, Y, X): like NumPy's as far as `recordings.volume_at` looks.
 
@@ -84,20 +103,9 @@ class Chunked:
 
     def _bricks(self, at: dict[str, int]) -> Bricks:
         """Volume of one time and channel."""
-        space = [letter for letter in self.axes if letter in "zyx"]
-        turn = tuple(space.index(letter) for letter in "zyx")
-
-        def read(box: Box) -> NDArray[Any]:
-            part = dict(zip("zyx", box, strict=True))
-            index: Any = tuple(
-                part[letter] if letter in part else at[letter] for letter in self.axes
-            )
-            with reading(self.array.name.strip("/") or "the array"):
-                found = np.asarray(self.array[index])
-            return np.ascontiguousarray(found.transpose(turn), self.dtype)
-
         shape = (self._along("z"), self._along("y"), self._along("x"))
-        return Bricks(read, shape, self.dtype, self.brick or self._side(shape))
+        boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
+        return Bricks(boxes, shape, self.dtype, self.brick or self._side(shape))
 
     def _side(self, shape: Step) -> Step:
         """Whole chunks along z, y and x, of about `SIDE` voxels."""
