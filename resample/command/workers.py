@@ -4,7 +4,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -58,6 +58,8 @@ def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | Non
         try:
             yield _crew(client, sharing, threads)
         except KilledWorker as error:
+            with suppress(OSError, TimeoutError):  # those that begin cannot be ended well
+                client.wait_for_workers(sharing.workers or 1, timeout=5)
             raise ChildProcessError(
                 f"a task was given up after {_attempts(error)} workers had ended over it, most "
                 "likely for want of memory; allow less --memory, or take fewer workers"
@@ -86,6 +88,7 @@ def check_sharing(sharing: Sharing) -> None:
 
 def _client(sharing: Sharing, held: ExitStack) -> "Client":
     """Client of the scheduler that is asked for, or of one of our own."""
+    import dask.config
     from distributed import Client, LocalCluster
 
     if sharing.scheduler is not None:
@@ -95,6 +98,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             raise OSError(
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
+    held.enter_context(dask.config.set({"distributed.nanny.pre-spawn-environ": _environment()}))
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
     cluster = LocalCluster(
         n_workers=sharing.workers,
@@ -107,6 +111,14 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
         silence_logs=logging.CRITICAL,
     )
     return Client(held.enter_context(cluster), set_as_default=False)
+
+
+def _environment() -> dict[str, object]:
+    """What workers find in their environment: they say nothing of themselves."""
+    import dask.config
+
+    own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
+    return {**own, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
