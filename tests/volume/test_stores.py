@@ -507,7 +507,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
     common = ["--size", "96", "--transfer", "150..190", "--camera", "30/10/1.3", "--fit", "volume"]
     assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
-    few = ["--memory", "18MB"]
+    few = ["--memory", "20MB"]
     assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr", "--stats", "b.json") == 0
     told = capsys.readouterr().err
     found = re.search(r"not all that is seen fits in memory: painted in (\d+) windows", told)

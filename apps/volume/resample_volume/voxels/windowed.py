@@ -210,9 +210,9 @@ def tasks_of(work: Work, known: Surveyed) -> list[Task]:
         window = x0, y0, x1, y1 = waiting.pop()
         are_asked = known.blocks.within(window, known.plan.margin + 1)
         voxels = int(known.blocks.seen[are_asked].sum())
-        asked = known.blocks.asked(are_asked)
-        most = (work.memory - _bytes_of_bricks(work, asked)) // BYTES_PER_SAMPLE
+        most = (work.memory - _bytes_of_bricks(work, known.blocks, are_asked)) // BYTES_PER_SAMPLE
         if voxels <= most:
+            asked = known.blocks.asked(are_asked)
             found.append(Task(window, np.packbits(asked.is_asked), voxels))
             continue
         columns, rows = -(-(x1 - x0) // tile), -(-(y1 - y0) // tile)
@@ -230,13 +230,14 @@ def tasks_of(work: Work, known: Surveyed) -> list[Task]:
     return found
 
 
-def _bytes_of_bricks(work: Work, asked: Asked) -> int:
+def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
     """What bricks take that are held together, and what is made of those that are looked at."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    at = np.argwhere(asked.is_asked) * asked.side
-    if not len(at):
+    if not are_asked.any():
         return 0
-    last = np.minimum(at + asked.side, bricks.shape) - 1
+    lattice, seen = blocks.lattice, blocks.seen[are_asked]
+    at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
+    last = np.minimum(at + lattice.side, bricks.shape) - 1
     is_near = np.zeros([n + 2 for n in bricks.count], bool)
     for ends in product((0, 1), repeat=3):
         z, y, x = (np.where(ends, last, at) // bricks.side + 1).T
@@ -247,7 +248,8 @@ def _bytes_of_bricks(work: Work, asked: Asked) -> int:
     layers = is_needed[1:-1, 1:-1, 1:-1].sum(axis=(1, 2))
     held = int((layers[1:] + layers[:-1]).max(initial=layers.max()))
     threads = work.threads or threads_at_work()
-    each = bricks.bytes_each // bricks.dtype.itemsize * BYTES_PER_VOXEL
+    within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
+    each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
     return (held + threads) * bricks.bytes_each + (threads + 1) * each
 
 

@@ -1,12 +1,14 @@
 """Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample_volume.files.headers import WIDENED
+from resample_volume.files.stores.kept import Kept
 from resample_volume.files.stores.opening import reading
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
@@ -67,6 +69,7 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels that are read together; None: as chunks lie
+    store: Path | None = None  # folder or zip file, where findings are to be kept
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -83,7 +86,7 @@ class Chunked:
         """The same with times for channels."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
-        return Chunked(self.array, self.axes, "".join(letters), self.brick)
+        return Chunked(self.array, self.axes, "".join(letters), self.brick, self.store)
 
     def __getitem__(self, chosen: int | tuple[int, int]) -> "NDArray[Any] | Bricks":
         if isinstance(chosen, tuple):
@@ -105,7 +108,9 @@ class Chunked:
         """Volume of one time and channel."""
         shape = (self._along("z"), self._along("y"), self._along("x"))
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
-        return Bricks(boxes, shape, self.dtype, self.brick or self._side(shape))
+        keeper = None if self.store is None else Kept(self.store, self.array.path, boxes.at)
+        side = self.brick or self._side(shape)
+        return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 
     def _side(self, shape: Step) -> Step:
         """Whole chunks along z, y and x, of about `SIDE` voxels."""
