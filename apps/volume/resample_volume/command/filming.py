@@ -53,7 +53,7 @@ class Script(NamedTuple):
     folder: str  # that names of files are relative to
 
 
-class Scene(NamedTuple):
+class ReadScene(NamedTuple):
     """What a script names, read."""
 
     shown: list[Medium]
@@ -61,7 +61,7 @@ class Scene(NamedTuple):
     is_whole: bool
 
 
-class Film(NamedTuple):
+class ReadyFilm(NamedTuple):
     """A film that is ready to be made."""
 
     shots: Shots
@@ -91,7 +91,7 @@ def film_of(
     flight: Flight | Tour,
     paint: Paint,
     about: Mapping[str, Any],
-) -> Film:
+) -> ReadyFilm:
     """A film, of which the scene is read and looked at.
 
     Parameters
@@ -118,40 +118,44 @@ def film_of(
         scene = scene_for(script, paint.size, recording)
         paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
         cameras = cameras_of(scene.subject, flight, paint.size)
-        return Film(_shots(scene, cameras, paint, about), cameras, paint, is_of_times=False)
+        return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, is_of_times=False)
     resampler = paint.resampler
     meshes = script.beside.with_meshes(script.look, resampler)
     course = filmed(series, script.look, script.added, resampler, meshes)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
     flight = over_time(flight, script.frames, course.times)
     cameras = cameras_of(course[0], flight, paint.size)
-    return Film(shots_over_time(course, cameras, paint, about), cameras, paint, is_of_times=True)
+    return ReadyFilm(
+        shots_over_time(course, cameras, paint, about), cameras, paint, is_of_times=True
+    )
 
 
-def scene_for(script: Script, size: Size, recording: Recording | None = None) -> Scene:
+def scene_for(script: Script, size: Size, recording: Recording | None = None) -> ReadScene:
     """What a script shows in frames (height, width); errors as of `film_of`."""
     look, resampler = script.look, script.look.renderer(script.resampling)
     meshes = script.beside.with_meshes(look, resampler)
     given = media(script.source, script.volume, look, script.added, resampler, recording=recording)
     shown = with_meshes(given, meshes)
     try:
-        return Scene(shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True)
+        return ReadScene(
+            shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
+        )
     except TooManyVoxelsError as error:
         if look.fit != "volume":
             raise ValueError(
                 f"{error}; with --fit volume frames are painted window by window"
             ) from None
-        return Scene(shown, unseen(*shown[0]), is_whole=False)
+        return ReadScene(shown, unseen(*shown[0]), is_whole=False)
 
 
 @cache
-def _kept_scene(script: Script, size: Size) -> Scene:
-    """Scene of a script, in a process that makes frames of no other."""
+def _kept_scene(script: Script, size: Size) -> ReadScene:
+    """ReadScene of a script, in a process that makes frames of no other."""
     with chdir(script.folder):
         return scene_for(script, size)
 
 
-def frame_of(scene: Scene, camera: AnyCamera, paint: Paint) -> Levels:
+def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
     """Frame (H, W, 3) of a scene, as a screen takes it."""
     if scene.is_whole:
         from resample_volume.command.animation import frame
@@ -165,7 +169,7 @@ def frame_of(scene: Scene, camera: AnyCamera, paint: Paint) -> Levels:
 
 
 def _shots(
-    scene: Scene, cameras: Sequence[AnyCamera], paint: Paint, about: Mapping[str, Any]
+    scene: ReadScene, cameras: Sequence[AnyCamera], paint: Paint, about: Mapping[str, Any]
 ) -> Shots:
     """Frames of a scene, made here."""
     if scene.is_whole:
@@ -185,7 +189,7 @@ def _mark(volume: Volume, look: Any) -> str:
     return fingerprint(known.least, known.greatest, known.some, known.rim, *looks)
 
 
-def shared_by(crew: Crew, script: Script, film: Film) -> Shots:
+def shared_by(crew: Crew, script: Script, film: ReadyFilm) -> Shots:
     """Frames of a film as processes make them.
 
     Each reads the scene for itself. Those of one machine share what the memory may be.
