@@ -191,8 +191,8 @@ def _facts(told: dict[str, Any]) -> str:
     shared = f", {told['windows']} windows" if told["windows"] > 1 else ""
     return (
         f"{told['seconds']:.1f} s ({told['busy']:.1f} s of CPU), RSS {told['peak'] / MIB:.0f} MiB, "
-        f"{told['added'] / MIB:.0f} of it the picture's, {told['voxels']} visible voxels{shared}{reads}, "
-        f"hash {told['hash']}"
+        f"{told['added'] / MIB:.0f} of all the picture's, {told['voxels']} visible voxels{shared}"
+        f"{reads}, hash {told['hash']}"
     )
 
 

@@ -150,7 +150,7 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
 
 @cache
 def _kept_scene(script: Script, size: Size) -> ReadScene:
-    """ReadScene of a script, in a process that makes frames of no other."""
+    """Scene of a script, in a process that makes frames of no other."""
     with chdir(script.folder):
         return scene_for(script, size)
 
