@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from resample_volume.types import Volume
 
 LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", Orbit(30.0, 20.0)
-DENSE = "-1/#203040/0.001,120/#e0a060/0.5,240/white/0.9"  # shows what is empty, too
+DENSE = "0/#203040/0.001,120/#e0a060/0.5,240/white/0.9"  # shows what is empty, too
 SIDE = 800  # px of the picture
 COMPARED = 256  # voxels of the volume that is rendered in memory, too
 MIB = 1 << 20

@@ -58,6 +58,20 @@ def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    ("workers", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
+)
+def test_a_worker_may_be_killed_at_any_time(workers, part, is_late, tmp_path):
+    write_film(tmp_path / "whole", SHOTS, 24)
+    (tmp_path / "marks").mkdir()
+    with at_work(Sharing(workers=workers)) as crew:
+        killing = Killing(crew.executor, tmp_path / "marks", part, is_late)
+        write_film(tmp_path / "film", SHOTS, 24, executor=killing)
+    killing.redone(0)
+    assert content(tmp_path / "whole") == content(tmp_path / "film")
+
+
 def test_workers_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="give one of both"):
         check_sharing(Sharing(workers=2, scheduler="tcp://127.0.0.1:1"))

@@ -16,8 +16,11 @@ from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import Appearance, Subject
 from resample_volume.types import Recording, Volume
+from resample_volume.voxels.blocks import Lattice, bounds_of
 from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import lattice_of
 from resample_volume.windows import Spent, render_in_windows
 from tests.killing import Killing
 
@@ -60,6 +63,31 @@ def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
             render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
         render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
+
+
+@pytest.mark.parametrize("eye", [EYE, Orbit(200, -40, 6.0), Orbit(10, 5, fov=0)])
+@pytest.mark.parametrize("side", [8, 16])
+def test_blocks_are_where_their_footprints_are(eye, side, rng):
+    volume = smoke(rng)
+    subject = Subject.of(volume, Appearance("60..190"), around=volume)
+    camera = subject.camera(eye, *SIZE)
+    seen = subject.seen_by(camera)
+    records = Resampler().footprints(seen, camera, height=SIZE[0], width=SIZE[1])
+    moved = centered(volume)[0]
+    back = np.linalg.inv(lattice_of(moved)).T
+    z, y, x = np.rint((seen.position - moved.origin) @ back).astype(int).T[::-1]
+    lattice = Lattice(volume.values.shape, side)
+    every = np.arange(np.prod(lattice.blocks))
+    bounds = bounds_of(moved, lattice, every, Resampler().reconstruction.radius, camera.view())
+    block = np.ravel_multi_index((z // side, y // side, x // side), lattice.blocks)
+    is_seen = records["left"] <= records["right"]
+    assert is_seen.sum() > 1000
+    left, top, right, bottom = bounds[block[is_seen]].T
+    known, margin = records[is_seen], 1.0  # of the pixel filter, and of rounding
+    assert (known["left"] >= left - margin).all()
+    assert (known["right"] <= right + margin).all()
+    assert (known["top"] >= top - margin).all()
+    assert (known["bottom"] <= bottom + margin).all()
 
 
 LAYERS = ("rgba", "depth", "first_depth", "coverage")

@@ -4,12 +4,14 @@ import io
 from collections.abc import Mapping, Sequence
 from contextlib import chdir, redirect_stderr
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
+from secrets import token_hex
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import AnyCamera
+from resample.command.console import say
 from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import Crew
@@ -77,11 +79,12 @@ class Frames:
     script: Script
     cameras: Sequence[AnyCamera]
     paint: Paint
+    run: str  # of the command: a later one reads anew what may have changed
 
     def __call__(self, n: int) -> Levels:
         """Frame (H, W, 3) as a screen takes it."""
         with threads(self.paint.threads), redirect_stderr(io.StringIO()):  # was said already
-            scene = _kept_scene(self.script, self.paint.size)
+            scene = _kept_scene(self.script, self.paint.size, self.run)
             return frame_of(scene, self.cameras[n], self.paint)
 
 
@@ -116,6 +119,8 @@ def film_of(
     series = None if recording is None else series_of(script.source, recording)
     if series is None:
         scene = scene_for(script, paint.size, recording)
+        if not scene.is_whole:
+            say("not all that is seen fits in memory: frames are painted window by window")
         paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
         cameras = cameras_of(scene.subject, flight, paint.size)
         return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, is_of_times=False)
@@ -148,8 +153,8 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
         return ReadScene(shown, unseen(*shown[0]), is_whole=False)
 
 
-@cache
-def _kept_scene(script: Script, size: Size) -> ReadScene:
+@lru_cache(1)
+def _kept_scene(script: Script, size: Size, _: str) -> ReadScene:
     """Scene of a script, in a process that makes frames of no other."""
     with chdir(script.folder):
         return scene_for(script, size)
@@ -209,7 +214,7 @@ def shared_by(crew: Crew, script: Script, film: ReadyFilm) -> Shots:
 
         script = _with_memory(script, bytes_of(script.source.memory) // crew.tasks)
     return film.shots._replace(
-        frame=Frames(script, film.cameras, replace(film.paint, threads=crew.threads))
+        frame=Frames(script, film.cameras, replace(film.paint, threads=crew.threads), token_hex(8))
     )
 
 
