@@ -105,7 +105,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
         threads_per_worker=1,
         processes=True,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # any port, for nobody else
         memory_limit=0,  # what tasks may take is reckoned by us
         local_directory=folder,
         silence_logs=logging.CRITICAL,
