@@ -17,7 +17,7 @@ demo-warp3d: $(VENV)/.run
 # A volume larger than its budget of memory, generated in a temporary folder (docs/scale.md); SIZE=512 is quicker.
 SIZE ?= 1024
 demo-scale: $(VENV)/.dev
-	$(BIN)/python -m benchmarks.scale --size 256 --size $(SIZE) --memory 2GiB
+	$(BIN)/python -m benchmarks.scale --size 256 --size $(SIZE) --memory 2GiB --workers 2
 # The paper's figures; DATA is a folder with its volumes, else those that `resample-volume fetch` has stored.
 figures: $(VENV)/.run
 	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))

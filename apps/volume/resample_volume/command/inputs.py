@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.command.console import say
+from resample.command.console import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of
+from resample.watching import told
 from resample_volume.command.choices import Source
 from resample_volume.files.readers import Raw, Reader, three_numbers
 from resample_volume.files.source import (
@@ -163,7 +164,10 @@ def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
 
 def said(volume: Volume) -> Volume:
     """Volume without its padding; what was found in it is said."""
-    known = survey(volume)
+    values: Values = volume.values
+    bricks = prod(values.count) if isinstance(values, Bricks) else 0
+    with progress_bar("looking at bricks", bricks) as progress, told(progress):
+        known = survey(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     return without_padding(volume, known)

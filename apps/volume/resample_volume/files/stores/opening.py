@@ -56,11 +56,11 @@ def open_node(path: Place) -> Any:
         raise FileNotFoundError(f"{path}: there is no such file or folder")
     with reading(path.name):
         if path.is_dir():
-            store: Any = zarr.storage.LocalStore(path, read_only=True)
+            store: Any = zarr.storage.LocalStore(path.resolve(), read_only=True)
             root = "" if is_store(path) else None
         else:
             root = _root_of_zip(path)
-            store = zarr.storage.ZipStore(path, mode="r")
+            store = zarr.storage.ZipStore(path.resolve(), mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
         return zarr.open(store, path=root, mode="r")

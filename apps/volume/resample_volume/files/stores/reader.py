@@ -88,7 +88,7 @@ class Zarr:
             )
         known = self._header(layout, level, array, name)
         check(known)
-        values: Any = Chunked(array, layout.axes, brick=brick)
+        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve())
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         if not number:
