@@ -7,10 +7,13 @@ import struct
 import tempfile
 import zlib
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from tests.laser import CENTER, copc_of, las_of
 
 RNG = np.random.default_rng(21)
 VALUES = (RNG.random((6, 7, 8)) * 255).astype(np.uint8)
@@ -261,6 +264,23 @@ def _pcd(kind: str) -> bytes:
     return head + "".join(f"{x} {y} {z}\n" for x, y, z in CLOUD.tolist()).encode()
 
 
+def lasers() -> list[Case]:
+    """Clouds of laser scanners; none where the extra is not installed."""
+    if find_spec("laspy") is None or find_spec("lazrs") is None:
+        return []
+    x, y, z = (CENTER + CLOUD * 9).T
+    columns = {"x": x, "y": y, "z": z, "intensity": np.arange(20)}
+    bright = columns | dict.fromkeys(("red", "green", "blue"), np.full(20, 40_000))
+    copc = copc_of([bright, bright], pages=2)
+    return [
+        Case("cloud", {"a.las": las_of(bright)}),
+        Case("cloud", {"a.las": las_of(columns, point_format=6, version="1.4")}),
+        Case("cloud", {"a.laz": las_of(columns, point_format=1, packed=True)}),
+        Case("cloud", {"a.copc.laz": copc}),
+        Case("coarse-cloud", {"a.copc.laz": copc}),
+    ]
+
+
 OBJ = (
     b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.5\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
     b"usemtl a\nf 1/1 2/2 3/3\nf 2/2 4/4 3/3\n"
@@ -324,6 +344,7 @@ def meshes() -> list[Case]:
         cases.append(Case("cloud", {"a.pcd": _pcd(kind)}))
     return [
         *cases,
+        *lasers(),
         Case("cloud", {"a.csv": b"x,y,z,w\n" + table}),
         Case("cloud", {"a.npz": _npz(position=CLOUD, color=CLOUD)}),
         Case("mesh", {"a.obj": OBJ, "a.mtl": MTL, "a.png": png}),

@@ -55,6 +55,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "map": read_map,
     "matrix": lambda path: parse_matrix(str(path)),
     "cloud": read_cloud,
+    "coarse-cloud": lambda path: read_cloud(path, level=1),
     "mesh": load_mesh,
     "scene-mesh": lambda path: read_mesh(str(path)),
     "poses": read_entries,
