@@ -172,6 +172,7 @@ class Session:
         shown = self._painter.paint(settings, size, quick=draw.moving, cancel=job.cancel)
         kind, data = encoded(shown)
         about = {
+            **shown.about,
             "kind": name,
             "number": draw.number,
             "preview": shown.is_preview,

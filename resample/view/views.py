@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -23,6 +24,7 @@ class Painting(NamedTuple):
 
     levels: NDArray[np.uint8]  # (H, W, 3 or 4) sRGB, straight opacity
     is_preview: bool
+    about: Mapping[str, Any] = MappingProxyType({})  # said with the picture, as JSON holds it
 
 
 class Painter(Protocol):

@@ -31,6 +31,8 @@ from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import lattice_of
 
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
@@ -78,8 +80,29 @@ class VolumePainter:
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
         wish = self._wish(settings)
-        frame = self._frame(wish, size, ".png", "preview" if quick else "final", cancel)
-        return Painting(levels_of(frame, "color", background=wish.picture.behind(".png")), quick)
+        quality: Quality = "preview" if quick else "final"
+        frame = self._frame(wish, size, ".png", quality, cancel)
+        levels = levels_of(frame, "color", background=wish.picture.behind(".png"))
+        return Painting(levels, quick, {"view": self._view(wish, size, quality)})
+
+    def _view(self, wish: _Wish, size: Size, quality: Quality) -> dict[str, Any]:
+        """How places around the volume's middle, scene units, come to a picture's pixels."""
+        camera, volume = self._scene.standing(
+            *(wish.appearance, wish.look.viewpoint()),
+            size=size,
+            resampler=wish.resampler,
+            quality=quality,
+            fit=wish.look.fit,
+        )
+        view, middle = camera.view(), centered(volume)[1]
+        return {
+            "rotation": view.rotation.tolist(),
+            "translation": (view.translation + view.rotation @ middle).tolist(),
+            "focal": view.focal.tolist(),
+            "principal": view.principal.tolist(),
+            "perspective": view.perspective,
+            "size": size,
+        }
 
     def check(self, settings: Settings) -> None:
         """Refuse options that are not allowed; errors as of `frame`."""
@@ -228,6 +251,7 @@ class VolumeView:
             "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
             "settings": {"fit": "volume", "camera": "30/20/1", **settings_of(self.begin)},
             "transfers": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+            "box": {"voxels": size, "lattice": lattice_of(self.volume).tolist()},
             "histogram": _histogram(self.volume, known.span),
         }
 

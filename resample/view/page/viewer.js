@@ -5,6 +5,7 @@
 // `picked`), what is shown (`about`, `settings`), and what parts do to it. `page.steering` is what
 // gestures mean here: `orbit`, `corners` or `walk`, as `about.gestures` says.
 
+import { bounds } from "./bounds.js";
 import { compare } from "./compare.js";
 import { corners } from "./corners.js";
 import { download, hung, made } from "./elements.js";
@@ -45,11 +46,11 @@ export function show(el, connect) {
   };
 
   const options = fields(page), look = histogram(page), beside = compare(page);
-  const glass = magnifier(page), exports = exporting(page);
+  const glass = magnifier(page), cuts = bounds(page), exports = exporting(page);
   const badge = made("span", { class: "badge", id: "badge" }, "…");
   const views = made("select", { "aria-label": "View from", id: "views" },
     made("option", { value: "" }, "View from…"), ...VIEWS.map((v) => made("option", { value: v }, v)));
-  const bar = made("div", { class: "bar" }, badge, views, beside.button, glass.button, exports.keyframe, exports.button,
+  const bar = made("div", { class: "bar" }, badge, views, ...cuts.buttons, beside.button, glass.button, exports.keyframe, exports.button,
     made("button", { id: "save-png", onclick: () => say("save", { suffix: ".png" }) }, "PNG"),
     made("button", { id: "save-exr", onclick: () => say("save", { suffix: ".exr" }) }, "EXR"),
     made("button", { id: "reset", onclick: () => replaced({ ...page.about?.settings }) }, "Reset"));
@@ -72,6 +73,12 @@ export function show(el, connect) {
   function placeOf(event) {
     const box = page.steering.frame(), { width, height } = size();
     return { x: ((event.clientX - box.left) / box.width) * width, y: ((event.clientY - box.top) / box.height) * height };
+  }
+
+  // Handles over the picture
+  function placed() {
+    page.steering.placed?.();
+    cuts.placed();
   }
 
   // Said to the viewer
@@ -105,7 +112,7 @@ export function show(el, connect) {
   function changed(key, value, moving = false) {
     put(key, value);
     if (key === "window" || key === "transfer") look.draw();
-    page.steering.placed?.();
+    placed();
     wish(moving);
   }
 
@@ -114,7 +121,7 @@ export function show(el, connect) {
     page.settings = given;
     options.putAll();
     look.draw();
-    page.steering.placed?.();
+    placed();
     wish(false);
   }
 
@@ -125,13 +132,14 @@ export function show(el, connect) {
     page.about = given;
     page.steering ??= STEERINGS[gesture](page);
     page.steering.begin?.();
+    cuts.begin();
     canvas.setAttribute("aria-label", `Picture: ${page.steering.hint}`);
     views.hidden = gesture !== "orbit";
     exports.keyframe.hidden = !given.film;
     replaced({ ...given.settings });
     build();
     page.steering.resized?.();
-    page.steering.placed?.();
+    placed();
   }
 
   function build() {
@@ -170,6 +178,7 @@ export function show(el, connect) {
       if (whole) link.settled?.(whole);
     }
     hung(image, bytes, head.type);
+    cuts.framed(head.view);
     image.dataset.number = head.number;
     image.dataset.preview = head.preview;
     badge.className = `badge ${head.preview ? "preview" : "final"}`;
@@ -203,7 +212,7 @@ export function show(el, connect) {
     if (!page.about) return;
     page.steering.resized?.();
     look.draw();
-    page.steering.placed?.();
+    placed();
     if (wishedSize !== spelledSize()) wish(true);
   }).observe(canvas);
   return () => link.close?.();
