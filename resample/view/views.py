@@ -46,6 +46,14 @@ class Knowing(Protocol):
 
 
 @runtime_checkable
+class Comparing(Protocol):
+    """Role of painters that have other renderers paint the same; `about` names these `rivals`."""
+
+    def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
+        """Picture that a rival makes of these options."""
+
+
+@runtime_checkable
 class Filming(Protocol):
     """Role of painters that make films."""
 
@@ -69,8 +77,8 @@ class Viewable(Protocol):
         `title`; `command`, its `inputs` and options of it that are `fixed`; `package` whose
         `viewing` has a `function` (`picture`) that takes inputs and options; the command of a
         `film` through keyframes, which has the same options, if there is one; `controls` of
-        `controls_of`; `settings` to begin with; and what else its page shows, such as a
-        `histogram`.
+        `controls_of`; `settings` to begin with; `rivals` that paint the same, by name, with why
+        one does not, if so; and what else its page shows, such as a `histogram`.
         """
 
     def check(self, settings: Settings | None = None) -> None:

@@ -50,7 +50,7 @@ export function show(el, connect) {
   const badge = made("span", { class: "badge", id: "badge" }, "…");
   const views = made("select", { "aria-label": "View from", id: "views" },
     made("option", { value: "" }, "View from…"), ...VIEWS.map((v) => made("option", { value: v }, v)));
-  const bar = made("div", { class: "bar" }, badge, views, ...cuts.buttons, beside.button, glass.button, exports.keyframe, exports.button,
+  const bar = made("div", { class: "bar" }, badge, views, ...cuts.buttons, ...beside.buttons, glass.button, exports.keyframe, exports.button,
     made("button", { id: "save-png", onclick: () => say("save", { suffix: ".png" }) }, "PNG"),
     made("button", { id: "save-exr", onclick: () => say("save", { suffix: ".exr" }) }, "EXR"),
     made("button", { id: "reset", onclick: () => replaced({ ...page.about?.settings }) }, "Reset"));
@@ -98,7 +98,7 @@ export function show(el, connect) {
     waiting = true;
     wishedSize = spelledSize();
     if (!moving) whole = { ...page.settings };
-    say("draw", { moving, ...beside.wished() });
+    say("draw", { moving, ...beside.wished(moving) });
   }
 
   // Options: `put` sets one, `changed` also asks for the picture, `replaced` sets all of them
@@ -136,6 +136,7 @@ export function show(el, connect) {
     canvas.setAttribute("aria-label", `Picture: ${page.steering.hint}`);
     views.hidden = gesture !== "orbit";
     exports.keyframe.hidden = !given.film;
+    beside.offer(given.rivals);
     replaced({ ...given.settings });
     build();
     page.steering.resized?.();
@@ -160,6 +161,7 @@ export function show(el, connect) {
   function told(given) {
     if (given.kind === "about") begin(given);
     if (given.kind === "error") { waiting = false; note(given.text, "message"); }
+    if (given.kind === "other") beside.failed(given.text);
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";

@@ -1,4 +1,4 @@
-"""Handles on the picture that cut a volume: what they write, and that the library cuts alike."""
+"""A volume's page in a browser: handles that cut, rivals beside, labels and picks."""
 
 import shlex
 import shutil
@@ -162,3 +162,19 @@ def test_planes_are_added_moved_turned_and_taken_away(
     assert planes(tab) == []
     np.testing.assert_array_equal(cut, whole)
     tab.click("#clip")
+
+
+def test_vtk_paints_beside_where_it_is_installed(tab: Any) -> None:
+    pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
+    after(tab, lambda: tab.click("#reset"))
+    after(tab, lambda: tab.select_option("#rivals", "VTK"))
+    assert tab.inner_text("#other .caption").startswith("VTK · ")
+    decibels = float(tab.inner_text("#difference .caption").split()[-2])
+    assert decibels > 22  # the same thing, by other means
+    after(tab, lambda: tab.locator(".canvas").press("ArrowLeft"))
+    assert float(tab.inner_text("#difference .caption").split()[-2]) != decibels
+    after(tab, lambda: tab.click("#clip"))
+    assert "VTK is not told of clip" in tab.inner_text("#other .caption")
+    tab.click("#clip")
+    after(tab, lambda: tab.select_option("#rivals", ""))
+    assert tab.locator("#other").count() == 0
