@@ -29,6 +29,7 @@ class Draw(_Message):
     kind: Literal["draw"]
     moving: bool  # a preview will do
     other: Settings | None = None  # paint these as well, and tell how far apart both are
+    rival: Key | None = None  # have another renderer paint it, and tell how far apart both are
 
 
 class Pick(_Message):

@@ -10,11 +10,11 @@ import threading
 import time
 import webbrowser
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from resample.command.console import say
 from resample.view.messages import LONGEST, message_of
+from resample.view.modules import PAGE, TYPES, parts
 from resample.view.sessions import Session
 from resample.view.views import Viewable
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.websockets import WebSocket
 
-PAGE = Path(__file__).parent / "page"
-TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 LOOPBACK = "127.0.0.1"
 MOST_PAGES = 8  # at a time
 HEADERS = {
@@ -77,7 +75,7 @@ def application(view: Viewable, token: str, hosts: Sequence[str]) -> "Starlette"
         name = request.path_params["name"]
         if name == "favicon.ico":
             return Response(status_code=204)
-        return _file(name) if name in ("viewer.js", "style.css") else Response("", 404)
+        return _file(name) if name in parts() else Response("", 404)
 
     async def talk(socket: "WebSocket") -> None:
         origin = (socket.headers.get("origin") or "").removeprefix("http://")

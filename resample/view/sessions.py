@@ -16,7 +16,7 @@ from resample.measuring.quality import psnr
 from resample.view.exports import exports_of, keyframes_as_toml
 from resample.view.files import file_of
 from resample.view.messages import Ask, Draw, Export, MakeFilm, Message, Pick, Save
-from resample.view.views import Filming, Knowing, Painting, Settings, Viewable
+from resample.view.views import Comparing, Filming, Knowing, Painting, Settings, Viewable
 from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
 
@@ -158,20 +158,32 @@ class Session:
     def _drawn(self, job: _Job) -> list[str | bytes]:
         """Picture, and where there is another to be compared with that and the difference."""
         shown, frame = self._painted(job, job.draw.settings, "frame")
-        if job.draw.other is None:
+        if job.draw.other is None and job.draw.rival is None:
             return [frame]
-        other, second = self._painted(job, job.draw.other, "other")
+        try:
+            other, second = self._painted(job, job.draw.other, "other")
+        except CancelledError:
+            raise
+        except Exception as error:  # ours is still worth having
+            return [_told("other", job.draw.number, text=one_line(error)), frame]
         gap, decibels = difference(shown, other)
         kind, data = encoded(gap)
         about = {"kind": "difference", "number": job.draw.number, "type": kind, "gain": GAIN}
         return [second, _framed(about | {"decibels": decibels}, data), frame]
 
-    def _painted(self, job: _Job, settings: Settings, name: str) -> tuple[Painting, bytes]:
+    def _painted(self, job: _Job, settings: Settings | None, name: str) -> tuple[Painting, bytes]:
+        """Picture of settings, or where there are none a rival's of the page's."""
         draw, start = job.draw, time.perf_counter()
         size = draw.width, draw.height
-        shown = self._painter.paint(settings, size, quick=draw.moving, cancel=job.cancel)
+        if settings is not None:
+            shown = self._painter.paint(settings, size, quick=draw.moving, cancel=job.cancel)
+        elif isinstance(self._painter, Comparing):
+            shown = self._painter.beside(str(draw.rival), draw.settings, size)
+        else:
+            raise ValueError("this page has no rivals")
         kind, data = encoded(shown)
         about = {
+            **shown.about,
             "kind": name,
             "number": draw.number,
             "preview": shown.is_preview,

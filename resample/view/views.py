@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -23,6 +24,7 @@ class Painting(NamedTuple):
 
     levels: NDArray[np.uint8]  # (H, W, 3 or 4) sRGB, straight opacity
     is_preview: bool
+    about: Mapping[str, Any] = MappingProxyType({})  # said with the picture, as JSON holds it
 
 
 class Painter(Protocol):
@@ -41,6 +43,14 @@ class Knowing(Protocol):
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """What a page asks for."""
+
+
+@runtime_checkable
+class Comparing(Protocol):
+    """Role of painters that have other renderers paint the same; `about` names these `rivals`."""
+
+    def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
+        """Picture that a rival makes of these options."""
 
 
 @runtime_checkable
@@ -67,8 +77,8 @@ class Viewable(Protocol):
         `title`; `command`, its `inputs` and options of it that are `fixed`; `package` whose
         `viewing` has a `function` (`picture`) that takes inputs and options; the command of a
         `film` through keyframes, which has the same options, if there is one; `controls` of
-        `controls_of`; `settings` to begin with; and what else its page shows, such as a
-        `histogram`.
+        `controls_of`; `settings` to begin with; `rivals` that paint the same, by name, with why
+        one does not, if so; and what else its page shows, such as a `histogram`.
         """
 
     def check(self, settings: Settings | None = None) -> None:

@@ -14,7 +14,8 @@ import numpy as np
 
 from resample.view.exports import exports_of
 from resample.view.messages import message_of
-from resample.view.server import MOST_PAGES, PAGE
+from resample.view.modules import PAGE, joined
+from resample.view.server import MOST_PAGES
 from resample.view.sessions import Session
 from resample.view.views import Viewable
 
@@ -26,6 +27,7 @@ except ImportError as error:
         f"view needs {error.name}, which is not installed: pip install 'hybrid-resample[notebook]'"
     ) from None
 
+Folder = TemporaryDirectory[str]
 SIZE = (480, 360)  # px, until a page says how large it is
 
 
@@ -42,7 +44,7 @@ class Viewer(anywidget.AnyWidget):
     settings
         Options to begin with, besides the view's own.
     holds
-        What has to live as long as the widget, such as a folder of files.
+        Folder of files that goes with the widget.
 
     Raises
     ------
@@ -50,12 +52,12 @@ class Viewer(anywidget.AnyWidget):
         An option is not allowed, or a file cannot be read.
     """
 
-    _esm = PAGE / "viewer.js"
+    _esm = joined()
     _style = traitlets.Unicode((PAGE / "style.css").read_text(encoding="utf-8")).tag(sync=True)
     settings = traitlets.Dict().tag(sync=True)
 
     def __init__(
-        self, view: Viewable, settings: Mapping[str, Any] | None = None, holds: Any = None
+        self, view: Viewable, settings: Mapping[str, Any] | None = None, holds: Folder | None = None
     ) -> None:
         self._view, self._holds, self._size = view, holds, SIZE
         self._sessions: dict[str, Session] = {}
@@ -84,6 +86,8 @@ class Viewer(anywidget.AnyWidget):
         """Stop what is painted and let go of everything."""
         for page in list(self._sessions):
             _soon(self._forget(page))
+        if self._holds is not None:
+            self._holds.cleanup()
         super().close()
 
     def _given(self) -> dict[str, Any]:
@@ -138,13 +142,13 @@ class Viewer(anywidget.AnyWidget):
             self.send({"page": page}, buffers=[data])
 
 
-def shown(view: Viewable, settings: Mapping[str, Any], holds: Any = None) -> Viewer:
+def shown(view: Viewable, settings: Mapping[str, Any], holds: Folder | None = None) -> Viewer:
     """Widget of a view; options are named as in Python, `opacity_unit`, or as on the page."""
     named = {key.replace("_", "-"): value for key, value in settings.items()}
     return Viewer(view, named, holds)
 
 
-def kept(name: str, given: Any) -> tuple[Path, TemporaryDirectory[str] | None]:
+def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
     """File of a picture, and the folder it was written to where it is no file yet.
 
     Raises

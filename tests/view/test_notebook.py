@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from io import BytesIO
@@ -22,6 +23,7 @@ pytest.importorskip("anywidget", reason="pip install 'hybrid-resample[notebook]'
 import resample_texture
 import resample_volume
 import resample_warp3d
+from resample.view.modules import joined
 
 PATIENCE = 120.0  # seconds; kernels may have to be compiled
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
@@ -136,6 +138,58 @@ def test_a_notebook_without_a_kernel_has_a_picture() -> None:
 def test_floats_are_no_picture_for_a_file_of_levels() -> None:
     with pytest.raises(ValueError, match="8 or 16 bits"):
         resample_texture.view(np.zeros((4, 4)))
+
+
+CELL = """<!doctype html><div id="cell"></div><script type="module">%s
+const hooks = {}, traits = { settings: %s, _style: %s };
+const model = {
+  get: (name) => traits[name],
+  set: (name, value) => { traits[name] = value; window.chosen = value; },
+  save_changes: () => {},
+  on: (name, hook) => { hooks[name] = hook; },
+  off: (name) => { delete hooks[name]; },
+  send: (content) => window.say(content),
+};
+const leave = render({ model, el: document.getElementById("cell") });
+window.leave = async () => { leave(); };
+setInterval(async () => {
+  for (const { content, bytes } of await window.heard()) {
+    const decoded = bytes && Uint8Array.from(atob(bytes), (letter) => letter.charCodeAt(0));
+    hooks["msg:custom"]?.(content, decoded && [new DataView(decoded.buffer)]);
+  }
+}, 20);
+</script>"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium: apt install chromium")
+def test_the_cell_s_one_module_of_all_modules_works_in_a_browser() -> None:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
+    widget = resample_volume.view("checker-box:size=16")
+    said: queue.Queue[dict[str, Any]] = queue.Queue()
+
+    def send(content: Any, buffers: Any = None) -> None:
+        said.put({"content": content, "bytes": buffers and b64encode(buffers[0]).decode()})
+
+    def heard() -> list[dict[str, Any]]:
+        return [said.get() for _ in range(said.qsize())]
+
+    widget.send = send
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        tab, faults = browser.new_page(viewport={"width": 800, "height": 560}), []
+        tab.on("pageerror", lambda error: faults.append(str(error)))
+        tab.set_default_timeout(1000 * PATIENCE)
+        tab.expose_function("say", lambda content: widget._heard(None, content, []))
+        tab.expose_function("heard", heard)
+        tab.set_content(CELL % (joined(), *map(json.dumps, (widget.settings, widget._style))))
+        tab.locator(".canvas img[data-preview=false]").wait_for()
+        tab.locator(".canvas").press("ArrowLeft")
+        tab.wait_for_function("window.chosen?.camera === '36/20/1'")
+        assert tab.locator("#option-camera").input_value() == "36/20/1"
+        tab.evaluate("window.leave()")
+        browser.close()
+    assert faults == []
+    widget.close()
 
 
 @pytest.mark.parametrize("name", ["volume", "texture", "warp3d"])

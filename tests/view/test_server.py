@@ -84,10 +84,10 @@ def fetched(address: str, **headers: str) -> tuple[int, str, Any]:
 def test_the_page_needs_the_token_and_asks_no_other_host(place: Served) -> None:
     status, text, headers = fetched(place.address)
     assert status == 200
-    assert "viewer.js" in text
+    assert "browser.js" in text
     assert headers["Content-Security-Policy"].startswith("default-src 'none'; script-src 'self'")
     assert headers["Cache-Control"] == "no-store"
-    for name in ("viewer.js", "style.css"):
+    for name in ("browser.js", "viewer.js", "style.css"):
         status, text, _ = fetched(f"http://{place.host}/{name}")
         assert status == 200
         assert "http:" not in text

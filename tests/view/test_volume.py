@@ -16,12 +16,15 @@ import pytest
 
 import resample_volume
 from resample.command.settings import linear_color
+from resample.files.images import screen_levels
 from resample.view.views import controls_of
+from resample_volume import viewing
 from resample_volume.command.choices import Look
 from resample_volume.command.cli import app
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
+from resample_volume.rendering import transfer_of
 from resample_volume.viewing import VolumePainter, VolumeView, picture, suits
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served
@@ -75,6 +78,36 @@ def test_the_exported_command_makes_the_page_s_picture(
     behind = linear_color(known.get("background", "black"))
     assert behind is not None
     np.testing.assert_array_equal(frame.to_uint8(background=behind), levels(written))
+
+
+def test_vtk_is_a_rival_where_it_is_installed(
+    place: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
+    from resample_volume.rivals.peers import Peer, vtk_picture
+
+    volume = VolumeView(BOX).volume
+    with place.page() as page:
+        settings = page.about["settings"] | {"shading": False, "background": "black"}
+        for camera in ("30/20/1", "top"):
+            page.say("draw", settings | {"camera": camera}, moving=False, rival="VTK")
+            (other, data), (gap, _), (frame, _) = (page.answer() for _ in range(3))
+            assert [one["kind"] for one in (other, gap, frame)] == ["other", "difference", "frame"]
+            painter = VolumePainter(volume)
+            look = painter._wish(settings | {"camera": camera})
+            eye, there = painter._standing(look, (48, 40))
+            looks = transfer_of(volume, look.appearance)
+            light = vtk_picture(there, looks, eye, height=40, width=48, look=Peer(light=None))
+            expected = screen_levels(light, background=(0, 0, 0))
+            np.testing.assert_array_equal(levels(data), expected)
+        page.say("draw", settings | {"crop": ":9,:,:"}, moving=False, rival="VTK")
+        assert "VTK is not told of crop" in page.told("other")["text"]
+        assert page.answer()[0]["kind"] == "frame"
+        page.say("draw", settings, moving=False, rival="another")
+        assert "can compare with VTK" in page.told("other")["text"]
+        assert page.answer()[0]["kind"] == "frame"
+    monkeypatch.setattr(viewing, "find_spec", lambda _: None)
+    assert "pip install" in VolumeView(BOX).about["rivals"]["VTK"]
 
 
 def test_exported_python_runs(place: Served, tmp_path: Path) -> None:

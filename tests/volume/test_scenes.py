@@ -14,6 +14,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.measuring.quality import psnr
 from resample_volume import Appearance, Scene, render
 from resample_volume.inputs import as_volume
+from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.transfer import from_points
 from resample_volume.previews import merged
 from resample_volume.rendering import Classification
@@ -175,3 +176,28 @@ def test_choices_may_be_given_by_name() -> None:
     )
     with pytest.raises(ValueError, match="sideways"):
         Appearance(classification="sideways")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("side", [48, 45])
+def test_previews_are_cut_where_pictures_are(side: int) -> None:
+    scene = Scene(blob(side))
+    for look in (Appearance(LOOK, crop="4:24,20:,:"), Appearance(LOOK, clip=("1/1/-0.5/4",))):
+        final, preview = (
+            scene.render(look, (40, 25), size=(80, 80), quality=quality)
+            for quality in ("final", "preview")
+        )
+        whole = scene.render(PRE, (40, 25), size=(80, 80))
+        found = psnr(preview.rgba, final.rgba)
+        assert found > 24
+        assert found > psnr(preview.rgba, whole.rgba) + 6
+
+
+def test_previews_have_labels() -> None:
+    values = blob()
+    labels = Labels((np.indices(values.shape)[2] > 24).astype(np.uint8), {1: Rule(opacity=0)})
+    scene, look = Scene(values), Appearance(LOOK, labels=labels)
+    final = scene.render(look, size=(80, 80))
+    preview = scene.render(look, size=(80, 80), quality="preview")
+    found = psnr(preview.rgba, final.rgba)
+    assert found > 24
+    assert found > psnr(preview.rgba, scene.render(PRE, size=(80, 80)).rgba) + 6

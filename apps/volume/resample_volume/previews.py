@@ -1,6 +1,7 @@
 """Quick pictures of a volume: fewer voxels, fewer pixels, the same view and thickness."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.painting import previews
 from resample.types import Frame, View
+from resample_volume.looks.labels import Labels
 from resample_volume.types import Volume
+from resample_volume.voxels.cropping import planes
+from resample_volume.voxels.framing import centered
 
 PER = 2  # pixels each way of a picture that are one of its preview
 
@@ -67,6 +71,22 @@ def merged(volume: Volume, per: int) -> Volume:
         colors=colors,
         spacing=per * volume.spacing,
         origin=volume.origin + shift,
+    )
+
+
+def merged_labels(labels: Labels, per: int) -> Labels:
+    """Labels of merged voxels, each that of the first of those that became one."""
+    return replace(labels, values=labels.values[::per, ::per, ::per])
+
+
+def kept_cuts(
+    volume: Volume, coarse: Volume, crop: str | None, clip: Sequence[str]
+) -> tuple[str, ...]:
+    """Planes that cut merged voxels where crop and clip cut a volume, as `clip` takes them."""
+    middle = centered(coarse)[1]
+    return tuple(
+        "/".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
+        for *normal, far in planes(volume, crop, clip).tolist()
     )
 
 

@@ -16,7 +16,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.picking import Behind, Picked, picked, voxels_at
-from resample_volume.previews import PER, Shrunk, enlarged, merged
+from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Appearance, Fit, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import in_memory
@@ -138,16 +138,18 @@ class Scene:
         *,
         size: tuple[int, int] = (400, 400),
         resampler: Resampler | None = None,
+        quality: Quality = "final",
         fit: Fit = "volume",
     ) -> tuple[AnyCamera, Volume]:
         """Camera of a picture, and the volume as it stands before it.
 
         Parameters
         ----------
-        look, camera, size, resampler, fit
+        look, camera, size, resampler, quality, fit
             As of `render`.
         """
-        subject, eye, _ = self._seen(look, camera, size, resampler, fit)
+        is_preview = quality == "preview"
+        subject, eye, _ = self._seen(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
     def sample_ids(
@@ -237,12 +239,16 @@ class Scene:
         size: tuple[int, int],
         resampler: Resampler | None,
         fit: Fit,
+        *,
+        is_preview: bool = False,
     ) -> tuple[Subject, AnyCamera, Resampler]:
-        """Subject, camera and renderer of a final picture."""
+        """Subject, camera and renderer of a picture."""
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
+        if is_preview:
+            paint = self._quickly(paint)
         with keeping(self._found):
-            subject = self._subject(appearance, paint, fit, is_preview=False)
+            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         return subject, subject.camera(viewpoint_of(camera), *shape_of(size)), paint
 
     def _subject(
@@ -255,7 +261,7 @@ class Scene:
         if found is None:
             shown, kept = self.volume, look
             if is_preview:
-                shown, kept = self._preview(), kept_look(self.volume, look)
+                shown, kept = self._previewed(look)
             around = self.volume if fit == "volume" else None
             found = Subject.of(shown, kept, paint, around=around)
         while len(self._subjects) >= KEPT:
@@ -263,12 +269,15 @@ class Scene:
         self._subjects[key] = found
         return found
 
-    def _preview(self) -> Volume:
-        """Volume with fewer voxels."""
+    def _previewed(self, look: Appearance) -> tuple[Volume, Appearance]:
+        """Volume with fewer voxels, and the look that these keep."""
+        per = MERGED if self.volume.values.size < LARGE else 2 * MERGED
         if self._coarse is None:
-            per = MERGED if self.volume.values.size < LARGE else 2 * MERGED
             self._coarse = merged(self.volume, per)
-        return self._coarse
+        kept = kept_look(self.volume, replace(look, labels=None))
+        labels = None if look.labels is None else merged_labels(look.labels, per)
+        cuts = kept_cuts(self.volume, self._coarse, look.crop, look.clip)
+        return self._coarse, replace(kept, labels=labels, crop=None, clip=cuts)
 
     def _quickly(self, paint: Resampler) -> Resampler:
         """Renderer of previews, which keeps its tables."""

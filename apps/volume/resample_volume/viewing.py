@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
 from resample.files.frames import write_frame
+from resample.files.images import screen_levels
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.view.files import file_of
@@ -32,7 +34,14 @@ from resample_volume.rendering import Appearance, Subject, transfer_of
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import lattice_of
 
+if TYPE_CHECKING:
+    from resample.cameras.models import AnyCamera
+    from resample_volume.rivals.beside import VtkBeside
+
+VTK = "VTK"  # what can paint the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
@@ -72,6 +81,7 @@ class VolumePainter:
 
     _found: Kept = field(default_factory=dict)
     _looks: dict[Any, Appearance] = field(default_factory=dict)  # what was asked for last
+    _vtk: "VtkBeside | None" = None
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
@@ -79,8 +89,23 @@ class VolumePainter:
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
         wish = self._wish(settings)
-        frame = self._frame(wish, size, ".png", "preview" if quick else "final", cancel)
-        return Painting(levels_of(frame, "color", background=wish.picture.behind(".png")), quick)
+        quality: Quality = "preview" if quick else "final"
+        frame = self._frame(wish, size, ".png", quality, cancel)
+        levels = levels_of(frame, "color", background=wish.picture.behind(".png"))
+        return Painting(levels, quick, {"view": self._view(wish, size, quality)})
+
+    def _view(self, wish: _Wish, size: Size, quality: Quality) -> dict[str, Any]:
+        """How places around the volume's middle, scene units, come to a picture's pixels."""
+        camera, volume = self._standing(wish, size, quality)
+        view, middle = camera.view(), centered(volume)[1]
+        return {
+            "rotation": view.rotation.tolist(),
+            "translation": (view.translation + view.rotation @ middle).tolist(),
+            "focal": view.focal.tolist(),
+            "principal": view.principal.tolist(),
+            "perspective": view.perspective,
+            "size": size,
+        }
 
     def check(self, settings: Settings) -> None:
         """Refuse options that are not allowed; errors as of `frame`."""
@@ -119,8 +144,20 @@ class VolumePainter:
         marks = wish.beside.annotations(wish.picture.behind(suffix))
         if not marks.is_any:
             return frame
-        camera, volume = self._scene.standing(wish.appearance, view, size=size, **choices)
+        camera, volume = self._standing(wish, size)
         return annotated(frame, camera, volume, marks)
+
+    def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
+        """Picture of VTK, see `resample.view.views.Comparing`."""
+        from resample_volume.rivals.beside import VtkBeside
+
+        if rival != VTK:
+            raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
+        wish = self._wish(settings)
+        camera, volume = self._standing(wish, size)
+        self._vtk = self._vtk or VtkBeside()
+        light = self._vtk.picture(volume, wish.appearance, wish.resampler, camera, size)
+        return Painting(screen_levels(light, background=wish.picture.behind(".png")), False)
 
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
@@ -138,6 +175,18 @@ class VolumePainter:
         paint = Paint(wish.resampler, (height, width), behind, None, drawn)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
+
+    def _standing(
+        self, wish: _Wish, size: Size, quality: Quality = "final"
+    ) -> "tuple[AnyCamera, Volume]":
+        """Camera, and the volume before it."""
+        return self._scene.standing(
+            *(wish.appearance, wish.look.viewpoint()),
+            size=size,
+            resampler=wish.resampler,
+            quality=quality,
+            fit=wish.look.fit,
+        )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Voxel that is seen at a place, see `resample.view.views.Painter`."""
@@ -228,7 +277,9 @@ class VolumeView:
             "fixed": settings_of([self.source]),
             "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
             "settings": {"fit": "volume", "camera": "30/20/1", **settings_of(self.begin)},
+            "rivals": {VTK: _absence()},
             "transfers": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+            "box": {"voxels": size, "lattice": lattice_of(self.volume).tolist()},
             "histogram": _histogram(self.volume, known.span),
         }
 
@@ -243,6 +294,13 @@ class VolumeView:
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
+
+
+def _absence() -> str:
+    """Why VTK cannot be compared with; nothing where it can."""
+    if find_spec("vtkmodules") is not None:
+        return ""
+    return "VTK is not installed: pip install 'hybrid-resample[peers]'"
 
 
 def suits(names: Sequence[str]) -> bool:

@@ -1,0 +1,75 @@
+// A field for each option, under the heading that it has in the command's help.
+
+import { made } from "./elements.js";
+
+const OPEN = ["Look", "Camera", "Picture"]; // headings that begin unfolded
+
+// The input of an option, and what is read from it: undefined where nothing was given.
+function inputOf({ schema, default: usual }) {
+  const types = [schema, ...(schema.anyOf ?? [])];
+  const choices = types.map((one) => one.enum).find(Boolean);
+  const kind = types.map((one) => one.type).find((one) => one && one !== "null");
+  if (choices) {
+    const open = types.some((one) => one.type === "null");
+    const input = made("select", {}, ...(open ? [made("option", { value: "" }, "—")] : []),
+      ...choices.map((one) => made("option", { value: String(one) }, String(one))));
+    return [input, () => (input.value === "" ? undefined : input.value)];
+  }
+  if (kind === "boolean") {
+    const input = made("input", { type: "checkbox" });
+    return [input, () => (input.checked === Boolean(usual) ? undefined : input.checked)];
+  }
+  if (kind === "number" || kind === "integer") {
+    const input = made("input", { type: "number", step: kind === "integer" ? "1" : "any" });
+    return [input, () => (input.value === "" ? undefined : Number(input.value))];
+  }
+  if (kind === "array") {
+    const input = made("input", { type: "text", placeholder: "several: a; b" });
+    return [input, () => input.value.split(";").map((one) => one.trim()).filter(Boolean)];
+  }
+  const input = made("input", { type: "text", placeholder: String(usual ?? "") });
+  return [input, () => input.value];
+}
+
+export function fields(page) {
+  const known = new Map();
+
+  function field(control) {
+    const { key, help } = control, [input, read] = inputOf(control);
+    if (key === "transfer") input.setAttribute("list", "transfers");
+    input.id = `option-${key}`;
+    input.addEventListener("change", () => {
+      const value = read();
+      const usual = Array.isArray(value) ? value.length === 0 : value === control.default;
+      page.changed(key, usual ? undefined : value);
+    });
+    const label = made("label", { title: help }, made("span", {}, key), input);
+    const put = (value) => {
+      label.classList.toggle("changed", value !== undefined);
+      const now = value ?? control.default ?? "";
+      if (input.type === "checkbox") input.checked = Boolean(now);
+      else input.value = Array.isArray(now) ? now.join("; ") : String(now);
+    };
+    known.set(key, put);
+    put(page.settings[key]);
+    return label;
+  }
+
+  // Elements of all options.
+  function build() {
+    known.clear();
+    const headings = new Map();
+    for (const control of page.about.controls) {
+      if (!headings.has(control.heading)) headings.set(control.heading, []);
+      headings.get(control.heading).push(field(control));
+    }
+    return [...headings].map(([name, labels]) =>
+      made("details", { open: OPEN.includes(name) || Boolean(page.steering.unfolds) }, made("summary", {}, name), ...labels));
+  }
+
+  return {
+    build,
+    put: (key) => known.get(key)?.(page.settings[key]),
+    putAll: () => { for (const [key, put] of known) put(page.settings[key]); },
+  };
+}

@@ -1,0 +1,217 @@
+// The histogram, over which the window and the points of the look are dragged: `window` and
+// `transfer`.
+
+import { between, made, rounded } from "./elements.js";
+
+const NEAR = 12; // px within which a point of a curve is taken
+
+// Points of a look: value, color and opacity each; null: it is not given by points.
+function pointsOf(transfer) {
+  const parts = String(transfer ?? "").split(",").map((part) => part.split("/"));
+  if (parts.some((part) => part.length !== 3)) return null;
+  const points = parts.map(([value, color, opacity]) => [Number(value), color, Number(opacity)]);
+  return points.some(([value, , opacity]) => Number.isNaN(value + opacity)) ? null : points;
+}
+
+function spelledPoints(points) {
+  return points.map(([value, color, opacity]) => `${rounded(value)}/${color}/${rounded(opacity)}`).join(",");
+}
+
+export function histogram(page) {
+  const element = made("canvas", { class: "histogram", id: "histogram", tabIndex: 0,
+    "aria-label": "Histogram: drag to choose a window, arrows move it; brackets choose a point of the look, "
+      + "arrows then move it, Delete takes it away, Enter adds one" });
+  const color = made("input", { type: "color", id: "point-color", "aria-label": "Color of the point" });
+  const value = made("input", { type: "number", step: "any", id: "point-value", "aria-label": "Value of the point" });
+  const opacity = made("input", { type: "number", step: "any", min: 0, max: 1, id: "point-opacity", "aria-label": "Opacity of the point" });
+  const looks = made("select", { id: "looks", "aria-label": "Looks" });
+  const tools = made("div", { class: "tools" }, looks, color, value, opacity,
+    made("button", { id: "point-add", title: "Add a point", "aria-label": "Add a point", onclick: () => added() }, "+"),
+    made("button", { id: "point-remove", title: "Take the point away", "aria-label": "Take the point away", onclick: () => removed() }, "−"));
+  let from = null, known = null, asked = "", chosen = -1, held = null;
+  const span = () => page.about.histogram.high - page.about.histogram.low || 1;
+  const shareOf = (event) => {
+    const box = element.getBoundingClientRect();
+    return between(0, (event.clientX - box.left) / box.width, 1);
+  };
+  const valueAt = (event) => page.about.histogram.low + shareOf(event) * span();
+  // Opacities are drawn by their square root, as small ones matter most.
+  const opacityAt = (event) => {
+    const box = element.getBoundingClientRect();
+    return between(0, 1 - (event.clientY - box.top) / box.height, 1) ** 2;
+  };
+  const points = () => pointsOf(page.settings.transfer) ?? (known?.points ?? []).map((one) => [...one]);
+  const isOwn = () => pointsOf(page.settings.transfer) !== null;
+  const ends = () => {
+    const parts = String(page.settings.window ?? "").split("/").map(Number);
+    if (parts.length !== 2 || parts.some(Number.isNaN)) return null;
+    return [parts[0] - parts[1] / 2, parts[0] + parts[1] / 2];
+  };
+  const put = (a, b, moving) => {
+    const low = Math.min(a, b), width = Math.abs(b - a);
+    if (width > span() / 500) page.changed("window", `${rounded(low + width / 2)}/${rounded(width)}`, moving);
+  };
+  // The look becomes its points, in data units, which no window spreads.
+  const write = (given, moving) => {
+    if (!isOwn()) {
+      page.changed("window", undefined, true);
+      if (known?.unit && page.settings["opacity-unit"] === undefined) page.changed("opacity-unit", known.unit, true);
+    }
+    page.changed("transfer", spelledPoints(given), moving);
+  };
+  const moved = (n, to, height, moving) => {
+    const given = points();
+    if (!given[n]) return;
+    const low = given[n - 1]?.[0] ?? -Infinity, high = given[n + 1]?.[0] ?? Infinity;
+    given[n] = [between(low, to, high), given[n][1], between(0, height, 1)];
+    write(given, moving);
+  };
+  const added = (at, height) => {
+    const given = points();
+    let n = given.findIndex(([one]) => at !== undefined && one > at);
+    if (at === undefined) n = between(1, chosen + 1, Math.max(1, given.length - 1));
+    if (n < 0) n = given.length;
+    const near = given[n - 1] ?? given[n], next = given[n] ?? near;
+    if (!near) return;
+    given.splice(n, 0, [at ?? (near[0] + next[0]) / 2, near[1], height ?? (near[2] + next[2]) / 2]);
+    chosen = n;
+    write(given, false);
+  };
+  const removed = () => {
+    const given = points();
+    if (given.length < 2 || !given[chosen]) return;
+    given.splice(chosen, 1);
+    chosen = Math.min(chosen, given.length - 1);
+    write(given, false);
+  };
+  const nearest = (event) => {
+    const box = element.getBoundingClientRect();
+    const far = points().map(([one, , high]) => Math.hypot(
+      event.clientX - box.left - between(0, (one - page.about.histogram.low) / span(), 1) * box.width,
+      event.clientY - box.top - (1 - Math.sqrt(high)) * box.height));
+    const n = far.indexOf(Math.min(...far));
+    return far[n] <= NEAR ? n : -1;
+  };
+  const fill = () => {
+    const point = points()[chosen];
+    for (const input of [color, value, opacity]) input.disabled = !point;
+    if (!point) return;
+    if (/^#[0-9a-f]{6}$/i.test(point[1])) color.value = point[1];
+    if (document.activeElement !== value) value.value = rounded(point[0]);
+    if (document.activeElement !== opacity) opacity.value = rounded(point[2]);
+  };
+  const draw = () => {
+    if (!page.about?.histogram) return;
+    const ratio = window.devicePixelRatio || 1, box = element.getBoundingClientRect();
+    element.width = Math.max(1, box.width * ratio);
+    element.height = Math.max(1, box.height * ratio);
+    const pen = element.getContext("2d"), { counts, low } = page.about.histogram;
+    const most = Math.log1p(Math.max(...counts, 1)), step = element.width / counts.length;
+    const style = getComputedStyle(page.el);
+    const range = ends();
+    counts.forEach((count, n) => {
+      const at = low + ((n + 0.5) / counts.length) * span();
+      const inside = !range || (at >= range[0] && at <= range[1]);
+      pen.fillStyle = style.getPropertyValue(inside ? "--bars" : "--line");
+      const tall = (Math.log1p(count) / most) * element.height;
+      pen.fillRect(n * step, element.height - tall, Math.max(1, step), tall);
+    });
+    const places = points().map(([one, tint, high]) => [
+      between(0, (one - low) / span(), 1) * element.width, (1 - Math.sqrt(high)) * element.height, tint]);
+    pen.strokeStyle = style.getPropertyValue("--text");
+    pen.lineWidth = 1.5 * ratio;
+    pen.beginPath();
+    if (places.length) pen.moveTo(0, places[0][1]);
+    for (const [x, y] of places) pen.lineTo(x, y);
+    if (places.length) pen.lineTo(element.width, places.at(-1)[1]);
+    pen.stroke();
+    places.forEach(([x, y, tint], n) => {
+      const radius = (n === chosen ? 6 : 4.5) * ratio;
+      pen.beginPath();
+      pen.arc(between(radius, x, element.width - radius), between(radius, y, element.height - radius), radius, 0, 7);
+      pen.fillStyle = tint;
+      pen.fill();
+      pen.strokeStyle = style.getPropertyValue(n === chosen ? "--accent" : "--text");
+      pen.stroke();
+    });
+    fill();
+  };
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    chosen = nearest(event);
+    if (chosen >= 0) held = { n: chosen };
+    else if (isOwn()) held = { x: event.clientX, y: event.clientY, points: points() };
+    else from = valueAt(event);
+    draw();
+  });
+  const drag = (event, moving) => {
+    if (from !== null) { put(from, valueAt(event), moving); return; }
+    if (held?.n !== undefined) {
+      if (held.hasMoved || moving) moved(held.n, valueAt(event), opacityAt(event), moving);
+      held.hasMoved = true;
+      return;
+    }
+    if (!held || (!moving && !held.hasMoved)) return;
+    held.hasMoved = true;
+    const shift = ((event.clientX - held.x) / element.getBoundingClientRect().width) * span();
+    const wide = Math.exp((event.clientY - held.y) / 100);
+    const middle = (held.points[0][0] + held.points.at(-1)[0]) / 2;
+    write(held.points.map(([one, ...rest]) => [middle + (one - middle) * wide + shift, ...rest]), moving);
+  };
+  element.addEventListener("pointermove", (event) => (from !== null || held) && drag(event, true));
+  element.addEventListener("pointerup", (event) => { drag(event, false); from = held = null; });
+  element.addEventListener("dblclick", (event) => {
+    const n = nearest(event);
+    if (n >= 0) { chosen = n; removed(); }
+    else if (page.settings.window !== undefined) page.changed("window", undefined);
+    else added(valueAt(event), opacityAt(event));
+  });
+  element.addEventListener("keydown", (event) => {
+    const last = points().length - 1;
+    const across = { ArrowLeft: -span() / 50, ArrowRight: span() / 50 }[event.key];
+    const up = { ArrowUp: 0.02, ArrowDown: -0.02 }[event.key];
+    const point = points()[chosen];
+    if (event.key === "]") chosen = Math.min(last, chosen + 1);
+    else if (event.key === "[") chosen = Math.max(-1, chosen - 1);
+    else if (event.key === "Delete") removed();
+    else if (event.key === "Enter") added();
+    else if (point && (across ?? up) !== undefined) moved(chosen, point[0] + (across ?? 0), point[2] + (up ?? 0), true);
+    else if (across !== undefined && isOwn()) write(points().map(([one, ...rest]) => [one + across, ...rest]), true);
+    else if (across !== undefined) {
+      const range = ends() ?? [page.about.histogram.low, page.about.histogram.high];
+      if (event.shiftKey) put(range[0] - across, range[1] + across, true);
+      else put(range[0] + across, range[1] + across, true);
+    } else return;
+    event.preventDefault();
+    draw();
+  });
+  color.addEventListener("input", () => {
+    const given = points();
+    if (!given[chosen]) return;
+    given[chosen] = [given[chosen][0], color.value, given[chosen][2]];
+    write(given, true);
+  });
+  const typed = () => {
+    const point = points()[chosen];
+    if (point && value.value !== "" && opacity.value !== "") moved(chosen, Number(value.value), Number(opacity.value), false);
+  };
+  value.addEventListener("change", typed);
+  opacity.addEventListener("change", typed);
+  looks.addEventListener("change", () => {
+    chosen = -1;
+    if (looks.value) page.changed("transfer", looks.value);
+    looks.value = "";
+  });
+  // The curve of looks that are not given by points is asked for once the picture is whole.
+  const ask = () => {
+    const key = JSON.stringify({ ...page.settings, camera: "" });
+    if (!page.about.histogram || key === asked) return;
+    asked = key;
+    page.say("ask", { what: "points" });
+  };
+  const curve = (given) => { known = given; draw(); };
+  const forget = () => { asked = ""; known = null; };
+  const offer = (names) => looks.replaceChildren(
+    made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
+  return { element, tools, draw, ask, curve, forget, offer };
+}

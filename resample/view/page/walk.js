@@ -1,0 +1,56 @@
+// A camera near a picture with depth: what gestures do is written into `move`, steps to the right,
+// down and ahead in scene units, and `turn`, degrees to the right and up.
+
+import { rounded } from "./elements.js";
+
+export function walk(page) {
+  // What of the canvas the picture fills: what has the sides of a camera's picture.
+  function frame() {
+    const box = page.canvas.getBoundingClientRect();
+    const [across, down] = page.about.extent, scale = Math.min(box.width / across, box.height / down);
+    const width = scale * across, height = scale * down;
+    return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
+  }
+
+  function walked(change) {
+    const [move, turn] = ["move", "turn"].map((key) => {
+      const parts = String(page.settings[key] ?? "").split(",").map(Number);
+      return parts.length === 3 && parts.every(Number.isFinite) ? parts : [0, 0, 0];
+    });
+    change(move, turn);
+    page.put("turn", turn.some(Boolean) ? turn.map(rounded).join(",") : undefined);
+    page.changed("move", move.map(rounded).join(","), true);
+  }
+
+  return {
+    hint: "arrows move the camera, shift and arrows turn it, plus and minus go ahead and back",
+    frame,
+    // Steps aside; what is in the middle distance stays where it is.
+    turned: (dx, dy) => {
+      const [near, middle] = page.about.distance, per = (0.6 * near) / frame().width;
+      walked((move, turn) => {
+        move[0] -= dx * per;
+        move[1] -= dy * per;
+        turn[0] += (Math.atan(dx * per / middle) * 180) / Math.PI;
+        turn[1] -= (Math.atan(dy * per / middle) * 180) / Math.PI;
+      });
+    },
+    panned: (dx, dy) => {
+      const per = 40 / frame().width; // degrees
+      walked((move, turn) => {
+        turn[0] -= dx * per;
+        turn[1] += dy * per;
+      });
+    },
+    zoomed: (factor) => {
+      const far = Math.log(factor) * page.about.distance[0] * 0.5;
+      walked((move, [yaw, pitch]) => {
+        const [a, b] = [yaw, pitch].map((one) => (one * Math.PI) / 180);
+        move[0] += far * Math.sin(a) * Math.cos(b);
+        move[1] -= far * Math.sin(b);
+        move[2] += far * Math.cos(a) * Math.cos(b);
+      });
+    },
+    home: () => walked((move, turn) => { move.fill(0); turn.fill(0); }),
+  };
+}
