@@ -227,6 +227,11 @@ def test_a_cloud_whose_numbers_have_no_size_is_refused(tmp_path):
     refused(read_cloud, put(tmp_path / "a.pcd", head + 12 * "1"), match="no PCD header")
 
 
+def test_a_cloud_of_very_many_points_of_nothing_is_refused(tmp_path):
+    head = f"FIELDS\nSIZE\nTYPE\nPOINTS {10**30}\nDATA binary\n"
+    refused(read_cloud, put(tmp_path / "a.pcd", head), match="cut off")
+
+
 def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
     text = (

@@ -11,7 +11,7 @@ from resample.reading.limits import check_free
 from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
 from resample_volume.files.readers import Numbers, three_numbers
-from resample_volume.files.stores.addresses import Place
+from resample_volume.files.stores.addresses import Address, Place
 from resample_volume.files.stores.chunks import Chunked
 from resample_volume.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample_volume.files.stores.opening import open_node, reading
@@ -88,7 +88,8 @@ class Zarr:
             )
         known = self._header(layout, level, array, name)
         check(known)
-        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve())
+        beside = None if isinstance(path, Address) else path.resolve()
+        values: Any = Chunked(array, layout.axes, brick=brick, store=beside)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         if not number:

@@ -7,7 +7,7 @@ import numpy as np
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.clouds.kernels.cells import MOST_CORNERS, Nearest, Spaced, measure
-from resample_warp3d.clouds.kernels.neighbours import BLOCK, Blocks, look_around, search
+from resample_warp3d.clouds.kernels.neighbours import BLOCK, PointBlocks, look_around, search
 
 TOGETHER = 64  # blocks that a thread takes at a time
 
@@ -21,7 +21,7 @@ class Wanted(NamedTuple):
 
 @kernel
 def _measure_blocks(
-    blocks: Blocks, wanted: Wanted, chunk: int, normal: Floats, discs: Spaced, nearest: Nearest
+    blocks: PointBlocks, wanted: Wanted, chunk: int, normal: Floats, discs: Spaced, nearest: Nearest
 ) -> None:
     """Measure the points of some blocks that follow each other."""
     few, many = search(wanted.few), search(wanted.many)
@@ -49,7 +49,7 @@ def _measure_blocks(
 @parallel_kernel
 def measure_all(
     counter: Counter,
-    blocks: Blocks,
+    blocks: PointBlocks,
     wanted: Wanted,
     normal: Floats,
     discs: Spaced,

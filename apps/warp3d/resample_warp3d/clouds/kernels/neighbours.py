@@ -24,7 +24,7 @@ DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
 NOBODY = 1 << 60  # comes after all points
 
 
-class Blocks(NamedTuple):
+class PointBlocks(NamedTuple):
     """N points along a curve, all different, and the boxes around blocks of them."""
 
     place: Floats  # (N, 3)
@@ -46,8 +46,8 @@ class Search(NamedTuple):
     stack: Numbers  # (DEEPEST * FAN, 2) blocks that wait, and their sizes
 
 
-def blocks_of(place: Floats) -> Blocks:
-    """Blocks of points (N, 3) of which there is one at least."""
+def blocks_of(place: Floats) -> PointBlocks:
+    """PointBlocks of points (N, 3) of which there is one at least."""
     lows, highs, step = [place], [place], BLOCK
     while len(lows[-1]) > 1:
         starts = np.arange(0, len(lows[-1]), step)
@@ -56,7 +56,7 @@ def blocks_of(place: Floats) -> Blocks:
         step = FAN
     lows, highs = lows[1:] or lows, highs[1:] or highs
     first = np.cumsum([0, *map(len, lows)])
-    return Blocks(place, np.concatenate(lows), np.concatenate(highs), first.astype(np.int64))
+    return PointBlocks(place, np.concatenate(lows), np.concatenate(highs), first.astype(np.int64))
 
 
 @kernel
@@ -75,7 +75,7 @@ def search(count: int) -> Search:
 
 
 @inner_kernel
-def _apart(blocks: Blocks, block: int, low: Vector, high: Vector) -> float:
+def _apart(blocks: PointBlocks, block: int, low: Vector, high: Vector) -> float:
     """Square of the distance of a block's box from another."""
     x = max(float(blocks.low[block, 0]) - high[0], low[0] - float(blocks.high[block, 0]), 0.0)
     y = max(float(blocks.low[block, 1]) - high[1], low[1] - float(blocks.high[block, 1]), 0.0)
@@ -84,7 +84,7 @@ def _apart(blocks: Blocks, block: int, low: Vector, high: Vector) -> float:
 
 
 @inner_kernel
-def _take(blocks: Blocks, block: int, looking: Search) -> int:
+def _take(blocks: PointBlocks, block: int, looking: Search) -> int:
     """Places of a block's points, and far ones after them; gives how many there are."""
     start = block * BLOCK
     many: int = min(BLOCK, blocks.place.shape[0] - start)
@@ -121,7 +121,7 @@ def _place(looking: Search, row: int) -> Vector:
 
 
 @inner_kernel
-def _begin(blocks: Blocks, block: int, count: int, looking: Search) -> tuple[Vector, Vector]:
+def _begin(blocks: PointBlocks, block: int, count: int, looking: Search) -> tuple[Vector, Vector]:
     """Find the nearest points in the own block; gives the corners of the box around `which`.
 
     The place of each is how many are nearer, or as near and before it.
@@ -148,7 +148,7 @@ def _begin(blocks: Blocks, block: int, count: int, looking: Search) -> tuple[Vec
 
 
 @inner_kernel
-def _scan(blocks: Blocks, block: int, count: int, looking: Search) -> None:
+def _scan(blocks: PointBlocks, block: int, count: int, looking: Search) -> None:
     """Look at all points of a block for those of `looking.which` that may be near one of them."""
     many, away, gap, at = _take(blocks, block, looking), looking.away, looking.gap, looking.place
     last, start = looking.square.shape[1] - 1, block * BLOCK
@@ -181,7 +181,7 @@ def _farthest(count: int, looking: Search) -> float:
 
 
 @inner_kernel
-def look_around(blocks: Blocks, block: int, count: int, looking: Search) -> None:
+def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) -> None:
     """Find the nearest points of some points of a block, themselves among them.
 
     Parameters
