@@ -147,17 +147,18 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
 
 
 @pytest.mark.slow
-def test_a_killed_worker_costs_a_picture_its_own_windows_alone(rng, tmp_path):
+@pytest.mark.parametrize("at", [(1,), pytest.param((0, 1), marks=pytest.mark.sweep)])
+def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path):
     volume, look = smoke(rng), Appearance("60..190")
     whole, in_file = whole_of(volume, look), stored(volume, tmp_path / "smoke.zarr")
     for name in ("marks", "windows"):
         (tmp_path / name).mkdir()
     with at_work(Sharing(workers=2)) as crew:
-        killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True)
+        killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True, at=at)
         spent = Spent(700_000, 1, tmp_path / "windows", killing)
         found, windows = render_in_windows(in_file, look, EYE, SIZE, spent)
     assert windows > 2
-    assert killing.redone(0)
-    assert killing.redone(1)
+    for number in at:
+        assert killing.redone(number)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
