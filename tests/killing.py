@@ -36,18 +36,21 @@ class Fatal:
 
 @dataclass
 class Killing:
-    """An executor whose processes are killed: one at each of its maps of more parts than one."""
+    """An executor of processes, of which one is killed at some of its maps."""
 
     executor: object
     folder: Path
     part: int
     is_late: bool
+    at: tuple[int, ...] = (0,)  # maps, by their number
     maps: int = 0
 
     def map(self, job, parts):
-        folder = self.folder / str(self.maps)
+        number, self.maps = self.maps, self.maps + 1
+        if number not in self.at:
+            return self.executor.map(job, parts)
+        folder = self.folder / str(number)
         folder.mkdir()
-        self.maps += 1
         return self.executor.map(
             Fatal(job, folder, self.part, self.is_late), list(enumerate(parts))
         )

@@ -102,6 +102,15 @@ def test_a_terminal_gets_a_bar(monkeypatch):
     assert "working" in terminal.getvalue()
 
 
+def test_a_bar_counts_parts_where_they_are_known(monkeypatch):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr("sys.stderr", terminal)
+    with progress_bar("looking at bricks", 64) as progress:
+        progress(0.25)
+    assert "16/64" in terminal.getvalue()
+
+
 def test_a_file_gets_no_bar(monkeypatch):
     monkeypatch.setattr("sys.stderr", io.StringIO())
     with progress_bar("working") as progress:

@@ -1,6 +1,8 @@
 """Work that processes share: the same files, also where one of them is killed."""
 
 import builtins
+import os
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,6 +16,10 @@ from tests.killing import Killing
 
 def frame(n):
     return np.full((20, 30, 3), 9 * n, np.uint8)
+
+
+def version_of_process(_):
+    return str(os.getpid())
 
 
 SHOTS = Shots(6, frame, {"of": "numbers"})
@@ -69,6 +75,29 @@ def test_a_worker_may_be_killed_at_any_time(workers, part, is_late, tmp_path):
         killing = Killing(crew.executor, tmp_path / "marks", part, is_late)
         write_film(tmp_path / "film", SHOTS, 24, executor=killing)
     killing.redone(0)
+    assert content(tmp_path / "whole") == content(tmp_path / "film")
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_runs_has_its_workers_do_it(tmp_path, monkeypatch):
+    from distributed import LocalCluster
+
+    own = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "memory_limit": "1GiB"}
+    write_film(tmp_path / "whole", SHOTS, 24)
+    with LocalCluster(n_workers=1, threads_per_worker=2, **own) as cluster:
+        asked = Sharing(scheduler=cluster.scheduler_address)
+        with at_work(asked) as crew:
+            assert (crew.tasks, crew.threads, crew.memory) == (2, 1, 1 << 28)
+            write_film(tmp_path / "film", SHOTS, 24, executor=crew.executor)
+        monkeypatch.setattr("resample.command.workers.version", version_of_process)
+        other = pytest.raises(ValueError, match=r"workers have hybrid-resample \d+ and this is")
+        with other, at_work(asked):
+            pass
+        cluster.scale(0)
+        while cluster.scheduler_info["workers"]:
+            time.sleep(0.01)
+        with pytest.raises(OSError, match="has no workers; start some"), at_work(asked):
+            pass
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 

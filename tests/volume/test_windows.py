@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from resample import Resampler
 from resample.cameras.viewpoints import Orbit
@@ -119,18 +121,44 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@settings(max_examples=8)
+@given(
+    shape=st.tuples(*[st.integers(6, 34)] * 3),
+    side=st.tuples(*[st.integers(3, 20)] * 3),
+    memory=st.sampled_from([400_000, 800_000, 1 << 30]),
+    workers=st.integers(1, 3),
+    gradient=st.sampled_from(["central", "sobel"]),
+)
+@example((34, 20, 34), (8, 8, 8), 800_000, 2, "central")
+def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradient):
+    values = np.random.default_rng(sum(shape)).integers(0, 200, shape).astype(np.uint8)
+    volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "any")
+    look = Appearance("60..190", gradient=gradient)
+    with ThreadPoolExecutor(workers) as executor:
+        spent = Spent(memory, workers, executor=executor)
+        try:
+            found, _ = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, spent)
+        except ValueError as error:
+            assert "fit in the memory that is allowed" in str(error)  # noqa: PT017  also right
+            return
+    whole = whole_of(volume, look)
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
 @pytest.mark.slow
-def test_a_killed_worker_costs_a_picture_its_own_windows_alone(rng, tmp_path):
+@pytest.mark.parametrize("at", [(1,), pytest.param((0, 1), marks=pytest.mark.sweep)])
+def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path):
     volume, look = smoke(rng), Appearance("60..190")
     whole, in_file = whole_of(volume, look), stored(volume, tmp_path / "smoke.zarr")
     for name in ("marks", "windows"):
         (tmp_path / name).mkdir()
     with at_work(Sharing(workers=2)) as crew:
-        killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True)
+        killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True, at=at)
         spent = Spent(700_000, 1, tmp_path / "windows", killing)
         found, windows = render_in_windows(in_file, look, EYE, SIZE, spent)
     assert windows > 2
-    assert killing.redone(0)
-    assert killing.redone(1)
+    for number in at:
+        assert killing.redone(number)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name

@@ -27,7 +27,7 @@ from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import ball_around, centered
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
-from resample_volume.voxels.windowed import Finish, Work, painted_in_windows
+from resample_volume.voxels.windowed import Finish, Work, painted_in_windows, surveyed
 
 
 class Spent(NamedTuple):
@@ -114,12 +114,15 @@ def paint_in_windows(
         size,
         *spent[:3],
     )
-    whole, count, samples = nothing_painted(*size).film, 0, 0
-    tell = progress or _unheard
-    for (x0, y0, x1, y1), film, voxels in painted_in_windows(work, tell, spent.executor):
+    whole, count, tell = nothing_painted(*size).film, 0, progress or _unheard
+    known = surveyed(work, tell, spent.executor)
+    if known is None:
+        return Frame(*whole, Statistics(0, 0, 0, 0, 1, {})), 0
+    for (x0, y0, x1, y1), film in painted_in_windows(work, known, tell, spent.executor):
         for layer, part in zip(whole, film, strict=True):
             layer[y0:y1, x0:x1] = part
-        count, samples = count + 1, samples + voxels
+        count += 1
+    samples = int(known.blocks.seen.sum())
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 

@@ -17,7 +17,7 @@ from resample.command.settings import Resampling
 from resample.command.workers import Crew
 from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, fingerprint
-from resample.memory import available_memory
+from resample.memory import available_memory, bytes_of
 from resample_volume.command.animation import (
     Flight,
     Paint,
@@ -31,6 +31,7 @@ from resample_volume.command.animation import (
 )
 from resample_volume.command.choices import Added, Beside, Look, Source
 from resample_volume.command.media import filmed, media, series_of, with_meshes
+from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import scene_of
 from resample_volume.rendering import Medium, Subject
 from resample_volume.types import Recording, Volume
@@ -69,7 +70,8 @@ class ReadyFilm(NamedTuple):
     shots: Shots
     cameras: Sequence[AnyCamera]
     paint: Paint
-    is_of_times: bool  # whether the volume changes
+    is_in_bricks: bool  # whether the volume's values stay in their file
+    is_of_times: bool = False  # whether the volume changes
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Frames:
 
     def __call__(self, n: int) -> Levels:
         """Frame (H, W, 3) as a screen takes it."""
-        with threads(self.paint.threads), redirect_stderr(io.StringIO()):  # was said already
+        with threads(self.paint.threads):
             scene = _kept_scene(self.script, self.paint.size, self.run)
             return frame_of(scene, self.cameras[n], self.paint)
 
@@ -123,7 +125,8 @@ def film_of(
             say("not all that is seen fits in memory: frames are painted window by window")
         paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
         cameras = cameras_of(scene.subject, flight, paint.size)
-        return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, is_of_times=False)
+        in_bricks = is_in_bricks(scene.shown[0][0])
+        return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
     resampler = paint.resampler
     meshes = script.beside.with_meshes(script.look, resampler)
     course = filmed(series, script.look, script.added, resampler, meshes)
@@ -131,7 +134,11 @@ def film_of(
     flight = over_time(flight, script.frames, course.times)
     cameras = cameras_of(course[0], flight, paint.size)
     return ReadyFilm(
-        shots_over_time(course, cameras, paint, about), cameras, paint, is_of_times=True
+        shots_over_time(course, cameras, paint, about),
+        cameras,
+        paint,
+        is_in_bricks=False,
+        is_of_times=True,
     )
 
 
@@ -156,7 +163,7 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
 @lru_cache(1)
 def _kept_scene(script: Script, size: Size, _: str) -> ReadScene:
     """Scene of a script, in a process that makes frames of no other."""
-    with chdir(script.folder):
+    with chdir(script.folder), redirect_stderr(io.StringIO()):  # all was said already
         return scene_for(script, size)
 
 
@@ -206,18 +213,18 @@ def shared_by(crew: Crew, script: Script, film: ReadyFilm) -> Shots:
     """
     if film.is_of_times:
         raise ValueError("a film of several times is made by one process; leave workers out")
-    free = available_memory()
-    if crew.is_local and script.source.memory is None and free is not None:
-        script = _with_memory(script, free // 2 // crew.tasks)
-    elif crew.is_local and script.source.memory is not None:
-        from resample.memory import bytes_of
-
-        script = _with_memory(script, bytes_of(script.source.memory) // crew.tasks)
-    return film.shots._replace(
-        frame=Frames(script, film.cameras, replace(film.paint, threads=crew.threads), token_hex(8))
-    )
+    script, paint = _with_share(script, film, crew), replace(film.paint, threads=crew.threads)
+    return film.shots._replace(frame=Frames(script, film.cameras, paint, token_hex(8)))
 
 
-def _with_memory(script: Script, count: int) -> Script:
-    source = script.source.model_copy(update={"memory": f"{count / 1000:.3f}kB"})
-    return script._replace(source=source)
+def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:
+    """Script by which a process takes its share of the memory of this machine."""
+    if script.source.memory is not None:
+        whole: int | None = bytes_of(script.source.memory)
+    else:
+        free = available_memory()
+        whole = free // 2 if film.is_in_bricks and free is not None else free
+    if whole is None or not crew.is_local:
+        return script
+    share = f"{whole / crew.tasks / 1000:.3f}kB"
+    return script._replace(source=script.source.model_copy(update={"memory": share}))

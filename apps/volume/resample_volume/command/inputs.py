@@ -22,7 +22,7 @@ from resample_volume.files.source import (
 )
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
-from resample_volume.looks.surveys import findings, survey, without_padding
+from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, in_memory
@@ -164,13 +164,19 @@ def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
 
 def said(volume: Volume) -> Volume:
     """Volume without its padding; what was found in it is said."""
-    values: Values = volume.values
-    bricks = prod(values.count) if isinstance(values, Bricks) else 0
-    with progress_bar("looking at bricks", bricks) as progress, told(progress):
-        known = survey(volume)
+    known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     return without_padding(volume, known)
+
+
+def _surveyed(volume: Volume) -> Survey:
+    """What is known of a volume's values, with a bar while its bricks are read."""
+    values: Values = volume.values
+    if not isinstance(values, Bricks):
+        return survey(volume)
+    with progress_bar("looking at bricks", prod(values.count)) as progress, told(progress):
+        return survey(volume)
 
 
 def require_values(volume: Volume, what: str) -> None:

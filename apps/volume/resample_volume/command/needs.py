@@ -43,7 +43,7 @@ def require_room(
         It needs more than is allowed, or free.
     """
     volumes = [volume for volume, _ in media]
-    if any(_is_in_bricks(volume) for volume in volumes):
+    if any(is_in_bricks(volume) for volume in volumes):
         return
     parts = {"libraries": LIBRARIES, "values": sum(_bytes_of(volume) for volume in volumes)}
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
@@ -54,7 +54,8 @@ def require_room(
     require(what, parts, REMEDY)
 
 
-def _is_in_bricks(volume: Volume) -> bool:
+def is_in_bricks(volume: Volume) -> bool:
+    """Whether a volume's values stay in their file."""
     values: Values = volume.values
     return isinstance(values, Bricks)
 

@@ -81,19 +81,20 @@ class PaintedWindow(NamedTuple):
 
     window: Window
     film: Film | None  # None: it is in its file
-    voxels: int
     reads: int  # of bricks
 
 
 def painted_in_windows(
-    work: Work, tell: Progress, executor: Executor | None = None
-) -> Iterator[tuple[Window, Film, int]]:
-    """Windows that make up the picture, each with its voxels' number; none if nothing is seen.
+    work: Work, known: Surveyed, tell: Progress, executor: Executor | None = None
+) -> Iterator[tuple[Window, Film]]:
+    """Windows that make up the picture.
 
     Parameters
     ----------
     work
         What is painted.
+    known
+        About it, from `surveyed`.
     tell
         Called with the share of the work that is done.
     executor
@@ -107,26 +108,22 @@ def painted_in_windows(
         A window cannot be written or read.
     """
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    known = surveyed(work, tell, executor)
-    if known is None:
-        return
     tasks = tasks_of(work, known)
     common = partial(_painted, work, known._replace(blocks=known.blocks.bare()))
-    whole, before = sum(task.voxels for task in tasks), 0
-    shares = np.cumsum([0] + [task.voxels for task in tasks]) / max(1, whole)
+    done = np.cumsum([0] + [task.voxels for task in tasks])
+    shares = done / max(1, done[-1])
     parts = shared_out(executor, common, tasks)
     for n in range(len(tasks)):
         first, last = (LOOKING + (1 - LOOKING) * float(shares[at]) for at in (n, n + 1))
         with told(_between(tell, first, last)):
-            window, film, voxels, reads = next(parts)
+            window, film, reads = next(parts)
         bricks.reads += reads
-        before += voxels
         if film is None and work.folder is not None:
             stored = kept_tile(work.folder, window)
             film = None if stored is None else stored[0]
         if film is None:
             raise OSError(f"{work.folder}: a window of the picture has gone; try again")
-        yield window, film, voxels
+        yield window, film
 
 
 def _between(tell: Progress, first: float, last: float) -> Progress:
@@ -258,7 +255,7 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
     if work.folder is not None:
         stored = kept_tile(work.folder, task.window)
         if stored is not None:  # by who ended before this was known
-            return PaintedWindow(task.window, None, task.voxels, stored[1]["reads"])
+            return PaintedWindow(task.window, None, stored[1]["reads"])
     from resample.engine.jit import threads
 
     lattice = known.blocks.lattice
@@ -270,9 +267,9 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
         frame = work.resampler.paint_window(samples, work.camera, known.plan, task.window)
     film = Film(frame.rgba, frame.depth, frame.first_depth, frame.coverage)
     if work.folder is None:
-        return PaintedWindow(task.window, film, task.voxels, bricks.reads)
+        return PaintedWindow(task.window, film, bricks.reads)
     keep_tile(work.folder, task.window, film, {"reads": bricks.reads})
-    return PaintedWindow(task.window, None, task.voxels, bricks.reads)
+    return PaintedWindow(task.window, None, bricks.reads)
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:

@@ -36,6 +36,8 @@ class Kept:
 
     def load(self, bricks: Bricks) -> Glance | None:
         """What an earlier command has found; None if nothing, or the store has changed."""
+        if bricks.size < LEAST:
+            return None
         state = self._state()
         for path in self._paths(bricks):
             with suppress(ValueError, OSError, LookupError):
