@@ -155,8 +155,11 @@ def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Draw
     if isinstance(geometry, ForwardMap):  # it places the source's own texels and no others
         return image, drawing._replace(edge=Edge.TRANSPARENT)
     if isinstance(geometry, Homography):
-        matrix = geometry.oriented((image.shape[0], image.shape[1]))
-        geometry = Homography(matrix, is_signed=True)
+        size, region = (image.shape[0], image.shape[1]), geometry.region
+        if region is not None:
+            whole = Homography(region.whole.oriented(size), is_signed=True)
+            region = region._replace(whole=whole)
+        geometry = Homography(geometry.oriented(size), is_signed=True, region=region)
     return unfolded(image), drawing._replace(geometry=geometry, edge=Edge.WRAP)
 
 

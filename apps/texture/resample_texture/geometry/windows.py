@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 
 MOST_TWICE = 1.5  # texels of two halves' sources by those of the whole's: more is not halved
 LEFT, TOP, RIGHT, BOTTOM = range(4)
@@ -91,7 +91,9 @@ def between(
         return BackwardMap(geometry.x - u, geometry.y - v)
     there = np.array([[1.0, 0.0, u], [0.0, 1.0, v], [0.0, 0.0, 1.0]])
     back = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
-    return Homography(back @ geometry.oriented(size) @ there, is_signed=True)
+    outer = geometry.region or Region(geometry, 0, 0, (0, 0))
+    region = Region(outer.whole, outer.left + x, outer.top + y, (0, 0), size, (u, v))
+    return Homography(back @ geometry.oriented(size) @ there, is_signed=True, region=region)
 
 
 def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:

@@ -15,8 +15,8 @@ from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
 from resample.engine.windows.limits import Limits
 from resample.engine.windows.looking import Extent, View
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
-from resample.types import Floats
-from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 from resample_texture.geometry.windows import SeenTiles
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
@@ -27,6 +27,7 @@ from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
 MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
+MOST_AROUND = 1 << 28  # px of a target all of whose tiles are measured for a region of it
 MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
 NOTHING = np.zeros(0, np.float32)
 
@@ -37,6 +38,14 @@ class Tiles(NamedTuple):
     bounds: Integers  # (T, 4) px
     extent: Extent
     is_near: NDArray[np.bool_]  # (T,) its pixels look at the source
+
+    @property
+    def beyond(self) -> tuple[Doubles, Doubles]:
+        """Least and greatest source coordinates (2,) that near tiles see."""
+        bounds = self.extent.bounds[self.is_near]
+        bounds = bounds[bounds[:, 0] <= bounds[:, 2]]
+        low = bounds[:, :2].min(axis=0, initial=math.inf)
+        return low, bounds[:, 2:].max(axis=0, initial=-math.inf)
 
 
 class Gaze(NamedTuple):
@@ -49,6 +58,7 @@ class Gaze(NamedTuple):
     cells: Cells
     places: Plane | Map
     tiles: Tiles
+    around: Tiles  # of the target that the picture is a region of, or `tiles`
 
 
 def planned(
@@ -62,9 +72,12 @@ def planned(
     ValueError
         A map has another shape than the picture.
     """
-    places = _places(size, geometry, shape)
-    tiles = _measured(places, _view((*size, 1), edge, cells), shape)
-    return Gaze(size, geometry, shape, edge, cells, places, tiles)
+    places, view = _places(size, geometry, shape), _view((*size, 1), edge, cells)
+    tiles = around = _measured(places, view, shape)
+    region = geometry.region if isinstance(geometry, Homography) else None
+    if region is not None and 0 < math.prod(region.shape) <= MOST_AROUND:
+        around = _measured(_places(size, region.whole, region.shape), view, region.shape)
+    return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
 
 
 def look(plan: Gaze, source: Floats) -> Warped:
@@ -75,22 +88,39 @@ def look(plan: Gaze, source: Floats) -> Warped:
     ValueError
         As of `forward.project`.
     """
-    _, geometry, shape, edge, cells, places, tiles = plan
+    _, geometry, shape, edge, cells, places, tiles, around = plan
     view = _view(source.shape, edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
         assert isinstance(geometry, Homography)
-        left, top, right, bottom = _around(tiles.bounds[~tiles.is_near])
-        back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
-        moved = Homography(back @ oriented(geometry, source.shape[:2]), is_signed=True)
-        far = project(source, moved, (bottom - top, right - left), edge, cells.finer())
-        warped.image[top:bottom, left:right] = far.image
-        warped.coverage[top:bottom, left:right] = far.coverage
+        _project_far(plan, source, warped)
     if tiles.is_near.any():
-        view = _with_plate(source, view, edge, cells.interpolation, tiles)
+        view = _with_plate(source, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         look_at(places, view, near, seen, warped.image, warped.coverage)
     return warped
+
+
+def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
+    """Fill a rectangle around far tiles by texels, of the whole target that there may be."""
+    geometry, region, around = plan.geometry, None, plan.around
+    assert isinstance(geometry, Homography)
+    if around is not plan.tiles:
+        region = geometry.region
+    far = around.bounds[~around.is_near]
+    left, top, right, bottom = _around(far if region else plan.tiles.bounds[~plan.tiles.is_near])
+    back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
+    whole = region.whole if region else geometry
+    moved = Homography(back @ oriented(whole, source.shape[:2]), is_signed=True)
+    x, y = (region.left, region.top) if region else (0, 0)  # of the picture
+    first = max(left - x, 0), max(top - y, 0)
+    last = min(right - x, plan.shape[1]), min(bottom - y, plan.shape[0])
+    wanted = first[0] + x - left, first[1] + y - top, last[0] + x - left, last[1] + y - top
+    shape = bottom - top, right - left
+    made = project(source, moved, shape, plan.edge, plan.cells.finer(), wanted=wanted)
+    there = np.s_[first[1] : last[1], first[0] : last[0]]
+    part = np.s_[wanted[1] : wanted[3], wanted[0] : wanted[2]]
+    warped.image[there], warped.coverage[there] = made.image[part], made.coverage[part]
 
 
 def seen_tiles(
@@ -113,7 +143,11 @@ def _places(
 ) -> Plane | Map:
     """Where pixels lie, as kernels take it."""
     if isinstance(geometry, Homography):
-        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, size))))
+        region = geometry.region or Region(geometry, 0, 0, shape)
+        matrix = oriented(region.whole, region.size or size)
+        inverse = np.ascontiguousarray(np.linalg.inv(matrix))
+        u, v = region.first
+        return Plane(inverse, region.left, region.top, float(u), float(v))
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
@@ -138,21 +172,23 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Floats, view: View, edge: Edge, interpolation: Interpolation, tiles: Tiles
+    source: Floats, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
 ) -> View:
-    """View with the part of the source that near tiles see, or all of it where that is more."""
-    bounds, span = tiles.extent.bounds[tiles.is_near], tiles.extent.span[tiles.is_near]
-    bounds = bounds[bounds[:, 0] <= bounds[:, 2]]
+    """View with the part of the source that near tiles see, or all of it where that is more.
+
+    Where it is more is settled by all tiles of the target that the picture is a region of.
+    """
+    tiles, around = seen
+    span = tiles.extent.span[tiles.is_near]
     size = np.array([source.shape[1], source.shape[0]])
-    low = bounds[:, :2].min(axis=0, initial=math.inf)
-    high = bounds[:, 2:].max(axis=0, initial=-math.inf)
+    (low, high), (lowest, highest) = tiles.beyond, around.beyond
     reach = math.ceil(interpolation.radius) + 2
-    if edge is Edge.TRANSPARENT or not len(bounds):
+    if edge is Edge.TRANSPARENT or low[0] > high[0]:
         low, high = np.clip(low, 0, size - 1), np.clip(high, 1, size)
         reach += math.ceil(span.max(initial=0.0) / 8)
-    elif (low < -MOST_BEYOND).any() or (high > size + MOST_BEYOND).any():
+    elif (lowest < -MOST_BEYOND).any() or (highest > size + MOST_BEYOND).any():
         beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
-        reach += math.ceil(min(span.max(), LONGEST))
+        reach += math.ceil(min(around.extent.span[around.is_near].max(), LONGEST))
         view = view._replace(margin=float(beyond))
         low, high = np.full(2, -beyond), size + beyond
     (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
