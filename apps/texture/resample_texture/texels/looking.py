@@ -6,6 +6,7 @@ pixels do the least; where a pixel covers many, texels do (`texels.forward`).
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +23,12 @@ from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
-from resample_texture.texels.plates import plates_of
+from resample_texture.texels.plates import Sides, Stored, plates_of
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
 MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
-MOST_AROUND = 1 << 28  # px of a target all of whose tiles are measured for a region of it
+MOST_AROUND = 1 << 30  # px of a target all of whose tiles are measured for a region of it
 MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
 NOTHING = np.zeros(0, np.float32)
 
@@ -72,11 +73,16 @@ def planned(
     ValueError
         A map has another shape than the picture.
     """
-    places, view = _places(size, geometry, shape), _view((*size, 1), edge, cells)
-    tiles = around = _measured(places, view, shape)
     region = geometry.region if isinstance(geometry, Homography) else None
+    whole = size if region is None else region.size or size
+    places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
+    tiles = around = _measured(places, view, shape)
     if region is not None and 0 < math.prod(region.shape) <= MOST_AROUND:
-        around = _measured(_places(size, region.whole, region.shape), view, region.shape)
+        whole_of = _Whole(region.whole, region.shape, whole, edge)
+        try:
+            around = _measured_once(whole_of, cells)
+        except TypeError:  # a plugin's choices that cannot be told apart
+            around = _measured_once.__wrapped__(whole_of, cells)
     return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
 
 
@@ -89,13 +95,14 @@ def look(plan: Gaze, source: Floats) -> Warped:
         As of `forward.project`.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
-    view = _view(source.shape, edge, cells)
+    stored = _stored(source, geometry)
+    view = _view((*stored.size, source.shape[2]), edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
         assert isinstance(geometry, Homography)
         _project_far(plan, source, warped)
     if tiles.is_near.any():
-        view = _with_plate(source, view, edge, cells.interpolation, (tiles, around))
+        view = _with_plate(stored, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         look_at(places, view, near, seen, warped.image, warped.coverage)
     return warped
@@ -146,8 +153,7 @@ def _places(
         region = geometry.region or Region(geometry, 0, 0, shape)
         matrix = oriented(region.whole, region.size or size)
         inverse = np.ascontiguousarray(np.linalg.inv(matrix))
-        u, v = region.first
-        return Plane(inverse, region.left, region.top, float(u), float(v))
+        return Plane(inverse, region.left, region.top)
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
@@ -165,6 +171,22 @@ def _measured(places: Plane | Map, view: View, shape: tuple[int, int]) -> Tiles:
     return Tiles(bounds, extent, (extent.work <= MOST_WORK) & (extent.span <= LONGEST))
 
 
+class _Whole(NamedTuple):
+    """A target that regions are drawn of."""
+
+    geometry: Homography
+    shape: tuple[int, int]
+    size: tuple[int, int]  # of the source
+    edge: Edge
+
+
+@lru_cache(maxsize=2)  # a target is drawn chunk by chunk
+def _measured_once(whole: _Whole, cells: Cells) -> Tiles:
+    """Tiles of a whole target and what they see."""
+    geometry, shape, size, edge = whole
+    return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
+
+
 def _around(bounds: Integers) -> list[int]:
     """Left, top, right and bottom of the rectangle around others."""
     low, high = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
@@ -172,35 +194,51 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Floats, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
+    source: Stored, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
 ) -> View:
     """View with the part of the source that near tiles see, or all of it where that is more.
 
     Where it is more is settled by all tiles of the target that the picture is a region of.
     """
     tiles, around = seen
-    span = tiles.extent.span[tiles.is_near]
-    size = np.array([source.shape[1], source.shape[0]])
+    span = around.extent.span[around.is_near]
+    size = np.array(source.size[::-1])
     (low, high), (lowest, highest) = tiles.beyond, around.beyond
     reach = math.ceil(interpolation.radius) + 2
     if edge is Edge.TRANSPARENT or low[0] > high[0]:
         low, high = np.clip(low, 0, size - 1), np.clip(high, 1, size)
+        lowest, highest = np.clip(lowest, 0, size - 1), np.clip(highest, 1, size)
         reach += math.ceil(span.max(initial=0.0) / 8)
     elif (lowest < -MOST_BEYOND).any() or (highest > size + MOST_BEYOND).any():
         beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
-        reach += math.ceil(min(around.extent.span[around.is_near].max(), LONGEST))
+        reach += math.ceil(min(span.max(), LONGEST))
         view = view._replace(margin=float(beyond))
         low, high = np.full(2, -beyond), size + beyond
-    (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
-    across, down = (int(left), int(right)), (int(top), int(bottom))
-    plate, plain = plates_of(source, across, down, edge, interpolation)
+        lowest, highest = low, high
+    part, whole = _sides(low, high, reach), _sides(lowest, highest, reach)
+    plate, plain = plates_of(source, whole, part, edge, interpolation)
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
+
+
+def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
+    """Whole texels between two corners, and some around them."""
+    (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
+    return Sides((int(left), int(right)), (int(top), int(bottom)))
+
+
+def _stored(source: Floats, geometry: Homography | BackwardMap) -> Stored:
+    """Source (H, W, C), or the part that it is."""
+    size = source.shape[0], source.shape[1]
+    region = geometry.region if isinstance(geometry, Homography) else None
+    if region is None or region.size is None:
+        return Stored(source, size)
+    return Stored(source, region.size, region.first)
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
     """How pixels take a source (H, W, C), of which there is no plate as yet."""
     height, width, channels = form
-    plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels)
+    plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = 1.5 / cells.quality
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
     limits = Limits(plate, excess(cells.interpolation))

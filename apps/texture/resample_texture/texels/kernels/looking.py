@@ -30,8 +30,6 @@ class Plane(NamedTuple):
     inverse: Doubles  # (3, 3) target to source; the third coordinate is positive in front
     left: int  # px of the target at which the picture begins
     top: int
-    u: float  # texels of the source at which what there is of it begins
-    v: float
 
 
 class Map(NamedTuple):
@@ -64,7 +62,7 @@ def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
     vx, vy = (a[1, 0] - v * a[2, 0]) * share, (a[1, 1] - v * a[2, 1]) * share
     bend_x, bend_y = a[2, 0] * share * TWELFTH, a[2, 1] * share * TWELFTH
     u, v = u - ux * bend_x - uy * bend_y, v - vx * bend_x - vy * bend_y
-    return Seen(u - look.u, v - look.v, (ux, vx), (uy, vy))
+    return Seen(u, v, (ux, vx), (uy, vy))
 
 
 @inner_kernel
