@@ -23,7 +23,7 @@ from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
-from resample_texture.texels.plates import Sides, Stored, plates_of
+from resample_texture.texels.plates import Held, Sides, plates_of
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
@@ -95,14 +95,14 @@ def look(plan: Gaze, source: Floats) -> Warped:
         As of `forward.project`.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
-    stored = _stored(source, geometry)
-    view = _view((*stored.size, source.shape[2]), edge, cells)
+    held = _held(source, geometry)
+    view = _view((*held.size, source.shape[2]), edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
         assert isinstance(geometry, Homography)
         _project_far(plan, source, warped)
     if tiles.is_near.any():
-        view = _with_plate(stored, view, edge, cells.interpolation, (tiles, around))
+        view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         look_at(places, view, near, seen, warped.image, warped.coverage)
     return warped
@@ -194,7 +194,7 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Stored, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
+    source: Held, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
 ) -> View:
     """View with the part of the source that near tiles see, or all of it where that is more.
 
@@ -226,13 +226,13 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
     return Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
-def _stored(source: Floats, geometry: Homography | BackwardMap) -> Stored:
+def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
     """Source (H, W, C), or the part that it is."""
     size = source.shape[0], source.shape[1]
     region = geometry.region if isinstance(geometry, Homography) else None
     if region is None or region.size is None:
-        return Stored(source, size)
-    return Stored(source, region.size, region.first)
+        return Held(source, size)
+    return Held(source, region.size, region.first)
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:

@@ -22,7 +22,7 @@ def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     return shifts.texels_at(index, size, continued)[0]
 
 
-class Stored(NamedTuple):
+class Held(NamedTuple):
     """A source, or a part of one."""
 
     texels: Floats  # (H, W, C)
@@ -55,7 +55,7 @@ class Sides(NamedTuple):
 
 
 def plates_of(
-    source: Stored, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
+    source: Held, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
 ) -> tuple[Plate, Plate]:
     """Coefficients of a rectangle of the continued plane of a source, and its texels.
 
@@ -82,14 +82,14 @@ def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Fl
     height, width, channels = source.shape
     left, above = along_u.size // 2, along_v.size // 2
     sides = Sides((-left, width + left), (-above, height + above))
-    flat = _continued(Stored(source, (height, width)), sides, edge)
+    flat = _continued(Held(source, (height, width)), sides, edge)
     result = np.empty(source.shape, np.float32)
     shape = height + 2 * above, width + 2 * left, channels
     filter_plate(flat, shape, Filters(along_u, along_v), result.reshape(-1))
     return result
 
 
-def _continued(source: Stored, sides: Sides, edge: Edge) -> Floats:
+def _continued(source: Held, sides: Sides, edge: Edge) -> Floats:
     """Numbers of a rectangle of the continued plane, row by row, and some to spare.
 
     What no part is there of is not seen, and as its nearest.
