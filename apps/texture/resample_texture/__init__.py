@@ -14,6 +14,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 if TYPE_CHECKING:
+    from resample_texture.chunks import warp_chunks
     from resample_texture.everyday import resize, rotate, scale
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
@@ -42,6 +43,7 @@ _HOMES = {
     "scale": "everyday",
     "view": "notebooks",
     "warp": "warping",
+    "warp_chunks": "chunks",
     "warp_like_opencv": "like.opencv",
 }
 
@@ -63,6 +65,7 @@ __all__ = [
     "scale",
     "view",
     "warp",
+    "warp_chunks",
     "warp_like_opencv",
 ]
 

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.cameras.models import Convention
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Geometry,
+    Homography,
+    Region,
+)
 from resample_texture.geometry.matrices import homography
 from resample_texture.types import Edge, Method
 
@@ -73,20 +79,37 @@ def within(
     if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
         raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
     check_shape((height, width))
+    tile = getattr(chosen, "tile", 1)
     if isinstance(geometry, BackwardMap) and geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     if isinstance(geometry, BackwardMap) or callable(geometry):
         margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
-        x, y = max(left - margin, 0), max(top - margin, 0)
-        right, bottom = min(left + width + margin, shape[1]), min(top + height + margin, shape[0])
-        part = np.s_[top - y : top - y + height, left - x : left - x + width]
-        around = _places_in(geometry, (x, y, right, bottom))
+        sides, part = _around(roi, shape, margin, tile)
+        around = _places_in(geometry, sides)
         return around, around.x.shape, part
-    everything = np.s_[:, :]
     if isinstance(geometry, ForwardMap):
-        return ForwardMap(geometry.x - left, geometry.y - top), (height, width), everything
+        return ForwardMap(geometry.x - left, geometry.y - top), (height, width), np.s_[:, :]
+    (left, top, right, bottom), part = _around(roi, shape, 0, tile)
     moved = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]]) @ geometry.matrix
-    return Homography(moved, geometry.is_signed), (height, width), everything
+    region = Region(geometry, left, top, shape) if tile > 1 else None
+    if region is not None and geometry.region is not None:
+        outer = geometry.region
+        region = outer._replace(left=left + outer.left, top=top + outer.top)
+    return Homography(moved, geometry.is_signed, region), (bottom - top, right - left), part
+
+
+def _around(
+    roi: tuple[int, int, int, int], shape: tuple[int, int], margin: int, tile: int
+) -> tuple[tuple[int, int, int, int], tuple[slice, slice]]:
+    """Left, top, right and bottom of whole tiles of a target around a region; where that is in it.
+
+    The region has a margin of its own in them.
+    """
+    left, top, width, height = (int(side) for side in roi)
+    x, y = max(left - margin, 0) // tile * tile, max(top - margin, 0) // tile * tile
+    right = min(-(-(left + width + margin) // tile) * tile, shape[1])
+    bottom = min(-(-(top + height + margin) // tile) * tile, shape[0])
+    return (x, y, right, bottom), np.s_[top - y : top - y + height, left - x : left - x + width]
 
 
 def _places_in(geometry: BackwardMap | Places, sides: tuple[int, int, int, int]) -> BackwardMap:

@@ -53,7 +53,7 @@ def drawn(
         return moved
     windows = _windows(image, drawing)
     if windows is not None:
-        return _drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
+        return drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
     return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
 
 
@@ -105,11 +105,11 @@ def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[PictureWindow] |
     return None if seen is None else windows_of(seen, size, MOST_IN_WINDOW // channels)
 
 
-def _drawn_in_parts(
-    image: NDArray[Any], drawing: Drawing, windows: Iterator[PictureWindow], *, linear_light: bool,
+def drawn_in_parts(
+    image: Any, drawing: Drawing, windows: Iterator[PictureWindow], *, linear_light: bool,
     alpha: str | None,
 ) -> Warped:  # fmt: skip
-    """Picture warped window by window."""
+    """Picture warped window by window; it may be what gives arrays for slices alone."""
     form = LIGHT if drawing.as_light else image.dtype
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
@@ -133,18 +133,23 @@ def _part_of(
         geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
     edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
     assert not isinstance(geometry, ForwardMap)  # its texels go where they go
-    return drawing._replace(geometry=between(geometry, window, size), shape=shape, edge=edge), inner
+    return drawing._replace(
+        geometry=between(geometry, window, size, drawing.shape), shape=shape, edge=edge
+    ), inner
 
 
-def _seen_through(window: PictureWindow, image: NDArray[Any], edge: str) -> NDArray[Any]:
+def _seen_through(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
     """Part of a picture (H, W, ...), repeated beyond its edges, that a window shows."""
     size = image.shape[0], image.shape[1]
+    part: NDArray[Any]
     if window.source.is_within(size):
-        return image[window.source.part]
+        part = image[window.source.part]
+        return part
     left, top, right, bottom = window.source
     rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(edge))
     columns, _ = texels_at(np.arange(left, right), size[1], Edge(edge))
-    return image[rows[:, None], columns]
+    part = image[rows[:, None], columns]
+    return part
 
 
 def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Drawing]:
@@ -155,8 +160,11 @@ def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Draw
     if isinstance(geometry, ForwardMap):  # it places the source's own texels and no others
         return image, drawing._replace(edge=Edge.TRANSPARENT)
     if isinstance(geometry, Homography):
-        matrix = geometry.oriented((image.shape[0], image.shape[1]))
-        geometry = Homography(matrix, is_signed=True)
+        size, region = (image.shape[0], image.shape[1]), geometry.region
+        if region is not None:
+            whole = Homography(region.whole.oriented(size), is_signed=True)
+            region = region._replace(whole=whole)
+        geometry = Homography(geometry.oriented(size), is_signed=True, region=region)
     return unfolded(image), drawing._replace(geometry=geometry, edge=Edge.WRAP)
 
 

@@ -44,6 +44,9 @@ class Plate(NamedTuple):
     rows: int
     columns: int
     channels: int
+    # Of a plate of which only a rectangle is there:
+    stride: int  # columns that there are
+    before: int  # numbers that would come before the first one, if all its rows had that many
 
 
 class Rect(NamedTuple):
@@ -242,12 +245,12 @@ def add_mean(
     room
         As `room_for` makes it.
     """
-    flat, _, _, rows, columns, channels = plate
+    flat, _, _, rows, columns, channels, there, before = plate
     one = np.float32(1)
     left, wide = weights(integral, (box.u, box.wide), columns, one, room, 0)
     top, high = weights(integral, (box.v, box.high), rows, share, room, WIDE)
-    at = np.uint64((top * columns + left) * channels)
-    stride = np.uint64(columns * channels)
+    at = np.uint64((top * there + left) * channels - before)
+    stride = np.uint64(there * channels)
     if channels == 1:
         for eight in range((wide + 7) >> 3):
             o = np.uint64(eight << 3)

@@ -88,13 +88,13 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
 @inner_kernel
 def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
     """Work out the limits at corners that have `RIM` samples around them."""
-    flat, _, _, _, columns, channels = limits.plain
+    flat, _, _, _, _, channels, columns, before = limits.plain
     left, top, wide, high = part
     steps = np.uint64(channels), np.uint64(columns * channels)
     count, half = wide * channels, corners.above.size >> 1
     share = np.float32(0.25 * limits.excess)
     for row in range(high + 1):
-        at = np.uint64(((top - 1 + row) * columns + left) * channels)
+        at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half
         _stand_out(flat, at - steps[0], steps, count + channels, first, corners)
         if row > 0:

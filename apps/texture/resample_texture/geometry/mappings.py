@@ -7,7 +7,7 @@ in `matrices`.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,9 @@ class Homography:
     is_signed
         What has d > 0 is in front of the eye. Otherwise the sign of `matrix` means nothing and the
         source's center is in front, see `oriented`.
+    region
+        What of a larger target this leads to; methods that know of it give the same bits for it as
+        for the whole.
 
     Raises
     ------
@@ -49,6 +52,7 @@ class Homography:
 
     matrix: Doubles
     is_signed: bool = False
+    region: "Region | None" = None  # of a larger target, which this leads to
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, np.float64)
@@ -67,6 +71,17 @@ class Homography:
     def oriented(self, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
         """Matrix (3, 3) times 1 or −1, so that what is in front of the eye has d > 0."""
         return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
+
+
+class Region(NamedTuple):
+    """A rectangle of a larger target, whose pixels have the bits that they have in it."""
+
+    whole: Homography  # source to that target
+    left: int  # px
+    top: int
+    shape: tuple[int, int]  # of that target: height, width
+    size: tuple[int, int] | None = None  # of the source, if only a part of it is at hand
+    first: tuple[int, int] = (0, 0)  # column and row of the source at which that part begins
 
 
 @dataclass(frozen=True, eq=False)

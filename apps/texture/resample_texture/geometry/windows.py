@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 
 MOST_TWICE = 1.5  # texels of two halves' sources by those of the whole's: more is not halved
 LEFT, TOP, RIGHT, BOTTOM = range(4)
@@ -80,18 +80,23 @@ def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[Pi
 
 
 def between(
-    geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int]
-) -> Homography | BackwardMap:
+    geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int],
+    shape: tuple[int, int] = (0, 0),
+) -> Homography | BackwardMap:  # fmt: skip
     """Geometry that leads from a window's part of a source (height, width) to its target.
 
-    Of a map it has the whole target still.
+    Of a map it has the whole target still. If that target's `shape` is known, pixels of the window
+    have the bits that they have in it.
     """
     (u, v, *_), (x, y, *_) = window.source, window.target
     if isinstance(geometry, BackwardMap):
         return BackwardMap(geometry.x - u, geometry.y - v)
     there = np.array([[1.0, 0.0, u], [0.0, 1.0, v], [0.0, 0.0, 1.0]])
     back = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
-    return Homography(back @ geometry.oriented(size) @ there, is_signed=True)
+    outer, region = geometry.region or Region(geometry, 0, 0, shape), None
+    if window.source.is_within(size):
+        region = outer._replace(left=outer.left + x, top=outer.top + y, size=size, first=(u, v))
+    return Homography(back @ geometry.oriented(size) @ there, is_signed=True, region=region)
 
 
 def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:

@@ -93,6 +93,13 @@ class Hybrid:
 
         return isinstance(self.filter, Area) and self.magnified == "cells"
 
+    @property
+    def tile(self) -> int:
+        """Side of what is worked on together, px, where pixels look: regions are of whole ones."""
+        from resample_texture.texels.looking import TILE
+
+        return TILE if self._takes_areas and self.magnified == "cells" and not self.total else 1
+
     def seen_tiles(
         self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> "SeenTiles | None":

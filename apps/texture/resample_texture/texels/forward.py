@@ -303,11 +303,15 @@ class Sums:
         self.groups = channel_groups(channels)
         self.pictures = [np.zeros((*shape, count + 1), np.float32) for _, count in self.groups]
 
-    def add(self, source: Floats, blocks: Blocks, edge: Edge) -> None:
-        """Add blocks of a source (H, W, C)."""
+    def add(
+        self, source: Floats, blocks: Blocks, edge: Edge, totals_help: bool | None = None
+    ) -> None:
+        """Add blocks of a source (H, W, C); whether sums save time is asked of them, or said."""
         kinds = kinds_of(blocks.axes)
         ready = texels(source, self.cells.interpolation, edge, kinds)
-        totals = _totals(ready, blocks.axes, edge)
+        if totals_help is None:
+            totals_help = needs_totals(blocks.axes, source.shape[:2], edge)
+        totals = _totals(ready, is_needed=totals_help)
         for channels, picture in zip(self.groups, self.pictures, strict=True):
             for batch in batches(blocks.bounds, channels[1] + 1):
                 texture = Texture(
@@ -335,9 +339,17 @@ def spread_of(cells: Cells) -> Spread:
 
 
 def project(
-    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: Cells
+    source: Floats,
+    geometry: Geometry,
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: Cells,
+    *,
+    wanted: tuple[int, int, int, int] | None = None,
 ) -> Warped:
     """Picture (height, width) of a source (H, W, C) whose cells are projected as points.
+
+    Of what lies outside `wanted` (left, top, right and bottom, px) not all is painted.
 
     Raises
     ------
@@ -351,8 +363,17 @@ def project(
         edge = Edge.TRANSPARENT  # a map places the source's own texels and no others
     source_shape = source.shape[0], source.shape[1]
     sums = Sums(shape, source.shape[2], cells)
-    sums.add(source, blocks_of(geometry, source_shape, shape, edge, cells), edge)
+    blocks = blocks_of(geometry, source_shape, shape, edge, cells)
+    kept = blocks if wanted is None else _meeting(blocks, wanted)
+    sums.add(source, kept, edge, needs_totals(blocks.axes, source_shape, edge))
     return sums.warped(*borders(geometry, source_shape, edge))
+
+
+def _meeting(blocks: Blocks, sides: tuple[int, int, int, int]) -> Blocks:
+    """Those blocks that may touch a rectangle of the target."""
+    left, top, right, bottom = blocks.bounds.T
+    kept = (left < sides[2]) & (right > sides[0]) & (top < sides[3]) & (bottom > sides[1])
+    return blocks._replace(axes=blocks.axes[kept], bounds=blocks.bounds[kept])
 
 
 def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:
@@ -367,10 +388,10 @@ def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> b
     return bool(texels_beyond > FEW_BEYOND * height * width)
 
 
-def _totals(ready: Texels, axes: Integers, edge: Edge) -> Doubles:
+def _totals(ready: Texels, *, is_needed: bool) -> Doubles:
     """Sums (K, H + 1, W + 1, C) of all texels above and to the left, if a block needs them."""
     height, width, channels = ready.plain.shape
-    if not needs_totals(axes, (height, width), edge):
+    if not is_needed:
         return np.zeros((0, height + 1, width + 1, channels))
     kinds = [ready.plain] if all(kind is ready.plain for kind in ready) else ready[:3]
     sums = np.zeros((len(kinds), height + 1, width + 1, channels))

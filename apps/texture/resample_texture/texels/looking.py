@@ -6,6 +6,7 @@ pixels do the least; where a pixel covers many, texels do (`texels.forward`).
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,18 +16,19 @@ from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
 from resample.engine.windows.limits import Limits
 from resample.engine.windows.looking import Extent, View
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
-from resample.types import Floats
-from resample_texture.geometry.mappings import BackwardMap, Homography
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 from resample_texture.geometry.windows import SeenTiles
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
-from resample_texture.texels.plates import plates_of
+from resample_texture.texels.plates import Held, Sides, plates_of
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px along a side of what one thread takes at a time
 MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
+MOST_AROUND = 1 << 30  # px of a target all of whose tiles are measured for a region of it
 MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
 NOTHING = np.zeros(0, np.float32)
 
@@ -37,6 +39,14 @@ class Tiles(NamedTuple):
     bounds: Integers  # (T, 4) px
     extent: Extent
     is_near: NDArray[np.bool_]  # (T,) its pixels look at the source
+
+    @property
+    def beyond(self) -> tuple[Doubles, Doubles]:
+        """Least and greatest source coordinates (2,) that near tiles see."""
+        bounds = self.extent.bounds[self.is_near]
+        bounds = bounds[bounds[:, 0] <= bounds[:, 2]]
+        low = bounds[:, :2].min(axis=0, initial=math.inf)
+        return low, bounds[:, 2:].max(axis=0, initial=-math.inf)
 
 
 class Gaze(NamedTuple):
@@ -49,6 +59,7 @@ class Gaze(NamedTuple):
     cells: Cells
     places: Plane | Map
     tiles: Tiles
+    around: Tiles  # of the target that the picture is a region of, or `tiles`
 
 
 def planned(
@@ -62,9 +73,17 @@ def planned(
     ValueError
         A map has another shape than the picture.
     """
-    places = _places(size, geometry, shape)
-    tiles = _measured(places, _view((*size, 1), edge, cells), shape)
-    return Gaze(size, geometry, shape, edge, cells, places, tiles)
+    region = geometry.region if isinstance(geometry, Homography) else None
+    whole = size if region is None else region.size or size
+    places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
+    tiles = around = _measured(places, view, shape)
+    if region is not None and 0 < math.prod(region.shape) <= MOST_AROUND:
+        whole_of = _Whole(region.whole, region.shape, whole, edge)
+        try:
+            around = _measured_once(whole_of, cells)
+        except TypeError:  # a plugin's choices that cannot be told apart
+            around = _measured_once.__wrapped__(whole_of, cells)
+    return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
 
 
 def look(plan: Gaze, source: Floats) -> Warped:
@@ -75,22 +94,40 @@ def look(plan: Gaze, source: Floats) -> Warped:
     ValueError
         As of `forward.project`.
     """
-    _, geometry, shape, edge, cells, places, tiles = plan
-    view = _view(source.shape, edge, cells)
+    _, geometry, shape, edge, cells, places, tiles, around = plan
+    held = _held(source, geometry)
+    view = _view((*held.size, source.shape[2]), edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
     if not tiles.is_near.all():
         assert isinstance(geometry, Homography)
-        left, top, right, bottom = _around(tiles.bounds[~tiles.is_near])
-        back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
-        moved = Homography(back @ oriented(geometry, source.shape[:2]), is_signed=True)
-        far = project(source, moved, (bottom - top, right - left), edge, cells.finer())
-        warped.image[top:bottom, left:right] = far.image
-        warped.coverage[top:bottom, left:right] = far.coverage
+        _project_far(plan, source, warped)
     if tiles.is_near.any():
-        view = _with_plate(source, view, edge, cells.interpolation, tiles)
+        view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         look_at(places, view, near, seen, warped.image, warped.coverage)
     return warped
+
+
+def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
+    """Fill a rectangle around far tiles by texels, of the whole target that there may be."""
+    geometry, region, around = plan.geometry, None, plan.around
+    assert isinstance(geometry, Homography)
+    if around is not plan.tiles:
+        region = geometry.region
+    far = around.bounds[~around.is_near]
+    left, top, right, bottom = _around(far if region else plan.tiles.bounds[~plan.tiles.is_near])
+    back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
+    whole = region.whole if region else geometry
+    moved = Homography(back @ oriented(whole, source.shape[:2]), is_signed=True)
+    x, y = (region.left, region.top) if region else (0, 0)  # of the picture
+    first = max(left - x, 0), max(top - y, 0)
+    last = min(right - x, plan.shape[1]), min(bottom - y, plan.shape[0])
+    wanted = first[0] + x - left, first[1] + y - top, last[0] + x - left, last[1] + y - top
+    shape = bottom - top, right - left
+    made = project(source, moved, shape, plan.edge, plan.cells.finer(), wanted=wanted)
+    there = np.s_[first[1] : last[1], first[0] : last[0]]
+    part = np.s_[wanted[1] : wanted[3], wanted[0] : wanted[2]]
+    warped.image[there], warped.coverage[there] = made.image[part], made.coverage[part]
 
 
 def seen_tiles(
@@ -113,7 +150,10 @@ def _places(
 ) -> Plane | Map:
     """Where pixels lie, as kernels take it."""
     if isinstance(geometry, Homography):
-        return Plane(np.ascontiguousarray(np.linalg.inv(oriented(geometry, size))))
+        region = geometry.region or Region(geometry, 0, 0, shape)
+        matrix = oriented(region.whole, region.size or size)
+        inverse = np.ascontiguousarray(np.linalg.inv(matrix))
+        return Plane(inverse, region.left, region.top)
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
@@ -131,6 +171,22 @@ def _measured(places: Plane | Map, view: View, shape: tuple[int, int]) -> Tiles:
     return Tiles(bounds, extent, (extent.work <= MOST_WORK) & (extent.span <= LONGEST))
 
 
+class _Whole(NamedTuple):
+    """A target that regions are drawn of."""
+
+    geometry: Homography
+    shape: tuple[int, int]
+    size: tuple[int, int]  # of the source
+    edge: Edge
+
+
+@lru_cache(maxsize=2)  # a target is drawn chunk by chunk
+def _measured_once(whole: _Whole, cells: Cells) -> Tiles:
+    """Tiles of a whole target and what they see."""
+    geometry, shape, size, edge = whole
+    return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
+
+
 def _around(bounds: Integers) -> list[int]:
     """Left, top, right and bottom of the rectangle around others."""
     low, high = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
@@ -138,33 +194,51 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Floats, view: View, edge: Edge, interpolation: Interpolation, tiles: Tiles
+    source: Held, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
 ) -> View:
-    """View with the part of the source that near tiles see, or all of it where that is more."""
-    bounds, span = tiles.extent.bounds[tiles.is_near], tiles.extent.span[tiles.is_near]
-    bounds = bounds[bounds[:, 0] <= bounds[:, 2]]
-    size = np.array([source.shape[1], source.shape[0]])
-    low = bounds[:, :2].min(axis=0, initial=math.inf)
-    high = bounds[:, 2:].max(axis=0, initial=-math.inf)
+    """View with the part of the source that near tiles see, or all of it where that is more.
+
+    Where it is more is settled by all tiles of the target that the picture is a region of.
+    """
+    tiles, around = seen
+    span = around.extent.span[around.is_near]
+    size = np.array(source.size[::-1])
+    (low, high), (lowest, highest) = tiles.beyond, around.beyond
     reach = math.ceil(interpolation.radius) + 2
-    if edge is Edge.TRANSPARENT or not len(bounds):
+    if edge is Edge.TRANSPARENT or low[0] > high[0]:
         low, high = np.clip(low, 0, size - 1), np.clip(high, 1, size)
+        lowest, highest = np.clip(lowest, 0, size - 1), np.clip(highest, 1, size)
         reach += math.ceil(span.max(initial=0.0) / 8)
-    elif (low < -MOST_BEYOND).any() or (high > size + MOST_BEYOND).any():
+    elif (lowest < -MOST_BEYOND).any() or (highest > size + MOST_BEYOND).any():
         beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
         reach += math.ceil(min(span.max(), LONGEST))
         view = view._replace(margin=float(beyond))
         low, high = np.full(2, -beyond), size + beyond
-    (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
-    across, down = (int(left), int(right)), (int(top), int(bottom))
-    plate, plain = plates_of(source, across, down, edge, interpolation)
+        lowest, highest = low, high
+    part, whole = _sides(low, high, reach), _sides(lowest, highest, reach)
+    plate, plain = plates_of(source, whole, part, edge, interpolation)
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
+
+
+def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
+    """Whole texels between two corners, and some around them."""
+    (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
+    return Sides((int(left), int(right)), (int(top), int(bottom)))
+
+
+def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
+    """Source (H, W, C), or the part that it is."""
+    size = source.shape[0], source.shape[1]
+    region = geometry.region if isinstance(geometry, Homography) else None
+    if region is None or region.size is None:
+        return Held(source, size)
+    return Held(source, region.size, region.first)
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
     """How pixels take a source (H, W, C), of which there is no plate as yet."""
     height, width, channels = form
-    plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels)
+    plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = 1.5 / cells.quality
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
     limits = Limits(plate, excess(cells.interpolation))

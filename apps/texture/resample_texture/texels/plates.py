@@ -1,5 +1,7 @@
 """A source as pixels read it: the part they see and what continues it, filtered for them."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,46 +22,83 @@ def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     return shifts.texels_at(index, size, continued)[0]
 
 
-def plates_of(
-    source: Floats, across: Range, down: Range, edge: Edge, interpolation: Interpolation
-) -> tuple[Plate, Plate]:
-    """Coefficients of a rectangle of the continued plane of a source (H, W, C), and its texels.
+class Held(NamedTuple):
+    """A source, or a part of one."""
 
-    Texels have a margin around them, if not all of them are coefficients.
+    texels: Floats  # (H, W, C)
+    size: tuple[int, int]  # of all of it: height, width
+    first: tuple[int, int] = (0, 0)  # column and row at which the part begins
+
+
+class Sides(NamedTuple):
+    """A rectangle of the continued plane of a source."""
+
+    across: Range
+    down: Range
+
+    def wider(self, margin: int) -> "Sides":
+        """With so many texels more on each side."""
+        (left, right), (top, bottom) = self
+        return Sides((left - margin, right + margin), (top - margin, bottom + margin))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.down[1] - self.down[0], self.across[1] - self.across[0]
+
+    def plate(self, flat: Floats, part: "Sides", channels: int) -> Plate:
+        """Plate of the rectangle, of which a part is there."""
+        (left, _), (top, _) = self
+        columns = part.shape[1]
+        before = ((part.down[0] - top) * columns + part.across[0] - left) * channels
+        return Plate(flat, float(left), float(top), *self.shape, channels, columns, before)
+
+
+def plates_of(
+    source: Held, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
+) -> tuple[Plate, Plate]:
+    """Coefficients of a rectangle of the continued plane of a source, and its texels.
+
+    Of the whole rectangle there is a part. Texels have a margin around them, if not all of them are
+    coefficients.
     """
     weights = prefilter(interpolation)
     margin = weights.size // 2
-    channels = source.shape[2]
-    outer = (across[0] - margin, across[1] + margin), (down[0] - margin, down[1] + margin)
-    flat = _continued(source, *outer, edge)
-    rows, columns = down[1] - down[0], across[1] - across[0]
-    shape = rows + 2 * margin, columns + 2 * margin, channels
-    plain = Plate(flat, float(outer[0][0]), float(outer[1][0]), *shape)
+    channels = source.texels.shape[2]
+    outer = part.wider(margin)
+    flat = _continued(source, outer, edge)
+    plain = whole.wider(margin).plate(flat, outer, channels)
     if margin == 0:
         return plain, plain
+    rows, columns = part.shape
     smooth = np.empty(rows * columns * channels + SPARE, np.float32)
-    filter_plate(flat, shape, Filters(weights, weights), smooth)
+    filter_plate(flat, (*outer.shape, channels), Filters(weights, weights), smooth)
     smooth[-SPARE:] = 0.0
-    return Plate(smooth, float(across[0]), float(down[0]), rows, columns, channels), plain
+    return whole.plate(smooth, part, channels), plain
 
 
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
     """Source (H, W, C) under a separable filter, continued beyond its edges as `edge` says."""
     height, width, channels = source.shape
     left, above = along_u.size // 2, along_v.size // 2
-    flat = _continued(source, (-left, width + left), (-above, height + above), edge)
+    sides = Sides((-left, width + left), (-above, height + above))
+    flat = _continued(Held(source, (height, width)), sides, edge)
     result = np.empty(source.shape, np.float32)
     shape = height + 2 * above, width + 2 * left, channels
     filter_plate(flat, shape, Filters(along_u, along_v), result.reshape(-1))
     return result
 
 
-def _continued(source: Floats, across: Range, down: Range, edge: Edge) -> Floats:
-    """Numbers of a rectangle of the continued plane, row by row, and some to spare."""
-    height, width, channels = source.shape
-    rows = texels_at(np.arange(*down), height, edge)
-    columns = texels_at(np.arange(*across), width, edge)
+def _continued(source: Held, sides: Sides, edge: Edge) -> Floats:
+    """Numbers of a rectangle of the continued plane, row by row, and some to spare.
+
+    What no part is there of is not seen, and as its nearest.
+    """
+    height, width, channels = source.texels.shape
+    rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]
+    columns = texels_at(np.arange(*sides.across), source.size[1], edge) - source.first[0]
+    rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
     flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
     flat[-SPARE:] = 0.0
-    gather_plate(source, rows, columns, flat)
+    gather_plate(source.texels, rows, columns, flat)
     return flat

@@ -28,6 +28,8 @@ class Plane(NamedTuple):
     """A source in perspective."""
 
     inverse: Doubles  # (3, 3) target to source; the third coordinate is positive in front
+    left: int  # px of the target at which the picture begins
+    top: int
 
 
 class Map(NamedTuple):
@@ -51,7 +53,7 @@ def steps(before: float, here: float, after: float) -> tuple[float, float]:
 @plays(seen_at, Plane)
 def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
     # The middle is where the pixel's points are in the mean, to second order.
-    a, x, y = look.inverse, column + 0.5, row + 0.5
+    a, x, y = look.inverse, (look.left + column) + 0.5, (look.top + row) + 0.5
     d = a[2, 0] * x + a[2, 1] * y + a[2, 2]
     share = 1.0 / d if d > 0.0 else math.nan
     u = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) * share

@@ -1,0 +1,200 @@
+"""Pictures beyond memory: warped chunk by chunk, each from that part of the source that it shows.
+
+The source is whatever is sliced like an array, such as a zarr array, a dask array or a mapped file,
+of which parts are read when they are wanted; the target is whatever takes such slices.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.reading.limits import check_free
+from resample_texture.asking import (
+    REFLECT_101,
+    Places,
+    edge_named,
+    geometry_of,
+    method_named,
+    whole_pair,
+    within,
+)
+from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.shifts import whole_move
+from resample_texture.geometry.windows import windows_of
+from resample_texture.types import Edge, Method, Warped
+
+SIDE = 1024  # px of chunks, unless the target has its own
+
+
+class Chunk(NamedTuple):
+    """A rectangle of a target."""
+
+    left: int  # px
+    top: int
+    warped: Warped
+
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """Rows and columns of the target."""
+        height, width = self.warped.coverage.shape
+        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+
+
+class _Source:
+    """A picture that stays where it is until a part of it is wanted."""
+
+    def __init__(self, stored: Any) -> None:
+        self.shape: tuple[int, ...] = tuple(int(size) for size in stored.shape)
+        self.dtype, self.ndim = np.dtype(stored.dtype), len(self.shape)
+        self._stored = stored
+
+    def __getitem__(self, where: tuple[Any, Any]) -> NDArray[Any]:
+        """Texels of two slices, or of rows (N, 1) and columns (M,), as an array has them."""
+        if all(isinstance(part, slice) for part in where):
+            return np.ascontiguousarray(self._stored[where])
+        rows, columns = where
+        top, left = int(rows.min()), int(columns.min())
+        around = np.s_[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
+        found: NDArray[Any] = np.asarray(self._stored[around])[rows - top, columns - left]
+        return found
+
+    def whole(self) -> NDArray[Any]:
+        """All of it, if there is room."""
+        check_free("the source", math.prod(self.shape) * self.dtype.itemsize)
+        return np.asarray(self._stored[...])
+
+
+class _Way(NamedTuple):
+    """Where the texels of a source go, and how."""
+
+    method: Method
+    geometry: Geometry
+    shape: tuple[int, int]
+    edge: str
+    threads: int | None
+
+
+def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
+    source: Any,
+    matrix: ArrayLike | Geometry | Places,
+    shape: tuple[int, int],
+    method: str | Method = "hybrid",
+    *,
+    out: Any,
+    side: int | tuple[int, int] | None = None,
+    edge: str = "transparent",
+    convention: str = "corner",
+    inverse: bool = False,
+    linear_light: bool = True,
+    alpha: str | None = None,
+    threads: int | None = None,
+) -> Any:
+    """Warp a picture beyond memory chunk by chunk: pixels are those of `warp`.
+
+    They have its bits along matrices, for targets of up to 2³⁰ px, where what is seen lies within
+    the source; elsewhere they differ by the rounding of a place.
+
+    Parameters
+    ----------
+    source
+        (H, W) or (H, W, C), of any kind that has `shape` and `dtype` and gives arrays for slices:
+        `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
+    matrix, shape, method, edge, convention, inverse, linear_light, alpha, threads
+        As `warp` takes them; matrices and backward maps, and methods of which every pixel looks at
+        its part of the source, as the default does. `reflect-101` is for pictures in memory.
+    out
+        (height, width) or (height, width, C): what takes arrays for slices. It is filled.
+    side
+        Height and width of chunks, px; those of `out` in a zarr array, else 1024.
+
+    Returns
+    -------
+    `out`.
+
+    Raises
+    ------
+    ValueError
+        As of `warp`; or sizes do not fit, or the source has to be read as a whole, because it is
+        shrunk much or its horizon is seen, and memory does not hold it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp, warp_chunks
+    >>> stored = np.random.default_rng(1).random((300, 400, 3), np.float32)
+    >>> made = np.zeros((250, 200, 3), np.float32)
+    >>> matrix = [[0.8, -0.2, 10], [0.2, 0.9, 0], [0, 1e-4, 1]]
+    >>> _ = warp_chunks(stored, matrix, (250, 200), out=made, side=64)
+    >>> bool((made == warp(stored, matrix, (250, 200)).image).all())
+    True
+    """
+    kept = _Source(source)
+    shape = whole_pair(shape, "height", "width")
+    if tuple(out.shape) != (*shape, *kept.shape[2:]):
+        raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
+    sides = _sides(side, out)
+    border = edge_named(edge)
+    if border == REFLECT_101:
+        raise ValueError(f"edge {REFLECT_101} is for pictures in memory; take mirror")
+    geometry = geometry_of(matrix, shape, convention, inverse)
+    way = _Way(method_named(method), geometry, shape, border, threads)
+    for chunk in _chunks(kept, way, sides, linear_light=linear_light, alpha=alpha):
+        out[chunk.part] = chunk.warped.image
+    return out
+
+
+def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
+    """Height and width of chunks."""
+    if given is None:
+        chunks = getattr(out, "shards", None) or getattr(out, "chunks", None)
+        given = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
+    sides = (given, given) if isinstance(given, int) else given
+    height, width = whole_pair(sides, "height", "width")
+    if min(height, width) < 1:
+        raise ValueError(f"chunks of {height} × {width} px; give 1 px or more")
+    return height, width
+
+
+def _chunks(
+    source: _Source, way: _Way, sides: tuple[int, int], *, linear_light: bool, alpha: str | None
+) -> Iterator[Chunk]:
+    """All chunks of a target, row by row."""
+    if not _is_read_in_parts(source, way):
+        source = source.whole()  # type: ignore[assignment]
+    height, width = way.shape
+    for top in range(0, height, sides[0]):
+        for left in range(0, width, sides[1]):
+            roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
+            geometry, form, part = within(way.geometry, way.shape, roi, way.method)
+            drawing = Drawing(way.method, geometry, form, way.edge, way.threads)
+            warped = _drawn(source, drawing, linear_light=linear_light, alpha=alpha)
+            yield Chunk(left, top, Warped(warped.image[part], warped.coverage[part]))
+
+
+def _is_read_in_parts(source: _Source, way: _Way) -> bool:
+    """Whether every chunk shows a part of the source that can be told."""
+    geometry: Any = way.geometry
+    if isinstance(geometry, ForwardMap) or not hasattr(way.method, "seen_tiles"):
+        return False
+    if isinstance(geometry, Homography) and whole_move(geometry.matrix) is not None:
+        return False
+    size = source.shape[0], source.shape[1]
+    if isinstance(geometry, BackwardMap):
+        return True
+    return way.method.seen_tiles(size, geometry, way.shape, Edge(way.edge)) is not None
+
+
+def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | None) -> Warped:
+    """One chunk, from what it shows of a source, or from one that is in memory."""
+    if not isinstance(source, _Source):
+        return drawn(source, drawing, linear_light=linear_light, alpha=alpha)
+    method: Any = drawing.method
+    size = source.shape[0], source.shape[1]
+    seen = method.seen_tiles(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
+    channels = math.prod(source.shape[2:])
+    windows = windows_of(seen, size, max(1, MOST_IN_WINDOW // channels))
+    return drawn_in_parts(source, drawing, windows, linear_light=linear_light, alpha=alpha)

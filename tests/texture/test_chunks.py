@@ -1,0 +1,85 @@
+"""Pictures warped chunk by chunk have the bits of those warped at once, and read what they show."""
+
+import numpy as np
+import pytest
+
+from resample_texture import BackwardMap, warp, warp_chunks
+
+RNG = np.random.default_rng(9)
+IMAGE = RNG.random((230, 310, 3)).astype(np.float32)
+FRAME = 200, 170
+WAYS = {
+    "turned": [[0.8, -0.3, 60], [0.25, 0.9, 3], [0, 0, 1]],
+    "seen aslant": [[0.7, -0.2, 30], [0.1, 0.6, 9], [4e-4, 2e-4, 1]],
+    "enlarged": [[7.3, 0.4, -300], [0.2, 6.1, -200], [0, 0, 1]],
+    "moved": [[1, 0, 7], [0, 1, -5], [0, 0, 1]],
+    "made small": [[0.11, 0.02, 60], [0.01, 0.09, 50], [0, 0, 1]],
+}
+
+
+class Counting:
+    """A picture that counts the texels that are read."""
+
+    def __init__(self, image):
+        self.image, self.shape, self.dtype, self.read = image, image.shape, image.dtype, 0
+
+    def __getitem__(self, where):
+        part = self.image[where]
+        self.read += part.shape[0] * part.shape[1]
+        return part
+
+
+@pytest.mark.parametrize("side", [64, (50, 33), 500])
+@pytest.mark.parametrize("way", WAYS)
+def test_chunks_have_the_bits_of_the_whole(way, side):
+    whole = warp(IMAGE, WAYS[way], FRAME).image
+    made = np.full((*FRAME, 3), np.nan, np.float32)
+    assert warp_chunks(IMAGE, WAYS[way], FRAME, out=made, side=side) is made
+    np.testing.assert_array_equal(made, whole)
+
+
+def test_bytes_and_maps_are_warped_in_chunks_too():
+    y, x = np.mgrid[: FRAME[0], : FRAME[1]] + 0.5
+    places = BackwardMap(x + 9 * np.sin(y / 20), 0.9 * y + 5 * np.cos(x / 30))
+    levels = (IMAGE * 255).astype(np.uint8)
+    made = np.zeros((*FRAME, 3), np.uint8)
+    warp_chunks(levels, places, FRAME, out=made, side=48, edge="mirror")
+    np.testing.assert_array_equal(made, warp(levels, places, FRAME, edge="mirror").image)
+
+
+def test_a_chunk_reads_what_it_shows():
+    source, shape = Counting(IMAGE), (230, 310)
+    made = np.zeros(IMAGE.shape, np.float32)
+    warp_chunks(source, [[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]], shape, out=made, side=128)
+    assert source.read < 1.7 * 230 * 310  # with some texels around each of six chunks
+    enlarged = Counting(IMAGE)
+    made = np.zeros((*FRAME, 3), np.float32)
+    warp_chunks(enlarged, WAYS["enlarged"], FRAME, out=made, side=128)
+    assert enlarged.read < 0.3 * 230 * 310
+
+
+def test_zarr_and_dask_arrays_are_read_and_zarr_is_written(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    array = pytest.importorskip("dask.array")
+    stored = zarr.create_array(tmp_path / "a.zarr", data=IMAGE, chunks=(64, 64, 3))
+    made = zarr.create_array(tmp_path / "b.zarr", shape=(*FRAME, 3), chunks=(64, 64, 3), dtype="f4")
+    whole = warp(IMAGE, WAYS["turned"], FRAME).image
+    warp_chunks(stored, WAYS["turned"], FRAME, out=made)
+    np.testing.assert_array_equal(made[...], whole)
+    again = np.zeros((*FRAME, 3), np.float32)
+    warp_chunks(array.from_array(IMAGE, chunks=100), WAYS["turned"], FRAME, out=again, side=90)
+    np.testing.assert_array_equal(again, whole)
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"out": np.zeros((3, 3))}, "the result is"),
+        ({"edge": "reflect-101"}, "pictures in memory"),
+        ({"side": 0}, "give 1 px or more"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(choice, message):
+    given = {"out": np.zeros((*FRAME, 3), np.float32), **choice}
+    with pytest.raises(ValueError, match=message):
+        warp_chunks(IMAGE, WAYS["turned"], FRAME, **given)

@@ -1,0 +1,56 @@
+"""Regions of a target, and parts that it is drawn in, have the bits of the whole."""
+
+import numpy as np
+import pytest
+
+from resample_texture import BackwardMap, warp
+from resample_texture import drawing as drawings
+
+RNG = np.random.default_rng(8)
+IMAGE = RNG.random((150, 210, 3)).astype(np.float32)
+FRAME = 130, 190
+WAYS = {
+    "turned": [[0.8, -0.3, 20], [0.25, 0.9, 3], [0, 0, 1]],
+    "seen aslant": [[0.7, -0.2, 30], [0.1, 0.6, 9], [4e-4, 9e-4, 1]],
+    "enlarged": [[7.3, 0.4, -300], [0.2, 6.1, -200], [0, 0, 1]],
+    "to the horizon": [[1.0, 0.6, 10], [0.0, 0.55, 30], [0.0, 9e-3, 0.4]],
+    "made small": [[0.11, 0.02, 60], [0.01, 0.09, 50], [0, 0, 1]],
+}
+REGIONS = [(0, 0, 40, 40), (31, 33, 66, 1), (77, 41, 113, 89), (150, 90, 3, 7)]
+EDGES = ("transparent", "clamp", "wrap", "mirror", "reflect-101")
+
+
+@pytest.mark.parametrize("edge", EDGES)
+@pytest.mark.parametrize("way", WAYS)
+def test_a_region_has_the_bits_of_the_whole(way, edge):
+    whole = warp(IMAGE, WAYS[way], FRAME, edge=edge)
+    for left, top, width, height in REGIONS:
+        part = warp(IMAGE, WAYS[way], FRAME, edge=edge, roi=(left, top, width, height))
+        here = np.s_[top : top + height, left : left + width]
+        np.testing.assert_array_equal(part.image, whole.image[here])
+        np.testing.assert_array_equal(part.coverage, whole.coverage[here])
+
+
+@pytest.mark.parametrize("edge", ["transparent", "mirror"])
+def test_a_region_of_a_map_has_the_bits_of_the_whole(edge):
+    y, x = np.mgrid[: FRAME[0], : FRAME[1]] + 0.5
+    places = BackwardMap(x + 9 * np.sin(y / 20), 0.9 * y + 5 * np.cos(x / 30))
+    whole = warp(IMAGE, places, FRAME, edge=edge)
+    for left, top, width, height in REGIONS:
+        part = warp(IMAGE, places, FRAME, edge=edge, roi=(left, top, width, height))
+        here = np.s_[top : top + height, left : left + width]
+        np.testing.assert_array_equal(part.image, whole.image[here])
+        np.testing.assert_array_equal(part.coverage, whole.coverage[here])
+
+
+@pytest.mark.parametrize("way", ["turned", "seen aslant", "enlarged"])
+def test_a_picture_drawn_in_parts_has_the_bits_of_one_drawn_at_once(way, monkeypatch):
+    whole = warp(IMAGE, WAYS[way], FRAME)
+    region = warp(IMAGE, WAYS[way], FRAME, roi=REGIONS[2])
+    monkeypatch.setattr(drawings, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 3000)
+    parts = warp(IMAGE, WAYS[way], FRAME)
+    np.testing.assert_array_equal(parts.image, whole.image)
+    np.testing.assert_array_equal(parts.coverage, whole.coverage)
+    part = warp(IMAGE, WAYS[way], FRAME, roi=REGIONS[2])
+    np.testing.assert_array_equal(part.image, region.image)
