@@ -128,7 +128,7 @@ export function show(el, connect) {
   // Told by the viewer
 
   function begin(given) {
-    const gesture = given.gestures ?? "orbit";
+    const gesture = given.gestures ?? "orbit", isBack = page.about !== null;
     page.about = given;
     page.steering ??= STEERINGS[gesture](page);
     page.steering.begin?.();
@@ -137,24 +137,23 @@ export function show(el, connect) {
     views.hidden = gesture !== "orbit";
     exports.keyframe.hidden = !given.film;
     beside.offer(given.rivals);
-    replaced({ ...given.settings });
+    replaced(isBack ? page.settings : { ...given.settings });
     build();
     page.steering.resized?.();
     placed();
   }
 
   function build() {
-    const { title, subtitle, transfers } = page.about;
+    const { title, subtitle, names } = page.about;
     document.title = title;
     side.replaceChildren(
       made("h1", {}, title), made("div", { class: "subtitle" }, subtitle ?? ""),
       ...(page.about.histogram ? [look.element, made("div", { class: "hint" },
         "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window."),
       look.tools] : []),
-      made("datalist", { id: "transfers" }, ...(transfers ?? []).map((one) => made("option", { value: one }))),
       ...options.build(),
     );
-    look.offer(transfers ?? []);
+    look.offer(names?.transfer ?? []);
     look.draw();
   }
 
