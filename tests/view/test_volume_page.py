@@ -30,7 +30,6 @@ pytestmark = pytest.mark.skipif(
 )
 TIME = 60_000  # ms; kernels may have to be compiled
 BEGIN = Look(transfer="vessels"), PictureFormat(background="#203040")  # nothing shows through
-QUIET = 250  # ms, more than after which a page asks for a whole picture
 SHOWN = """() => {
   const image = document.querySelector('.canvas img'), canvas = document.createElement('canvas');
   canvas.width = image.naturalWidth;
@@ -57,11 +56,11 @@ def tab() -> Iterator[Any]:
 
 
 def still(tab: Any, after: str = "") -> str:
-    """Number of the whole picture that the page shows, once it is another than one before."""
+    """Number of the whole picture that the page shows, once it waits for none and it is new."""
     tab.wait_for_function(
         "before => { const image = document.querySelector('.canvas img');"
-        " return image.complete && image.dataset.preview === 'false'"
-        " && image.dataset.number !== before; }",
+        " return image.complete && image.dataset.number !== before"
+        " && document.querySelector('.canvas[aria-busy=false]'); }",
         arg=after,
     )
     return str(tab.evaluate("document.querySelector('.canvas img').dataset.number"))
@@ -72,13 +71,11 @@ def shown(tab: Any) -> NDArray[np.uint8]:
     return np.asarray(Image.open(BytesIO(b64decode(tab.evaluate(SHOWN)))).convert("RGB"))
 
 
-def after(tab: Any, act: Callable[[], object], *, several: bool = True) -> NDArray[np.uint8]:
-    """Levels of the whole picture that follows an act, the last one if `several` may."""
+def after(tab: Any, act: Callable[[], object]) -> NDArray[np.uint8]:
+    """Levels of the last whole picture that follows an act."""
     number = still(tab)
     act()
-    last = still(tab, number)
-    while several and (tab.wait_for_timeout(QUIET) or still(tab) != last):
-        last = still(tab)
+    still(tab, number)
     return shown(tab)
 
 
@@ -152,9 +149,8 @@ def test_each_control_changes_the_picture_as_the_library_does(
     view = VolumeView("vessel-tree:size=24", begin=BEGIN)
     painter, begin = view.painter(), view.about["settings"]
     for choice in CHOICES:
-        plain = after(tab, lambda: tab.click("#reset"), several=False)
-        act = partial(filled, tab, choice)
-        seen = after(tab, act, several=len(choice) > 1)
+        plain = after(tab, lambda: tab.click("#reset"))
+        seen = after(tab, partial(filled, tab, choice))
         size = seen.shape[1], seen.shape[0]
         expected = painter.paint(begin | choice, size, quick=False, cancel=Cancel()).levels
         np.testing.assert_array_equal(seen, expected, str(choice))
@@ -207,8 +203,7 @@ def test_a_page_that_was_cut_off_comes_back_with_its_settings(tab: Any) -> None:
     other.route_web_socket("**/socket*", passed_on)
     other.set_default_timeout(TIME)
     other.goto(tab.url)
-    number = still(other)
-    filled(other, {"transfer": "gray"})
+    after(other, lambda: filled(other, {"transfer": "gray"}))
     before = after(other, lambda: other.locator(".canvas").press("ArrowLeft"))
     number = still(other)
     links[0].close()
