@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -17,7 +17,7 @@ demo-warp3d: $(VENV)/.run
 # A volume larger than its budget of memory, generated in a temporary folder (docs/scale.md); SIZE=512 is quicker.
 SIZE ?= 1024
 demo-scale: $(VENV)/.dev
-	$(BIN)/python -m benchmarks.scale --size 256 --size $(SIZE) --memory 2GiB
+	$(BIN)/python -m benchmarks.scale --size 256 --size $(SIZE) --memory 2GiB --workers 2
 # The paper's figures; DATA is a folder with its volumes, else those that `resample-volume fetch` has stored.
 figures: $(VENV)/.run
 	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))
@@ -50,6 +50,9 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/house.py
 	$(BIN)/python tools/licences.py
+# Known faults of the locked dependencies, as far as the index tells; PyPI does.
+audit: $(BIN)/uv
+	$(BIN)/uv tool run -q --from pip-audit==2.10.1 pip-audit --disable-pip --no-deps -r requirements/run.txt
 # The site, in docs/_build/html, offline and without warnings; examples that have not changed are not run again.
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
@@ -85,7 +88,7 @@ $(VENV)/.docs: requirements/docs.txt $(VENV)/.dev
 	touch $@
 lock: | $(BIN)/uv
 	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
-	$(BIN)/uv pip compile -q pyproject.toml --extra film --extra dicom --extra vtk --extra peers --extra view --extra notebook --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+	$(BIN)/uv pip compile -q pyproject.toml --extra film --extra dicom --extra vtk --extra peers --extra view --extra notebook --extra las --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
 	$(BIN)/uv pip compile -q pyproject.toml --group docs --python-version 3.11 --universal --generate-hashes --no-header -c requirements/dev.txt -o requirements/docs.txt
 clean:
 	rm -rf $(VENV) dist demo

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +32,8 @@ class Fault(NamedTuple):
     variables: Mapping[str, str] = {}
     within: tuple[str, ...] = ()  # a program that runs the command
     together: int = 1  # number of commands that write the same
+    is_unread: bool = False  # whether nobody reads what it says
+    ahead: float = 0.0  # seconds by which the times of files are: the clock went back
     is_refused: bool = True  # otherwise the command may end well
 
 
@@ -49,6 +52,8 @@ FAULTS = {
     "no cache": Fault(variables={"NUMBA_CACHE_DIR": "/proc/none"}, is_refused=False),
     "no home": Fault(variables={"HOME": "/proc/none"}, is_refused=False),
     "two at once": Fault(together=2, is_refused=False),
+    "nobody reads": Fault(is_unread=True, is_refused=False),
+    "clock back": Fault(ahead=3e7, is_refused=False),
 }
 IS_ROOT = hasattr(os, "getuid") and os.getuid() == 0
 if shutil.which("setpriv") or not IS_ROOT:
@@ -58,14 +63,20 @@ if shutil.which("setpriv") or not IS_ROOT:
 
 def begun(target: str, fault: Fault) -> subprocess.Popen[str]:
     """A command at work in this folder, under a fault."""
-    return subprocess.Popen(
+    if fault.ahead:
+        for file in (file for file in Path().rglob("*") if file.is_file()):
+            os.utime(file, (time.time() + fault.ahead,) * 2)
+    process = subprocess.Popen(
         [*fault.within, sys.executable, "-m", *COMMANDS[target], fault.folder + target],
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE if fault.is_unread else subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, **fault.variables},
         preexec_fn=fault.begins,  # noqa: PLW1509  no threads here
     )
+    if process.stdout is not None:
+        process.stdout.close()
+    return process
 
 
 def wrong_with(target: str, fault: Fault, *, is_there: bool) -> Iterator[str]:

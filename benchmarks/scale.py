@@ -1,7 +1,8 @@
 """Volumes larger than memory: `python -m benchmarks.scale`, or `make demo-scale`.
 
-A sparse volume is generated as OME-Zarr, box by box, and rendered in a fresh process within a
-budget of memory. Below that, sizes are compared, and the same picture of a volume in memory.
+A sparse volume is generated as OME-Zarr, box by box, and rendered within a budget of memory: by a
+fresh process, and by several that share the windows of the picture. Of a small one, also from
+memory. All must have the same bits.
 """
 
 import argparse
@@ -14,14 +15,20 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.sparse import Bubbles
+from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
 
-LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", (30.0, 20.0)
+if TYPE_CHECKING:
+    from resample.types import Frame
+    from resample_volume.types import Volume
+
+LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", Orbit(30.0, 20.0)
+DENSE = "0/#203040/0.001,120/#e0a060/0.5,240/white/0.9"  # shows what is empty, too
 SIDE = 800  # px of the picture
 COMPARED = 256  # voxels of the volume that is rendered in memory, too
 MIB = 1 << 20
@@ -32,39 +39,53 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__)
     parser.add_argument("--size", type=int, action="append", help="voxels along a side; 256, 1024")
     parser.add_argument("--memory", default="2GiB", help="that each picture may take")
-    parser.add_argument("--child", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--workers", type=int, default=2, help="processes; 0: no such picture")
+    parser.add_argument("--dense", action="store_true", help="show nearly all voxels")
+    parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     choices = parser.parse_args(arguments)
     if choices.child is not None:
-        path, memory, how = choices.child
-        sys.stdout.write(json.dumps(rendered(Path(path), int(memory), how)) + "\n")
+        path, memory, how, look = choices.child
+        job = Job(Path(path), int(memory), how, look, choices.workers)
+        sys.stdout.write(json.dumps(rendered(job)) + "\n")
         return 0
-    sizes = choices.size or [COMPARED, 1024]
+    sizes, look = choices.size or [COMPARED, 1024], DENSE if choices.dense else LOOK
     with tempfile.TemporaryDirectory(prefix="scale-") as folder:
-        return demonstrated(sizes, Path(folder), bytes_of(choices.memory))
-
-
-def demonstrated(sizes: Sequence[int], folder: Path, memory: int) -> int:
-    """Pictures of volumes of some sizes, told line by line; see `main`."""
-    is_good = True
-    for size in sizes:
-        path = folder / f"{size}.ome.zarr"
-        start = time.perf_counter()
-        generated(path, size)
-        stored = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-        _tell(
-            f"{size}^3: generated in {time.perf_counter() - start:.0f} s, {size**3 / GIB:.2f} GiB "
-            f"of voxels in {stored / MIB:.0f} MiB of files"
-        )
-        streamed = measured(path, memory, "streamed")
-        _tell(f"  streamed   {_facts(streamed)}")
-        is_good &= streamed["added"] <= memory
-        if size <= COMPARED:
-            whole = measured(path, memory, "memory")
-            _tell(f"  in memory  {_facts(whole)}")
-            is_good &= whole["hash"] == streamed["hash"]
-            _tell(f"  the same bits: {whole['hash'] == streamed['hash']}")
-    _tell(f"within {memory / GIB:.2f} GiB beside what Python and its libraries take: {is_good}")
+        is_good = True
+        for size in sizes:
+            job = Job(Path(folder) / f"{size}.ome.zarr", bytes_of(choices.memory), "", look)
+            is_good &= demonstrated(size, job._replace(workers=choices.workers))
+    _tell(f"the same bits, within {choices.memory} beside Python and its libraries: {is_good}")
     return 0 if is_good else 1
+
+
+class Job(NamedTuple):
+    """A picture that is asked for."""
+
+    path: Path
+    memory: int  # bytes, of all processes together
+    how: str  # "memory", "streamed" or "workers"
+    look: str
+    workers: int = 2
+
+
+def demonstrated(size: int, job: Job) -> bool:
+    """Whether pictures of a volume are the same, and kept the budget; told line by line."""
+    start = time.perf_counter()
+    generated(job.path, size)
+    stored = sum(file.stat().st_size for file in job.path.rglob("*") if file.is_file())
+    _tell(
+        f"{size}^3: generated in {time.perf_counter() - start:.0f} s, {size**3 / GIB:.2f} GiB "
+        f"of voxels in {stored / MIB:.0f} MiB of files"
+    )
+    names = {"streamed": "one process", "workers": f"{job.workers} processes"}
+    hows = [how for how in names if how == "streamed" or job.workers]
+    hashes, is_good = set(), True
+    for how in [*hows, *(["memory"] if size <= COMPARED else [])]:
+        told = measured(job._replace(how=how))
+        hashes.add(told["hash"])
+        is_good &= how == "memory" or told["added"] <= job.memory
+        _tell(f"  {names.get(how, 'in memory'):12} {_facts(told)}")
+    return is_good and len(hashes) == 1
 
 
 def generated(path: Path, size: int) -> None:
@@ -78,42 +99,86 @@ def generated(path: Path, size: int) -> None:
     write_store(path, recording, Layered(is_layered=False))
 
 
-def measured(path: Path, memory: int, how: str) -> dict[str, Any]:
+def measured(job: Job) -> dict[str, Any]:
     """What a fresh process tells of a picture, see `rendered`."""
-    words = [sys.executable, "-m", "benchmarks.scale", "--child", str(path), str(memory), how]
+    words = [str(job.path), str(job.memory), job.how, job.look, "--workers", str(job.workers)]
+    words = [sys.executable, "-m", "benchmarks.scale", "--child", *words]
     ended = subprocess.run(words, check=True, capture_output=True, text=True)
     told: dict[str, Any] = json.loads(ended.stdout)
     return told
 
 
-def rendered(path: Path, memory: int, how: str) -> dict[str, Any]:
+def rendered(job: Job) -> dict[str, Any]:
     """Facts of a picture: memory in bytes, bricks and their reads, seconds and a hash."""
     from resample_volume.command.choices import Source
-    from resample_volume.command.inputs import opened
+    from resample_volume.command.inputs import prepared
     from resample_volume.files.source import generate
     from resample_volume.rendering import render
     from resample_volume.voxels.bricks import Bricks
 
     render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # kernels are compiled or loaded
-    base, start, busy = _peak(), time.perf_counter(), time.process_time()
-    source = Source(memory=f"{memory / 1000:.3f}kB")
-    volume = opened(source, str(path), streamed=how == "streamed")
-    frame = render(volume, LOOK, CAMERA, size=(SIDE, SIDE))
+    base, start, busy = _peak(), time.perf_counter(), _busy()
+    source = Source(memory=f"{job.memory / 1000:.3f}kB")
+    volume = prepared(source, str(job.path), streamed=job.how != "memory")
+    frame, windows = _shared(volume, job) if job.how == "workers" else _alone(volume, job)
     digest = hashlib.sha256()
     for part in (frame.rgba, frame.depth, frame.coverage):
         digest.update(np.ascontiguousarray(part).tobytes())
     values: Any = volume.values
     in_bricks = isinstance(values, Bricks)
+    worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    workers = job.workers * max(0, worker - base) if job.how == "workers" else 0
     return {
-        "peak": _peak(),
-        "added": _peak() - base,
+        "peak": max(_peak(), worker),
+        "added": _peak() - base + workers,
         "voxels": frame.statistics.samples,
+        "windows": windows,
         "bricks": int(np.prod(values.count)) if in_bricks else 0,
         "reads": values.reads if in_bricks else 0,
         "seconds": time.perf_counter() - start,
-        "busy": time.process_time() - busy,
+        "busy": _busy() - busy,
         "hash": digest.hexdigest()[:16],
     }
+
+
+def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
+    """Picture by this process, of all visible voxels together where they fit."""
+    from resample.resampler import Resampler
+    from resample_volume.rendering import Appearance, Subject
+    from resample_volume.voxels.streaming import TooManyVoxelsError
+    from resample_volume.windows import Spent, render_in_windows
+
+    look = Appearance(job.look)
+    try:
+        subject = Subject.of(volume, look, around=volume)
+    except TooManyVoxelsError:
+        return render_in_windows(volume, look, CAMERA, (SIDE, SIDE), Spent(job.memory))
+    camera = subject.camera(CAMERA, SIDE, SIDE)
+    seen = subject.seen_by(camera)
+    return Resampler()(seen, camera, height=SIDE, width=SIDE), 1
+
+
+def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
+    """Picture by several processes, of which each has its share of the memory."""
+    from resample.command.settings import Sharing
+    from resample.command.workers import at_work
+    from resample_volume.rendering import Appearance
+    from resample_volume.windows import Spent, render_in_windows
+
+    with (
+        tempfile.TemporaryDirectory(dir=job.path.parent) as folder,
+        at_work(Sharing(workers=job.workers)) as crew,
+    ):
+        if crew is None:
+            raise RuntimeError("there are no workers")
+        spent = Spent(job.memory // crew.tasks, crew.threads, Path(folder), crew.executor)
+        return render_in_windows(volume, Appearance(job.look), CAMERA, (SIDE, SIDE), spent)
+
+
+def _busy() -> float:
+    """Seconds of CPU of this process and of those that it has started and that have ended."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 def _peak() -> int:
@@ -123,10 +188,11 @@ def _peak() -> int:
 
 def _facts(told: dict[str, Any]) -> str:
     reads = f", {told['bricks']} bricks, {told['reads']} reads" if told["bricks"] else ""
+    shared = f", {told['windows']} windows" if told["windows"] > 1 else ""
     return (
         f"{told['seconds']:.1f} s ({told['busy']:.1f} s of CPU), RSS {told['peak'] / MIB:.0f} MiB, "
-        f"{told['added'] / MIB:.0f} of it the picture's, {told['voxels']} visible voxels{reads}, "
-        f"hash {told['hash']}"
+        f"{told['added'] / MIB:.0f} of all the picture's, {told['voxels']} visible voxels{shared}"
+        f"{reads}, hash {told['hash']}"
     )
 
 

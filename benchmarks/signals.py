@@ -5,7 +5,8 @@
 Every command runs once to its end; then again and again, and gets SIGINT, SIGTERM or SIGKILL at a
 moment of its life, in one case of four with no compiled kernels. A target must be whole or not be
 there, or still be what it was. No traceback may be said, the status must be that of the signal, and
-after the next whole run no hidden file may be left.
+after the next whole run no hidden file may be left. With `--beside` another command compiles into
+the same folder meanwhile, which must end well.
 """
 
 import argparse
@@ -51,6 +52,9 @@ COMMANDS = {
     "h.png": ("resample", "compare", "photo.png", "-R", "photo.png", "-o"),
 }
 
+COMPILING = ("a.png", "b.png", "c.png", "d.gif", "f.png")  # targets of commands with many kernels
+LONGER = 8.0  # times, of a run that compiles them
+
 
 @dataclass(frozen=True)
 class Case:
@@ -61,6 +65,7 @@ class Case:
     share: float  # of the time that a whole run takes
     is_compiling: bool  # whether it finds no kernels on disk
     is_there: bool  # whether its target is
+    beside: str = ""  # target of a command that goes on, with the same kernels
 
     def faults(self, seconds: float) -> Iterator[str]:
         """Run it in this folder; what is wrong with how it ends."""
@@ -69,11 +74,14 @@ class Case:
         if self.is_there and target.suffix != ".zarr":  # stores are not replaced
             target.write_bytes(b"old")
         before, left = content(target), hidden()
-        with tempfile.TemporaryDirectory() as kernels:
-            process = begun(self.target, kernels if self.is_compiling else None)
-            time.sleep(max(EARLIEST, self.share * seconds))
-            process.send_signal(self.number)
-            said = process.communicate(timeout=PATIENCE)[1]
+        with tempfile.TemporaryDirectory() as folder:
+            kernels = folder if self.is_compiling else None
+            with going_on(self.beside, kernels) as faults:
+                process = begun(self.target, kernels)
+                time.sleep(max(EARLIEST, self.share * seconds))
+                process.send_signal(self.number)
+                said = process.communicate(timeout=PATIENCE)[1]
+        yield from faults
         # Before Python has begun a signal ends it by itself, which shells tell alike.
         if process.returncode not in (0, STATUS[self.number], -self.number):
             yield f"status {process.returncode}: {said[-300:]}"
@@ -84,6 +92,21 @@ class Case:
         left = hidden() - left - {f".{self.target}.frames"}  # films are gone on with
         if self.number != signal.SIGKILL and left:
             yield f"left {left}"
+
+
+@contextlib.contextmanager
+def going_on(target: str, kernels: str | None) -> Iterator[list[str]]:
+    """A command, if one is named, that nobody stops; what is wrong with how it ends is given."""
+    faults: list[str] = []
+    if not target:
+        yield faults
+        return
+    remove(Path(target))
+    process = begun(target, kernels)
+    yield faults
+    said = process.communicate(timeout=PATIENCE)[1]
+    if process.returncode or not is_whole(Path(target)):
+        faults.append(f"{target}, beside it, ended with status {process.returncode}: {said[-300:]}")
 
 
 def begun(target: str, kernels: str | None = None) -> subprocess.Popen[str]:
@@ -103,8 +126,9 @@ def ended(target: str) -> float:
     start = time.perf_counter()
     process = begun(target)
     said = process.communicate(timeout=PATIENCE)[1]
-    if process.returncode or hidden():
-        raise RuntimeError(f"{target}: {said}, left {hidden()}")
+    left = hidden() - {f".{name}.frames" for name in COMMANDS if name != target}
+    if process.returncode or left:
+        raise RuntimeError(f"{target}: {said}, left {left}")
     seconds = time.perf_counter() - start
     kept = Path("whole") / target
     remove(kept)
@@ -148,13 +172,19 @@ def inputs() -> None:
     np.savetxt("points.csv", rng.normal(size=(2000, 3)), delimiter=",", header="x,y,z", comments="")
 
 
-def cases(count: int, seed: int) -> Iterator[Case]:
+def cases(count: int, seed: int, *, beside: bool) -> Iterator[Case]:
     """Cases by turns of all commands and signals."""
     rng = random.Random(seed)  # noqa: S311  no secrets
     for n in range(count):
         target = list(COMMANDS)[n % len(COMMANDS)]
         number = list(STATUS)[n // len(COMMANDS) % len(STATUS)]
-        yield Case(target, number, 1.1 * rng.random(), rng.random() < 0.25, rng.random() < 0.5)
+        share, is_compiling, is_there = 1.1 * rng.random(), rng.random() < 0.25, rng.random() < 0.5
+        if not beside:
+            yield Case(target, number, share, is_compiling, is_there)
+        elif target in COMPILING:
+            other = rng.choice([name for name in COMPILING if name != target])
+            # Without kernels a run takes many times as long.
+            yield Case(target, number, LONGER * share, True, is_there, other)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -163,12 +193,13 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--count", type=int, default=300, help="of runs that are stopped")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", help="one target, such as a.png")
+    parser.add_argument("--beside", action="store_true", help="others compile the same meanwhile")
     choices = parser.parse_args(arguments)
     found: Counter[str] = Counter()
     with tempfile.TemporaryDirectory(prefix="signals-") as folder, contextlib.chdir(folder):
         inputs()
         seconds = {name: ended(name) for name in COMMANDS if choices.only in (None, name)}
-        for case in cases(choices.count, choices.seed):
+        for case in cases(choices.count, choices.seed, beside=choices.beside):
             if case.target in seconds:
                 faults = list(case.faults(seconds[case.target]))
                 found[case.number.name] += 1

@@ -1,21 +1,24 @@
-"""Work that is watched while it goes on: how far it is, and whether it is to stop.
+"""Work that is watched while it goes on, how far it is and whether it is to stop, or shared out.
 
 Kernels take tasks from a counter that all their threads share. Python waits for them beside, looks
 at the counter now and then, and writes a number into it that leaves no tasks if they are to stop:
 so a picture, a warp or a cloud stops after the tasks in hand, whatever paints it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from threading import Event
+from typing import Any, Protocol, TypeVar
 
 from resample.types import Doubles
 
 OFTEN = 0.02  # seconds between two looks
 
 Progress = Callable[[float], None]
+P = TypeVar("P")
+R = TypeVar("R")
 
 
 class CancelledError(RuntimeError):
@@ -143,3 +146,35 @@ def look(taken: int, count: int) -> None:
         watch.progress(done / count)
     elif 0 < done <= watch.shares.size:
         watch.progress(float(watch.shares[done - 1]))
+
+
+class Executor(Protocol):
+    """Who does parts of some work: `concurrent.futures` has several, and dask's clients one.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from resample.watching import shared_out
+    >>> with ThreadPoolExecutor(2) as executor:
+    ...     list(shared_out(executor, abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+
+    def map(self, job: Callable[..., Any], /, *parts: Iterable[Any]) -> Iterable[Any]:
+        """What a job gives for parts, in their order."""
+        ...
+
+
+def shared_out(executor: Executor | None, job: Callable[[P], R], parts: Iterable[P]) -> Iterator[R]:
+    """What a job gives for parts, in their order; without an executor one after the other, here.
+
+    Parameters
+    ----------
+    executor
+        Of threads, processes or machines. The latter two take a job and parts that pickle.
+    job
+        May be done again for a part, if who did it ended.
+    parts
+        Of the work.
+    """
+    yield from map(job, parts) if executor is None else executor.map(job, list(parts))

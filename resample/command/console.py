@@ -51,14 +51,19 @@ def listening() -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Progress | None]:
-    """Bar on a terminal's stderr, which runs to and fro until it is told a share; else nothing."""
+def progress_bar(what: str, count: int = 0) -> Iterator[Progress | None]:
+    """Bar on a terminal's stderr, which runs to and fro until it is told a share; else nothing.
+
+    It says how much time is left and, where work has a `count` of parts, how many are done.
+    """
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
+    from rich.progress import MofNCompleteColumn
     from rich.progress import Progress as Bar
 
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda share: bar.update(task, total=1.0, completed=share)
+    columns = [*Bar.get_default_columns(), *([MofNCompleteColumn()] if count else [])]
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task, total = bar.add_task(what, total=None), count or 1.0
+        yield lambda share: bar.update(task, total=total, completed=round(share * total, 3))

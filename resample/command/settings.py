@@ -51,6 +51,7 @@ HEADINGS = (  # in the order of a command's help
         "Beside the volume",
         "Beside the picture",
         "Page",
+        "Workers",
         SETTINGS,
         LIMITS,
     ),
@@ -207,6 +208,41 @@ class PictureFormat(Choices):
         width, height = int(match[1]), int(match[2] or match[1])
         check_size(height, width)
         return height, width
+
+
+class Sharing(Choices):
+    """Who does the work."""
+
+    heading: ClassVar[str] = "Workers"
+
+    workers: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=1024,
+            description="Processes of this machine that share the work, with the extra dist; they "
+            "share the memory, too. Pixels do not depend on it.",
+        ),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        Field(
+            description="Address of a scheduler of dask's whose workers do it, such as "
+            "tcp://10.0.0.1:8786; they see the same files under the same names."
+        ),
+    ] = None
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether others than this process do it."""
+        return self.workers is not None or self.scheduler is not None
+
+    @property
+    def who(self) -> str:
+        """Who does it, for a user's eyes."""
+        if self.workers is None:
+            return f"the workers of {self.scheduler}"
+        return f"{self.workers} {'process' if self.workers == 1 else 'processes'}"
 
 
 class Serving(Choices):

@@ -18,6 +18,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,14 @@ from numpy.typing import NDArray
 
 from resample.command.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
-from resample.files.writing import check_targets, replacing, write_json
+from resample.files.writing import (
+    check_targets,
+    leave_to_others,
+    remove_left,
+    replacing,
+    write_json,
+)
+from resample.watching import Executor, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
@@ -97,7 +105,13 @@ def fingerprint(*arrays: NDArray[Any]) -> str:
 
 
 def write_film(
-    path: Path, shots: Shots, fps: float, *, resume: bool = False, progress: Progress | None = None
+    path: Path,
+    shots: Shots,
+    fps: float,
+    *,
+    resume: bool = False,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> None:
     """Write an animation in the form of its suffix, or into a folder.
 
@@ -113,6 +127,9 @@ def write_film(
         Make only those frames that are not there yet.
     progress
         Told the share that is done, after each frame that was made.
+    executor
+        Makes frames; processes take shots that pickle, and write frames themselves. Who is behind
+        whose folder, and what is left in it, is this process's alone.
 
     Raises
     ------
@@ -129,7 +146,7 @@ def write_film(
     with _alone(kept, path):
         _claim(kept, {"frames": shots.total, **shots.job}, resume)
         with _kept_if_any(kept):
-            _make(kept, shots, progress)
+            _make(kept, shots, progress, executor)
             if write is not None:
                 with replacing(target) as temporary:
                     write(temporary, [kept / name for name in _names(shots.total)], fps)
@@ -165,18 +182,36 @@ def _is_taken(opened: int, folder: Path) -> bool:
         return False
 
 
-def _make(folder: Path, shots: Shots, progress: Progress | None) -> None:
+def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Executor | None) -> None:
     """Make all frames of a folder that it does not hold yet."""
+    if executor is not None:
+        remove_left(folder)
+    missing = (
+        n
+        for n, name in enumerate(_names(shots.total))
+        if not (_is_whole(folder / name) and shots.has_more(n))
+    )
+    job = partial(_make_one, folder, shots.frame, executor is not None)
+    for n in shared_out(executor, job, missing):
+        if progress is not None:  # not for frames of an earlier run, which took no time now
+            progress((n + 1) / shots.total)
+    if executor is not None:
+        remove_left(folder)
+
+
+def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: int) -> int:
+    """Make a frame; its number."""
     from PIL import Image
 
-    for n, name in enumerate(_names(shots.total)):
-        path = folder / name
-        if not (_is_whole(path) and shots.has_more(n)):
-            levels = shots.frame(n)
-            with replacing(path) as temporary:
-                Image.fromarray(levels).save(temporary)
-            if progress is not None:  # not for frames of an earlier run, which took no time now
-                progress((n + 1) / shots.total)
+    path = folder / FRAME.format(n)
+    if by_others:
+        leave_to_others(folder)
+        if _is_whole(path):  # made by who ended before this was known
+            return n
+    levels = frame(n)
+    with replacing(path) as temporary:
+        Image.fromarray(levels).save(temporary)
+    return n
 
 
 @contextmanager

@@ -9,11 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.limits import check_unpacked
+
 if TYPE_CHECKING:
-    from av.container import OutputContainer
+    from av.container import InputContainer, OutputContainer
 
 H264 = "libx264"
 CHOICES = {"movflags": "faststart"}
+# Files that hold a film themselves: no lists of others, which may lie anywhere.
+CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
+READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
+FRAME_BYTES = 16  # of a pixel in memory: red, green, blue and alpha in float32
 QUALITY = {"crf": "18", "preset": "medium"}
 
 
@@ -32,6 +38,34 @@ def check_codecs(path: Path) -> None:
             f"{path.name}: films need PyAV, which is not installed: "
             "pip install 'hybrid-resample[film]'; .webp, .gif and .apng need nothing more"
         ) from None
+
+
+@contextmanager
+def opened_film(path: Path) -> Iterator["InputContainer"]:
+    """Film, to be read.
+
+    Raises
+    ------
+    OSError
+        It is none, or damaged.
+    ValueError
+        PyAV is not installed, or its frames are too large.
+    """
+    check_codecs(path)
+    import av
+
+    try:
+        with av.open(str(path), options=READING) as film:
+            if not film.streams.video:
+                raise OSError(f"{path} is not a film that can be read: it has no pictures")
+            codec: Any = film.streams.video[0].codec_context
+            if codec is None:
+                raise OSError(f"{path} is not a film that can be read: its codec is unknown")
+            frame = FRAME_BYTES * codec.width * codec.height
+            check_unpacked(str(path), path.stat().st_size, frame)
+            yield film
+    except av.FFmpegError as error:
+        raise OSError(f"{path} is not a film that can be read: {error.strerror}") from None
 
 
 @contextmanager

@@ -18,7 +18,14 @@ from resample.command.console import say
 from resample.files.animations import Stored
 from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
 from resample.files.facts.tags import Directory, Tag
-from resample.files.films import check_codecs, film_picture, new_film, new_stream
+from resample.files.films import (
+    FRAME_BYTES,
+    check_codecs,
+    film_picture,
+    new_film,
+    new_stream,
+    opened_film,
+)
 from resample.files.levels import levels
 from resample.files.pictures import (
     Kind,
@@ -139,9 +146,6 @@ def write_frames(
         _WRITERS[suffix](temporary, shades, seconds)
 
 
-FRAME_BYTES = 16  # of a pixel in memory: red, green, blue and alpha in float32
-
-
 def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
     """Directories of a TIFF that are pictures: neither smaller copies of others nor masks."""
     kinds = [page.get(SUBFILE) for page in pages]
@@ -195,24 +199,16 @@ def _shades(levels: NDArray[np.uint8]) -> Picture:
 
 def _film_times(path: Path) -> tuple[float, ...]:
     """Seconds that the frames of a film are shown, as far as its packets tell."""
-    check_codecs(path)
-    import av
-
-    try:
-        with av.open(str(path)) as film:
-            if not film.streams.video:
-                raise OSError(f"{path} is not a film that can be read: it has no pictures")
-            stream = film.streams.video[0]
-            if film.streams.audio:
-                say(f"{path.name}: its sound is left out")
-            rate, base = stream.average_rate, stream.time_base or Fraction(1, TICKS)
-            times = [
-                packet.dts if packet.pts is None else packet.pts
-                for packet in film.demux(stream)
-                if packet.size
-            ]
-    except av.FFmpegError as error:
-        raise OSError(f"{path} is not a film that can be read: {error.strerror}") from None
+    with opened_film(path) as film:
+        stream = film.streams.video[0]
+        if film.streams.audio:
+            say(f"{path.name}: its sound is left out")
+        rate, base = stream.average_rate, stream.time_base or Fraction(1, TICKS)
+        times = [
+            packet.dts if packet.pts is None else packet.pts
+            for packet in film.demux(stream)
+            if packet.size
+        ]
     last = float(1 / rate) if rate else USUAL
     known = sorted(float(time * base) for time in times if time is not None)
     if len(known) < len(times):
@@ -222,19 +218,17 @@ def _film_times(path: Path) -> tuple[float, ...]:
 
 
 def _film_frames(path: Path) -> Iterator[Picture]:
-    import av
+    from resample.engine.jit import workers
 
-    try:
-        with av.open(str(path)) as film:
-            stream = film.streams.video[0]
-            stream.thread_type = "AUTO"
-            for frame in film.decode(stream):
-                has_alpha = any(part.is_alpha for part in frame.format.components)
-                form = "rgba" if has_alpha else "rgb24"
-                levels = frame.to_ndarray(format=form, **_colors_of(frame))
-                yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
-    except av.FFmpegError as error:
-        raise OSError(f"{path} is damaged: {error.strerror}") from None
+    with opened_film(path) as film:
+        stream = film.streams.video[0]
+        stream.thread_type, stream.codec_context.thread_count = "AUTO", workers()
+        for frame in film.decode(stream):
+            check_unpacked(str(path), path.stat().st_size, FRAME_BYTES * frame.width * frame.height)
+            has_alpha = any(part.is_alpha for part in frame.format.components)
+            form = "rgba" if has_alpha else "rgb24"
+            levels = frame.to_ndarray(format=form, **_colors_of(frame))
+            yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
 
 
 def _colors_of(frame: Any) -> dict[str, Any]:

@@ -82,6 +82,11 @@ def beside(target: Path) -> Iterator[Path]:
         _being_written.discard(temporary.name)
 
 
+def leave_to_others(folder: Path) -> None:
+    """Do not remove what is left in a folder: another process sees to that."""
+    _tidied.add(folder)
+
+
 def remove_left(folder: Path) -> None:
     """Remove what processes of this machine that are no more were writing into a folder.
 

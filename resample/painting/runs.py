@@ -114,8 +114,7 @@ def paint_tiles(
 ) -> Painted:
     """Tiles that have members, most of them first; `paint` paints those of some numbers."""
     tiles, load = deal
-    size = (0, 0) if scene.window == NOTHING else (scene.screen.height, scene.screen.width)
-    painted = nothing_painted(*size, load.size)._replace(plan=scene.plan)
+    painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=_film(scene, tiles))
     turn = np.argsort(-load, kind="stable")
     turn = turn[(load[turn] > 0) & _shown(scene, tiles)[turn]]
     if turn.size:
@@ -123,6 +122,21 @@ def paint_tiles(
         with told(progress, done / done[-1]):
             paint(turn, (painted.film, painted.tally))
     return painted
+
+
+def _film(scene: Scene, tiles: Tiles) -> Film:
+    """Film of a picture, of which memory is taken for the rows of the window's tiles alone."""
+    height, width = scene.screen.height, scene.screen.width
+    if scene.window is None or scene.window == NOTHING:
+        size = (height, width) if scene.window is None else (0, 0)
+        return nothing_painted(*size).film
+    y0, y1 = scene.window[1], scene.window[3]
+    rows = slice(y0 // tiles.size * tiles.size, -(-y1 // tiles.size) * tiles.size)
+    # Pages that nobody writes to take no memory.
+    rgba, coverage = np.zeros((height, width, 4), np.float32), np.zeros((height, width), np.float32)
+    depth, first_depth = np.empty((2, height, width), np.float32)
+    depth[rows], first_depth[rows] = np.inf, np.inf
+    return Film(rgba, depth, first_depth, coverage)
 
 
 def _shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:

@@ -9,7 +9,8 @@ from typing import Any
 from resample.reading.limits import check_items, check_size, limits, refused
 
 WIDEST = 1 << 63  # whole numbers from here on are none that arrays hold
-PARTS = re.compile(r"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){16,}""")  # of dotted keys
+# Of dotted keys; each word is looked at once.
+PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){16,}""")
 
 
 def text_of(path: Path) -> str:

@@ -222,6 +222,16 @@ def test_clouds_of_more_points_than_their_file_has_room_for_are_cut_off(count, e
     refused(read_cloud, put(tmp_path / "a.ply", head + rest), match="is cut off")
 
 
+def test_a_cloud_whose_numbers_have_no_size_is_refused(tmp_path):
+    head = "FIELDS x y z\nSIZE 4 4 ,\nTYPE F F F\nPOINTS 1\nDATA binary\n"
+    refused(read_cloud, put(tmp_path / "a.pcd", head + 12 * "1"), match="no PCD header")
+
+
+def test_a_cloud_of_very_many_points_of_nothing_is_refused(tmp_path):
+    head = f"FIELDS\nSIZE\nTYPE\nPOINTS {10**30}\nDATA binary\n"
+    refused(read_cloud, put(tmp_path / "a.pcd", head), match="cut off")
+
+
 def test_grids_of_vtk_that_are_far_larger_than_their_file_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
     text = (
@@ -299,6 +309,11 @@ def test_deeply_nested_toml_is_refused(text, tmp_path):
         refused(read, path)
     refused(read_lens, lens)
     refused(viewpoint, lens)
+
+
+def test_a_very_long_word_is_looked_at_once():
+    with pytest.raises(ValueError, match="Expected '='"):
+        toml_of("a" * (4 << 20))  # when each letter could begin a name, its square took minutes
 
 
 def test_dotted_names_that_are_not_deep_are_read():

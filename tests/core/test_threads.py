@@ -10,6 +10,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.command.threads import at_most
 from resample.files.images import read_image
 from resample.resampler import FOOTPRINTS, Primitive, Resampler
 from resample.types import Samples
@@ -115,6 +116,36 @@ def test_64_threads_give_the_bits_of_one(application, tmp_path):
         subprocess.run([sys.executable, "-m", *words], env=environment, check=True)
     many, one = (read_image(tmp_path / f"{threads}.exr") for threads in ("64", "1"))
     np.testing.assert_array_equal(many, one)
+
+
+ALONE = """
+import os
+import sys
+
+from resample_volume.command.cli import app
+
+words = ["render", "checker-box:size=8", "--size", "16", "-o", sys.argv[1]]
+app([*words, "--threads", "1"], result_action="return_value")
+print(len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+@pytest.mark.parametrize(("suffix", "most"), [(".png", 2), (".exr", 3)])
+def test_libraries_make_no_more_threads_than_the_command_may_have(suffix, most, tmp_path):
+    words = [sys.executable, "-c", ALONE, str(tmp_path / f"box{suffix}")]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    # The main thread waits, for the one that paints and the one that packs.
+    assert int(done.stdout) <= most
+
+
+def test_what_the_environment_allows_is_not_raised(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with at_most(2):
+        assert os.environ["OMP_NUM_THREADS"] == "1"
+        assert int(os.environ["OPENBLAS_NUM_THREADS"]) <= 2
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
 @pytest.mark.slow

@@ -7,10 +7,13 @@ import struct
 import tempfile
 import zlib
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from tests.laser import CENTER, copc_of, las_of
 
 RNG = np.random.default_rng(21)
 VALUES = (RNG.random((6, 7, 8)) * 255).astype(np.uint8)
@@ -112,6 +115,69 @@ def _zarr() -> bytes:
     return _made("a.zarr.zip", write)
 
 
+def _film(name: str, codec: str) -> bytes:
+    import av
+
+    def write(path: Path) -> None:
+        with av.open(str(path), "w") as film:
+            stream = film.add_stream(codec, rate=10)
+            stream.width, stream.height, stream.pix_fmt = 32, 24, "yuv420p"
+            for n in range(3):
+                levels = RNG.integers(0, 255, (24, 32, 3), np.uint8) // (n + 1)
+                frame = av.VideoFrame.from_ndarray(levels, format="rgb24")
+                film.mux(stream.encode(frame.reformat(format="yuv420p")))
+            film.mux(stream.encode(None))
+
+    return _made(name, write)
+
+
+def films() -> list[Case]:
+    """Films; none where PyAV is not installed."""
+    try:
+        import av  # noqa: F401
+    except ImportError:
+        return []
+    codecs = {"mp4": "libx264", "webm": "libvpx-vp9", "avi": "mpeg4", "mkv": "ffv1"}
+    codecs |= {"mpg": "mpeg2video", "mov": "libx264"}
+    return [Case("film", {f"a.{end}": _film(f"a.{end}", name)}) for end, name in codecs.items()]
+
+
+def _slice(z: int, *, frames: int = 1, packed: bool = False) -> bytes:
+    """DICOM file of one slice, or of several frames."""
+    import pydicom
+    from pydicom import uid
+
+    told = pydicom.Dataset()
+    told.file_meta = pydicom.dataset.FileMetaDataset()
+    told.file_meta.TransferSyntaxUID = uid.ExplicitVRLittleEndian
+    told.SOPClassUID, told.SOPInstanceUID = uid.CTImageStorage, f"1.2.8.{z + 1}"
+    told.file_meta.MediaStorageSOPClassUID = told.SOPClassUID
+    told.file_meta.MediaStorageSOPInstanceUID = told.SOPInstanceUID
+    told.Modality, told.SeriesInstanceUID, told.InstanceNumber = "CT", "1.2.3", z + 1
+    told.ImagePositionPatient, told.PixelSpacing = [0, 0, 2.5 * z], [1, 1]
+    told.ImageOrientationPatient, told.SliceThickness = [1, 0, 0, 0, 1, 0], 2.5
+    told.RescaleSlope, told.RescaleIntercept = 1, -1024
+    told.Rows, told.Columns, told.SamplesPerPixel = 7, 8, 1
+    told.BitsAllocated, told.BitsStored, told.HighBit, told.PixelRepresentation = 16, 12, 11, 0
+    told.PhotometricInterpretation = "MONOCHROME2"
+    if frames > 1:
+        told.NumberOfFrames = frames
+    told.PixelData = (VALUES[z : z + frames].astype(np.uint16) * 9).tobytes()
+    if packed:
+        told.compress(uid.RLELossless)
+    return _made("a.dcm", lambda path: told.save_as(path, enforce_file_format=True))
+
+
+def dicoms() -> list[Case]:
+    """Slices in a folder, and files of several frames."""
+    slices = {f"{'bca'[z]}.dcm": _slice(z) for z in range(3)}
+    return [
+        Case("series", slices),
+        Case("series", {name: _slice(n, packed=True) for n, name in enumerate(slices)}),
+        Case("volume", {"a.dcm": _slice(0, frames=3)}),
+    ]
+
+
 def volumes() -> list[Case]:
     """Volumes of every reader."""
     data = VALUES.tobytes()
@@ -198,6 +264,23 @@ def _pcd(kind: str) -> bytes:
     return head + "".join(f"{x} {y} {z}\n" for x, y, z in CLOUD.tolist()).encode()
 
 
+def lasers() -> list[Case]:
+    """Clouds of laser scanners; none where the extra is not installed."""
+    if find_spec("laspy") is None or find_spec("lazrs") is None:
+        return []
+    x, y, z = (CENTER + CLOUD * 9).T
+    columns = {"x": x, "y": y, "z": z, "intensity": np.arange(20)}
+    bright = columns | dict.fromkeys(("red", "green", "blue"), np.full(20, 40_000))
+    copc = copc_of([bright, bright], pages=2)
+    return [
+        Case("cloud", {"a.las": las_of(bright)}),
+        Case("cloud", {"a.las": las_of(columns, point_format=6, version="1.4")}),
+        Case("cloud", {"a.laz": las_of(columns, point_format=1, packed=True)}),
+        Case("cloud", {"a.copc.laz": copc}),
+        Case("coarse-cloud", {"a.copc.laz": copc}),
+    ]
+
+
 OBJ = (
     b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.5\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
     b"usemtl a\nf 1/1 2/2 3/3\nf 2/2 4/4 3/3\n"
@@ -261,6 +344,7 @@ def meshes() -> list[Case]:
         cases.append(Case("cloud", {"a.pcd": _pcd(kind)}))
     return [
         *cases,
+        *lasers(),
         Case("cloud", {"a.csv": b"x,y,z,w\n" + table}),
         Case("cloud", {"a.npz": _npz(position=CLOUD, color=CLOUD)}),
         Case("mesh", {"a.obj": OBJ, "a.mtl": MTL, "a.png": png}),
@@ -384,4 +468,4 @@ def choices() -> list[Case]:
 
 def corpus() -> list[Case]:
     """All of them."""
-    return [*volumes(), *pictures(), *meshes(), *cameras(), *choices()]
+    return [*volumes(), *dicoms(), *pictures(), *films(), *meshes(), *cameras(), *choices()]

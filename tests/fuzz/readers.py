@@ -26,6 +26,10 @@ def _volume(path: Path) -> None:
     np.asarray(open_recording(path).values).sum()
 
 
+def _series(path: Path) -> None:
+    _volume(path.parent)
+
+
 def _film(path: Path) -> None:
     frames = frames_of(path)
     if frames is None:
@@ -44,12 +48,14 @@ def _lens(path: Path) -> None:
 
 READERS: dict[str, Callable[[Path], object]] = {
     "volume": _volume,
+    "series": _series,
     "picture": read_picture,
     "film": _film,
     "depth": read_depth,
     "map": read_map,
     "matrix": lambda path: parse_matrix(str(path)),
     "cloud": read_cloud,
+    "coarse-cloud": lambda path: read_cloud(path, level=1),
     "mesh": load_mesh,
     "scene-mesh": lambda path: read_mesh(str(path)),
     "poses": read_entries,

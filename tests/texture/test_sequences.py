@@ -210,6 +210,21 @@ def test_sound_is_left_out_and_it_is_said(capsys):
     assert capsys.readouterr().err == "resample: in.mp4: its sound is left out\n"
 
 
+@pytest.mark.parametrize("listed", ["ffconcat version 1.0\nfile b.mp4\n", "#EXTM3U\nb.mp4\n"])
+def test_a_list_of_films_is_not_followed(listed, capsys):
+    film("b.mp4")
+    Path("a.mp4").write_text(listed)
+    assert ended("warp", "a.mp4", "-o", "out.mp4", *SAME) == 2
+    assert "a.mp4 is not a film that can be read" in capsys.readouterr().err
+
+
+def test_a_film_of_an_unknown_codec_is_refused(capsys):
+    film("in.mp4")
+    Path("in.mp4").write_bytes(Path("in.mp4").read_bytes().replace(b"avc1", b"zzzz"))
+    assert ended("warp", "in.mp4", "-o", "out.mp4", *SAME) == 2
+    assert "its codec is unknown" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("rotation", [90, 180, 270])
 def test_a_sideways_film_is_turned(rotation):
     film("in.mp4", rotation=rotation)

@@ -1,6 +1,7 @@
 """OME-Zarr and plain zarr arrays: read like any other file, and refused in one line."""
 
 import json
+import os
 import re
 import shutil
 import zipfile
@@ -507,7 +508,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
     common = ["--size", "96", "--transfer", "150..190", "--camera", "30/10/1.3", "--fit", "volume"]
     assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
-    few = ["--memory", "18MB"]
+    few = ["--memory", "20MB"]
     assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr", "--stats", "b.json") == 0
     told = capsys.readouterr().err
     found = re.search(r"not all that is seen fits in memory: painted in (\d+) windows", told)
@@ -523,6 +524,63 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
         assert ended(app, "render", "b.zarr", *choices, *few, "-o", "c.exr") == 2
         assert complaint in capsys.readouterr().err
         assert not Path("c.exr").exists()
+
+
+def frames(folder):
+    return [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
+
+
+def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
+    np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
+    assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
+    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume", "--frames", "2"]
+    few = ["--memory", "20MB"]
+    assert ended(app, "animate", "a.npy", *common, "-o", "a") == 0
+    assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b") == 0
+    assert "frames are painted window by window" in capsys.readouterr().err
+    assert frames("a") == frames("b")
+    (Path("b") / "frame-0001.png").unlink()
+    assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b", "--resume") == 0
+    assert frames("a") == frames("b")
+    other = [*common[:3], "100..190", *common[4:], *few]
+    assert ended(app, "animate", "b.zarr", *other, "-o", "b", "--resume") == 2
+    assert "holds frames of another animation" in capsys.readouterr().err
+
+
+@pytest.mark.sweep
+def test_commands_that_share_their_work_write_the_same_pixels():
+    np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
+    assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
+    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume"]
+    assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
+    assert ended(app, "animate", "a.npy", *common, "--frames", "4", "-o", "a") == 0
+    for workers in "123":
+        few = ["--memory", f"{20 * int(workers)}MB", "--workers", workers]
+        assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr") == 0
+        assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+        shared = [*common, "--frames", "4", *few, "-o", workers]
+        assert ended(app, "animate", "b.zarr", *shared) == 0
+        assert frames("a") == frames(workers)
+    assert sorted(os.listdir()) == ["1", "2", "3", "a", "a.exr", "a.npy", "b.exr", "b.zarr"]
+
+
+def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
+    written(Path("a.zarr"), values)
+    np.save("a.npy", values)
+    words = ["--size", "16", "-o", "a.png", "--workers", "2"]
+    for name, more, message in (
+        ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
+        ("a.zarr", [], "workers paint windows, for which cameras are placed by --fit volume"),
+        ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
+        ("a.zarr", ["--fit", "volume", "--crop", "2:8,:,:"], "crop cannot be painted window"),
+    ):
+        assert ended(app, "render", name, *words, *more) == 2
+        assert message in capsys.readouterr().err
+        assert not Path("a.png").exists()
+    np.save("b.npy", np.stack([values, values]))
+    film = ["animate", "b.npy", "--size", "16", "-o", "b", "--workers", "1"]
+    assert ended(app, *film) == 2
+    assert "is made by one process; leave workers out" in capsys.readouterr().err
 
 
 def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):

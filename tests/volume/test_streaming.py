@@ -142,9 +142,11 @@ def test_any_shape_in_any_bricks_gives_the_same_voxels(shape, side, share, gradi
 # What is read
 
 
-def sparse(side=8):
+def sparse(side=8, *, is_even=False):
     """Volume of 8³ bricks in which one in the middle and one in a corner show something."""
     values = np.zeros((64, 64, 64), np.uint8)
+    if not is_even:
+        values[::4, ::4, ::4] = 1
     values[27:30, 28:30, 26:30], values[61:, 62:, 63:] = 200, 150
     return in_bricks(Volume(values, np.ones(3), np.zeros(3), np.eye(3), "sparse"), (side,) * 3)
 
@@ -157,6 +159,15 @@ def test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere():
     classify(volume, SOLID)
     read = volume.values.read.boxes
     assert len(read) == len(set(read)) == 27 + 8
+
+
+def test_bricks_of_a_single_value_are_not_read_again():
+    volume = sparse(is_even=True)
+    assert volume.values.glance.greatest.max() == 200
+    volume.values.read.boxes.clear()
+    given = volume._replace(values=in_memory(sparse(is_even=True)).values)
+    same_voxels(classify(volume, SOLID), classify(given, SOLID))
+    assert len(volume.values.read.boxes) == 2
 
 
 def test_without_slopes_bricks_beside_are_not_read():

@@ -1,14 +1,28 @@
 """Dense volumes in bricks, painted window by window, have the bits of volumes in memory."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from resample import Resampler
 from resample.cameras.viewpoints import Orbit
-from resample_volume.rendering import Appearance, Subject, render_in_windows
-from resample_volume.types import Volume
+from resample.command.settings import Sharing
+from resample.command.workers import at_work
+from resample_volume.files.source import open_streamed
+from resample_volume.files.stores.chunks import Single
+from resample_volume.files.stores.writing import Layered, write_store
+from resample_volume.media.recordings import volume_at
+from resample_volume.rendering import Appearance, Subject
+from resample_volume.types import Recording, Volume
+from resample_volume.voxels.blocks import Lattice, bounds_of
 from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import lattice_of
+from resample_volume.windows import Spent, render_in_windows
+from tests.killing import Killing
 
 SIZE = (120, 150)
 EYE = Orbit(30, 20, 1.3)
@@ -30,13 +44,13 @@ def in_bricks(volume, side):
 
 @pytest.mark.parametrize("side", [(8, 8, 8), (5, 7, 9)])
 @pytest.mark.parametrize("look", [Appearance("60..190"), Appearance("60..190", light=None)])
-@pytest.mark.parametrize("memory", [1_300_000, 1 << 30])
+@pytest.mark.parametrize("memory", [700_000, 1 << 30])
 def test_windows_have_the_bits_of_a_volume_in_memory(side, look, memory, rng):
     volume = smoke(rng)
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(EYE, *SIZE)
     whole = Resampler()(subject.seen_by(camera), camera, height=SIZE[0], width=SIZE[1])
-    found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, memory)
+    found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Spent(memory))
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -46,6 +60,77 @@ def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
     for look in (Appearance("60..190", clip=("1/0/0",)), Appearance(light=Light(occlusion=True))):
         with pytest.raises(ValueError, match="window by window; leave it out"):
-            render_in_windows(volume, look, EYE, SIZE, 1 << 30)
+            render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
-        render_in_windows(volume, Appearance("60..190"), EYE, SIZE, 1000)
+        render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
+
+
+@pytest.mark.parametrize("eye", [EYE, Orbit(200, -40, 6.0), Orbit(10, 5, fov=0)])
+@pytest.mark.parametrize("side", [8, 16])
+def test_blocks_are_where_their_footprints_are(eye, side, rng):
+    volume = smoke(rng)
+    subject = Subject.of(volume, Appearance("60..190"), around=volume)
+    camera = subject.camera(eye, *SIZE)
+    seen = subject.seen_by(camera)
+    records = Resampler().footprints(seen, camera, height=SIZE[0], width=SIZE[1])
+    moved = centered(volume)[0]
+    back = np.linalg.inv(lattice_of(moved)).T
+    z, y, x = np.rint((seen.position - moved.origin) @ back).astype(int).T[::-1]
+    lattice = Lattice(volume.values.shape, side)
+    every = np.arange(np.prod(lattice.blocks))
+    bounds = bounds_of(moved, lattice, every, Resampler().reconstruction.radius, camera.view())
+    block = np.ravel_multi_index((z // side, y // side, x // side), lattice.blocks)
+    is_seen = records["left"] <= records["right"]
+    assert is_seen.sum() > 1000
+    left, top, right, bottom = bounds[block[is_seen]].T
+    known, margin = records[is_seen], 1.0  # of the pixel filter, and of rounding
+    assert (known["left"] >= left - margin).all()
+    assert (known["right"] <= right + margin).all()
+    assert (known["top"] >= top - margin).all()
+    assert (known["bottom"] <= bottom + margin).all()
+
+
+LAYERS = ("rgba", "depth", "first_depth", "coverage")
+
+
+def whole_of(volume, look):
+    subject = Subject.of(volume, look, around=volume)
+    camera = subject.camera(EYE, *SIZE)
+    return Resampler()(subject.seen_by(camera), camera, height=SIZE[0], width=SIZE[1])
+
+
+def stored(volume, path):
+    """The same volume in a store, in chunks of 16 voxels per side."""
+    recording = Recording(Single(volume.values), *volume[1:5])
+    write_store(path, recording, Layered(chunk=16, is_layered=False))
+    found = volume_at(open_streamed(path), None, None)
+    return found._replace(values=replace(found.values, side=(8, 8, 8)))
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
+    volume, look = smoke(rng), Appearance("60..190")
+    whole = whole_of(volume, look)
+    with ThreadPoolExecutor(workers) as executor:
+        spent = Spent(700_000, 1, tmp_path, executor)
+        found, windows = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
+    assert len(list(tmp_path.iterdir())) == windows > 1
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_a_picture_its_own_windows_alone(rng, tmp_path):
+    volume, look = smoke(rng), Appearance("60..190")
+    whole, in_file = whole_of(volume, look), stored(volume, tmp_path / "smoke.zarr")
+    for name in ("marks", "windows"):
+        (tmp_path / name).mkdir()
+    with at_work(Sharing(workers=2)) as crew:
+        killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True)
+        spent = Spent(700_000, 1, tmp_path / "windows", killing)
+        found, windows = render_in_windows(in_file, look, EYE, SIZE, spent)
+    assert windows > 2
+    assert killing.redone(0)
+    assert killing.redone(1)
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name

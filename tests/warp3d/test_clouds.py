@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.spatial
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.engine.jit import threads, workers
+from resample.engine.jit import workers
 from resample.types import Frame
 from resample_warp3d.clouds import spacing
 from resample_warp3d.clouds.files import Cloud, read_cloud
@@ -530,21 +529,6 @@ def test_none_is_refused_in_words(name, use):
 def test_a_frame_of_none_is_refused_in_words():
     with pytest.raises(ValueError, match="position of a cloud is None"):
         framed(_cloud(_grid(4))._replace(position=None), size=SIZE[::-1])
-
-
-@pytest.mark.parametrize("count", [1, 2, None])
-def test_neighbours_are_looked_up_by_as_many_threads_as_allowed(count, monkeypatch):
-    used = []
-
-    class Spy(scipy.spatial.cKDTree):
-        def query(self, *args, workers=1, **kwargs):
-            used.append(workers)
-            return super().query(*args, workers=workers, **kwargs)
-
-    monkeypatch.setattr(scipy.spatial, "cKDTree", Spy)
-    with threads(count):
-        prepare_cloud(_cloud(_grid(20)))
-        assert set(used) == {workers()}
 
 
 def test_threads_are_limited_by_an_argument(monkeypatch):

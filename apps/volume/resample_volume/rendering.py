@@ -10,7 +10,6 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
-from resample.painting.scene import nothing_painted
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler, shape_of
 from resample.types import (
@@ -21,7 +20,6 @@ from resample.types import (
     Frame,
     LatticeField,
     Samples,
-    Statistics,
     Triangles,
     View,
 )
@@ -37,7 +35,7 @@ from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, in_memory
+from resample_volume.voxels.bricks import in_memory
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
@@ -53,7 +51,6 @@ from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, wit
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.visible import Voxels, classify, finite_range, unit_of
-from resample_volume.voxels.windowed import Work, painted_in_windows
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
@@ -322,97 +319,6 @@ def lit_samples(
     if view.perspective:
         return shade(voxels, light, eye=_eye(view), steepest=steepest)
     return shade(voxels, light, view=view.rotation[2], steepest=steepest)
-
-
-def render_in_windows(
-    volume: Volume,
-    appearance: Appearance,
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    memory: int,
-    resampler: Resampler | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, int]:
-    """Picture of a volume in bricks, of which one window's voxels are in memory at a time.
-
-    Parameters
-    ----------
-    volume
-        Whose values are `Bricks`, without padding.
-    appearance
-        Its look, without what depends on all voxels that are seen.
-    viewpoint
-        Orbits are around the whole volume, whatever of it is seen.
-    size
-        Height and width of the picture, px.
-    memory
-        Bytes that a window's visible voxels may take.
-    resampler
-        Paints splats of voxels; None is the default one.
-    progress
-        Called with the share of the work that is done, 0 to 1.
-
-    Returns
-    -------
-    frame
-        With the bits of a volume in memory; of its statistics the samples alone are known.
-    windows
-        How many there were.
-
-    Raises
-    ------
-    ValueError
-        A choice needs all visible voxels together, or those of a single tile do not fit.
-    """
-    camera = unseen(volume, appearance).camera(viewpoint, *size)
-    scene, _ = centered(volume)
-    paint, tell = resampler or BY_DEFAULT, progress or _unheard
-
-    def lit(voxels: Voxels, steepest: Floats) -> Samples:
-        return lit_samples(voxels, appearance.light, camera, steepest)
-
-    work = Work(scene, lambda part: visible_voxels(part, appearance), lit, paint, camera, size)
-    whole, count, samples = nothing_painted(*size).film, 0, 0
-    values: Any = scene.values
-    for (x0, y0, x1, y1), frame in painted_in_windows(work, values, memory, tell):
-        seen = (frame.rgba, frame.depth, frame.first_depth, frame.coverage)
-        for layer, part in zip(whole, seen, strict=True):
-            layer[y0:y1, x0:x1] = part
-        count, samples = count + 1, samples + frame.statistics.samples
-    return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
-
-
-def _unheard(share: float) -> None:
-    """Progress that nobody wants to know."""
-
-
-def unseen(volume: Volume, appearance: Appearance) -> "Subject":
-    """Volume in bricks of which nothing is in memory: where it is, and cameras around it.
-
-    Raises
-    ------
-    ValueError
-        It cannot be painted window by window.
-    """
-    scene, middle = centered(volume)
-    _check_windows(scene, appearance)
-    return Subject(NO_VOXELS, appearance, ball_around(scene), middle, planes(scene, None, ()))
-
-
-def _check_windows(volume: Volume, look: Appearance) -> None:
-    """Refuse what depends on all visible voxels together."""
-    needs = [name for name in look.extras if name != "mesh"]
-    needs += ["crop"] * (look.crop is not None) + ["clip"] * bool(look.clip)
-    needs += ["mesh"] * bool(look.meshes)
-    if look.light is not None and look.light.is_blocked:
-        needs.append("shadows or occlusion")
-    if transfer_of(volume, look).needs_gradient:
-        needs.append("a transfer function of gradients")
-    if look.classification is not Classification.PRE:
-        needs.append("the classification post")
-    if needs or not isinstance(volume.values, Bricks):
-        what = ", ".join(needs) or "a volume in memory"
-        raise ValueError(f"{what} cannot be painted window by window; leave it out")
 
 
 @dataclass(frozen=True, eq=False)

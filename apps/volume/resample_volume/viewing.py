@@ -27,6 +27,7 @@ from resample_volume.command.inputs import prepared
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
+from resample_volume.files.stores.addresses import is_address
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
@@ -312,6 +313,8 @@ def suits(names: Sequence[str]) -> bool:
     if len(names) != 1:
         return False
     (name,) = names
+    if is_address(name):
+        return True
     if not Path(name).exists():
         return name.partition(":")[0] in GENERATED
     try:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, TypeAdapter
 from resample import memory as memories
 from resample.command.flags import Switch, under
 from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
+from resample.command.threads import at_most
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
@@ -187,8 +188,14 @@ def _keeping(name: str, command: Command) -> Command:
         allow_outside: bool = False,
         **options: Any,
     ) -> Any:
-        text = as_toml(name, dict(_chosen(signature, options)))
-        with memories.allowing(memory), raised(limit, allow_outside=allow_outside), stating(text):
+        chosen = dict(_chosen(signature, options))
+        text = as_toml(name, chosen)
+        with (
+            memories.allowing(memory),
+            at_most(chosen.get("threads")),
+            raised(limit, allow_outside=allow_outside),
+            stating(text),
+        ):
             if save_settings is None:
                 return command(*inputs, **options)
             check_targets(save_settings, settings, options.get("output"))

@@ -25,7 +25,7 @@ from resample.command.console import Progress, say
 from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
-from resample.types import Doubles
+from resample.types import Doubles, Frame
 from resample_volume.media.series import around
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
@@ -298,6 +298,11 @@ def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
         threads=paint.threads,
         clip=subject.clip,
     )
+    return finished(painted, camera, paint)
+
+
+def finished(painted: Frame, camera: AnyCamera, paint: Paint) -> Levels:
+    """Frame (H, W, 3) as a screen takes it, with what is drawn into it."""
     if paint.drawing is not None:
         painted = annotated(painted, camera, *paint.drawing)
     levels: Levels = np.floor(shown(painted.rgba, paint.background) * 255.0 + 0.5).astype(np.uint8)

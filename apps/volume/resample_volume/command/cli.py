@@ -3,7 +3,6 @@
 import json
 import math
 import sys
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
@@ -12,7 +11,14 @@ from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import PictureFormat, Resampling, Serving, linear_color, method_names
+from resample.command.settings import (
+    PictureFormat,
+    Resampling,
+    Serving,
+    Sharing,
+    linear_color,
+    method_names,
+)
 from resample.files.facts.settings import with_settings
 from resample_volume.command.choices import (
     Added,
@@ -42,7 +48,7 @@ app.register_install_completion_command()
 
 LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
 PROJECTING, ADDED = Projecting(), Added()
-BESIDE, BESIDE_PICTURE, SERVING = Beside(), BesidePicture(), Serving()
+BESIDE, BESIDE_PICTURE, SERVING, SHARING = Beside(), BesidePicture(), Serving(), Sharing()
 FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
@@ -67,6 +73,7 @@ def render(
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
     stats: flags.Stats = None,
 ) -> None:
     """Render a volume to a picture.
@@ -83,7 +90,7 @@ def render(
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
     from resample_volume.command.media import media, with_meshes
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, report, to_paint
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, doing_by, report, to_paint
     from resample_volume.files.writing import with_bar
     from resample_volume.space.annotations import annotated
     from resample_volume.space.slabs import boxed, write_slabs
@@ -96,14 +103,14 @@ def render(
     meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
     check_targets(output, stats)
+    doing = doing_by(picture.threads, sharing, output)
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with session.stage("read"):
         shown = with_meshes(media(source, volume, look, added, resampler), meshes)
         if beside.color_bar:
             require_values(shown[0][0], "a color bar")
-    threads = picture.threads
-    scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, threads)
+    scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
     subject, camera, paint = scene
     frame = paint(camera)
     with session.stage("write"):
@@ -224,6 +231,7 @@ def animate(
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
     resume: flags.Resume = False,
 ) -> None:
     """Move a camera around a volume, or away from it; a volume of several times moves itself.
@@ -244,42 +252,35 @@ def animate(
         At most this many; pixels do not depend on it.
     """
     from resample.command.console import progress_bar
-    from resample.command.session import Session, require_picture
+    from resample.command.session import require_picture
+    from resample.command.workers import at_work, check_sharing
     from resample.files.animations import check_film, write_film
-    from resample_volume.command import animation
+    from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
-    from resample_volume.command.media import can_stream, filmed, media, series_of, with_meshes
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
+    from resample_volume.command.media import can_stream
+    from resample_volume.command.rendering import BYTES_PER_PIXEL
 
     check_film(output, fps)
+    check_sharing(sharing)
     flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    meshes = beside.with_meshes(look, resampler)
+    beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     recording = None
     if source.time is None and not added.channels:
         recording = over_time(source, volume, streamed=can_stream(look, added, resampler))
-    series = None if recording is None else series_of(source, recording)
     paint = animation.Paint(resampler, shape, behind, threads)
+    script = filming.Script(
+        volume, source, look, added, beside, resampling, frames, str(Path.cwd())
+    )
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    if series is None:
-        given = media(source, volume, look, added, resampler, recording=recording)
-        shown = with_meshes(given, meshes)
-        subject = scene_of(Session(), shown, resampler, look.fit, shape)
-        drawn = animation.drawing(shown[0][0], subject, beside.annotations(behind))
-        paint = replace(paint, drawing=drawn)
-        made = animation.shots(subject, animation.cameras_of(subject, flight, shape), paint, about)
-    else:
-        course = filmed(series, look, added, resampler, meshes)
-        drawn = animation.drawing(series[0], course[0], beside.annotations(behind))
-        paint = replace(paint, drawing=drawn)
-        flight = animation.over_time(flight, frames, course.times)
-        cameras = animation.cameras_of(course[0], flight, shape)
-        made = animation.shots_over_time(course, cameras, paint, about)
-    with progress_bar("filming") as progress:
-        write_film(output, made, fps, resume=resume, progress=progress)
+    film = filming.film_of(script, recording, flight, paint, about)
+    with at_work(sharing, threads) as crew, progress_bar("filming") as progress:
+        made = film.shots if crew is None else filming.shared_by(crew, script, film)
+        executor = None if crew is None else crew.executor
+        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 
 
 @app.command

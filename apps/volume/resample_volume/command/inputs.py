@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.command.console import say
+from resample.command.console import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of
+from resample.watching import told
 from resample_volume.command.choices import Source
-from resample_volume.files.readers import Raw, Reader, Streamer, three_numbers
+from resample_volume.files.readers import Raw, Reader, three_numbers
 from resample_volume.files.source import (
     find_reader,
+    levels_of,
     open_recording,
     open_streamed,
     open_volume,
@@ -84,11 +86,7 @@ def announced(volume: Volume) -> Volume:
 
 def levels(source: Source, name: str) -> list[dict[str, Any]]:
     """Sizes that a file has several of; none where it has but one, see `Streamer.levels`."""
-    place, reader = _named(source, name)
-    if not Path(place).exists():
-        return []
-    found = reader or find_reader(Path(place))
-    return found.levels(Path(place)) if isinstance(found, Streamer) else []
+    return levels_of(*_named(source, name))
 
 
 def over_time(source: Source, name: str, *, streamed: bool) -> Recording | None:
@@ -133,7 +131,7 @@ def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
     if told:
         reader = _told(Raw() if reader is None else reader, told)
     if source.level is not None:
-        reader = with_level(reader or find_reader(Path(name)), source.level)
+        reader = with_level(reader or find_reader(name), source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
 
@@ -166,7 +164,10 @@ def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
 
 def said(volume: Volume) -> Volume:
     """Volume without its padding; what was found in it is said."""
-    known = survey(volume)
+    values: Values = volume.values
+    bricks = prod(values.count) if isinstance(values, Bricks) else 0
+    with progress_bar("looking at bricks", bricks) as progress, told(progress):
+        known = survey(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     return without_padding(volume, known)

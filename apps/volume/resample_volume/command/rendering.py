@@ -1,12 +1,18 @@
 """A volume made ready once and painted as often as is asked for."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, cast
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
 from resample.command.console import progress_bar, say
 from resample.command.session import Session
+from resample.command.settings import Sharing
+from resample.command.workers import at_work, check_sharing
+from resample.files.writing import beside
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
@@ -18,12 +24,11 @@ from resample_volume.rendering import (
     Subject,
     check_several,
     check_together,
-    render_in_windows,
-    unseen,
 )
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
+from resample_volume.windows import Spent, render_in_windows, unseen
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -73,6 +78,20 @@ class Painting(NamedTuple):
     paint: Callable[[AnyCamera], Frame]
 
 
+class Doing(NamedTuple):
+    """Who paints a picture."""
+
+    threads: int | None = None
+    sharing: Sharing = Sharing()
+    output: Path | None = None  # beside which several processes may keep windows
+
+
+def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Doing:
+    """Who paints a picture; errors as of `check_sharing`."""
+    check_sharing(sharing)
+    return Doing(threads, sharing, output)
+
+
 def to_paint(
     session: Session,
     media: Sequence[Medium],
@@ -80,28 +99,45 @@ def to_paint(
     fit: Fit,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    threads: int | None,
+    doing: Doing,
 ) -> Painting:
-    """Volumes ready to be painted; a single one in bricks, that is too dense, window by window.
+    """Volumes ready to be painted; window by window a single one in bricks, if that is too dense.
+
+    So it is where workers are asked for, too.
 
     Raises
     ------
     ValueError
         As of `scene_of`; or windows serve neither.
     """
+    if doing.sharing.is_asked:
+        _check_bricks(media[0][0], fit)
+        return _in_windows(session, media, resampler, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
     except TooManyVoxelsError as error:
         if fit != "volume":
             raise ValueError(f"{error}; with --fit volume it is painted window by window") from None
-        return _in_windows(session, media, resampler, viewpoint, size)
+        return _in_windows(session, media, resampler, viewpoint, size, doing)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
     def paint(eye: AnyCamera) -> Frame:
-        return painted(session, resampler, seen, eye, size, threads, subject.clip)
+        return painted(session, resampler, seen, eye, size, doing.threads, subject.clip)
 
     return Painting(subject, camera, paint)
+
+
+def _check_bricks(volume: Volume, fit: Fit) -> None:
+    """Refuse to share out a picture that is not painted by windows."""
+    values: Values = volume.values
+    if not isinstance(values, Bricks):
+        raise ValueError(
+            f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
+            "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
+        )
+    if fit != "volume":
+        raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
 
 
 def _in_windows(
@@ -110,25 +146,47 @@ def _in_windows(
     resampler: Resampler,
     viewpoint: Viewpoint,
     size: tuple[int, int],
+    doing: Doing,
 ) -> Painting:
     """A volume in bricks, of which one window's voxels are in memory at a time."""
     (volume, look), *others = media
-    subject, bricks = unseen(volume, look), cast(Bricks, volume.values)
+    subject = unseen(volume, look)
     if others:
         raise ValueError("several volumes cannot be painted window by window; leave the others out")
-    camera, allowed = subject.camera(viewpoint, *size), bricks.memory or available_memory() or 0
+    camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
         if eye is not camera:
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
-        with session.stage("paint", bar="painting windows") as progress:
+        with (
+            session.stage("paint", bar="painting windows") as progress,
+            shared(doing, volume) as spent,
+        ):
             frame, count = render_in_windows(
-                volume, look, viewpoint, size, allowed, resampler, progress
+                volume, look, viewpoint, size, spent, resampler, progress
             )
-        say(f"not all that is seen fits in memory: painted in {count} windows")
+        if spent.executor is None:
+            say(f"not all that is seen fits in memory: painted in {count} windows")
+        else:
+            say(f"painted in {count} windows by {doing.sharing.who}")
         return frame
 
     return Painting(subject, camera, paint)
+
+
+@contextmanager
+def shared(doing: Doing, volume: Volume) -> Iterator[Spent]:
+    """What windows of a volume in bricks may take, and who paints them, while they do."""
+    bricks: Any = volume.values
+    allowed = bricks.memory or available_memory() or 0
+    with at_work(doing.sharing, doing.threads) as crew:
+        if crew is None or doing.output is None:
+            yield Spent(allowed, doing.threads)
+            return
+        each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
+        with beside(Path(os.path.realpath(doing.output))) as folder:
+            folder.mkdir()
+            yield Spent(each, crew.threads, folder, crew.executor)
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:

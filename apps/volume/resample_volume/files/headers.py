@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -176,7 +176,7 @@ def existing_file(path: Path) -> Path:
     return path
 
 
-def stem(path: Path, suffixes: tuple[str, ...]) -> str:
+def stem(path: PurePath, suffixes: tuple[str, ...]) -> str:
     """File name without its format's suffix: `engine` of `engine.nii.gz`."""
     for suffix in sorted(suffixes, key=len, reverse=True):
         if path.name.lower().endswith(suffix) and len(path.name) > len(suffix):

@@ -11,7 +11,9 @@ from resample.samples.finding import PREFIX, sample_path
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
+from resample_volume.files.stores.addresses import Address, is_address
 from resample_volume.files.stores.opening import is_store
+from resample_volume.files.stores.reader import Zarr
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
 from resample_volume.types import Recording, Volume
@@ -24,8 +26,9 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     Parameters
     ----------
     name
-        A file, a folder of slices, or a generated volume with its parameters: `vessel-tree`,
-        `checker-box:size=64,block=8`, `sample:vessel-tree`.
+        A file, a folder of slices, the address of a store of zarr (`https://...`, `s3://...`), or a
+        generated volume with its parameters: `vessel-tree`, `checker-box:size=64,block=8`,
+        `sample:vessel-tree`.
     reader
         Reads the file or folder; None finds one among all that are installed.
 
@@ -36,7 +39,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     Raises
     ------
     OSError
-        There is no such file, or it must not be read.
+        There is no such file, it must not be read, or a server does not answer.
     ValueError
         No reader knows it, or what it holds is no volume.
 
@@ -46,6 +49,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     >>> open_volume("checker-box:size=16,block=4").values.shape
     (16, 16, 16)
     """
+    if is_address(name):
+        return _distant(reader)(Address(str(name)))
     name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
@@ -69,6 +74,8 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     name, reader
         As in `open_volume`, whose errors are those of this, too.
     """
+    if is_address(name):
+        return _distant(reader).recorded(Address(str(name)))
     name = _unprefixed(name)
     path = Path(name)
     if path.exists() or reader is not None:
@@ -92,6 +99,8 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
     name, reader
         As in `open_volume`, whose errors are those of this, too.
     """
+    if is_address(name):
+        return _distant(reader).streamed(Address(str(name)))
     path = Path(_unprefixed(name))
     if not path.exists():
         return None
@@ -101,6 +110,38 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
     return found.streamed(path)
 
 
+def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
+    """Sizes that there are under a name, see `Streamer.levels`; none of a file that has but one.
+
+    Parameters
+    ----------
+    name, reader
+        As in `open_volume`, whose errors are those of this, too.
+    """
+    if is_address(name):
+        return _distant(reader).levels(Address(str(name)))
+    path = Path(_unprefixed(name))
+    if not path.exists():
+        return []
+    found = reader or find_reader(path)
+    return found.levels(path) if isinstance(found, Streamer) else []
+
+
+def _distant(reader: Reader | None) -> Zarr:
+    """Reader of what lies elsewhere.
+
+    Raises
+    ------
+    ValueError
+        It is none of zarr.
+    """
+    if reader is None:
+        return Zarr()
+    if not isinstance(reader, Zarr):
+        raise ValueError("of addresses only stores of zarr are read; download other files")
+    return reader
+
+
 def _not_empty(path: Path) -> Path:
     """Path of what is no empty file; an empty one has no format to be told."""
     if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, _readers()[0]):
@@ -108,14 +149,17 @@ def _not_empty(path: Path) -> Path:
     return path
 
 
-def find_reader(path: Path) -> Reader:
-    """Reader for a file's suffix, the longest that fits, or for what a folder holds.
+def find_reader(path: str | Path) -> Reader:
+    """Reader for a file's suffix, the longest that fits, or for what a folder or address holds.
 
     Raises
     ------
     ValueError
         No installed reader fits, or two do.
     """
+    if is_address(path):
+        return _distant(None)
+    path = Path(path)
     readers, broken = _readers()
     if is_store(path):
         suffix = ".zarr"

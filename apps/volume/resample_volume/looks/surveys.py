@@ -1,6 +1,5 @@
 """What a volume's values are, found by looking at all of them: range, padding, strays, units."""
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -241,8 +240,8 @@ def _levels(values: Values) -> tuple[Levels, int]:
     some = some[np.isfinite(some)]
     low, high = (some.min(), some.max()) if some.size else (np.inf, -np.inf)
     value, count = np.unique(some, return_counts=True)
-    beyond, infinite = [np.zeros(0)], 0
-    for part in _reaching_beyond(values, low, high):
+    beyond, infinite = [np.zeros(0)], values.glance.infinite if isinstance(values, Bricks) else 0
+    for part in [values.glance.beyond] if isinstance(values, Bricks) else parts(values):
         outside = part[(part < low) | (part > high)]
         finite = outside[np.isfinite(outside)]
         infinite += outside.size - finite.size
@@ -251,17 +250,6 @@ def _levels(values: Values) -> tuple[Levels, int]:
     order = np.argsort(np.concatenate([value, more]), kind="stable")
     counts = np.concatenate([count * step**3, often])
     return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
-
-
-def _reaching_beyond(values: Values, low: float, high: float) -> Iterator[NDArray[Any]]:
-    """Parts of a volume that may have values outside of a range, or infinite ones."""
-    if not isinstance(values, Bricks):
-        yield from parts(values)
-        return
-    known = values.glance
-    is_beyond = (known.least < low) | (known.greatest > high) | (known.infinite > 0)
-    chosen = [index for index in values.all() if is_beyond[index]]
-    yield from values.each(values.brick, chosen)
 
 
 @found_once(lambda values: values)

@@ -1,20 +1,21 @@
 """Values that stay in their file: read brick by brick, and looked at once."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from math import prod
 from threading import Lock
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory import amount
 from resample.types import Doubles
+from resample.watching import look
 from resample_volume.files.memory import require_memory
 from resample_volume.types import Volume
 from resample_volume.voxels.parts import slabs, threads_at_work
@@ -35,7 +36,41 @@ class Glance(NamedTuple):
     missing: int  # voxels
     some: NDArray[Any]  # every so many voxels along each axis, see `step_of`
     rim: NDArray[Any]  # (N,) all on the six sides
+    beyond: NDArray[Any]  # finite values outside of the range of `some`; none of few
     codes: NDArray[np.int64] | None  # how often each value occurs, by its bits, where these are few
+
+
+class Asked(NamedTuple):
+    """Blocks whose voxels are asked for."""
+
+    side: int  # voxels along each axis
+    is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
+
+    def has_any(self, box: Box) -> bool:
+        """Whether some voxel of a box is asked for."""
+        z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
+        return bool(self.is_asked[z, y, x].any())
+
+    def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
+        """Which voxels (N,) are asked for, by their indices along z, y and x."""
+        z, y, x = (n // self.side for n in at)
+        return self.is_asked[z, y, x]
+
+
+class Keeper(Protocol):
+    """Keeps what is known of values for others who ask for the same."""
+
+    def load(self, bricks: "Bricks") -> Glance | None:
+        """What is kept; None if nothing is that still holds."""
+        ...
+
+    def state(self) -> str | None:
+        """State of the file, by which a change is noticed; None where it might not be."""
+        ...
+
+    def keep(self, bricks: "Bricks", found: Glance, state: str | None) -> None:
+        """Keep what was found of a file in a state."""
+        ...
 
 
 @dataclass(eq=False)
@@ -54,7 +89,8 @@ class Bricks:
     memory: int | None = None  # bytes that what is made of them may take; None: the machine's
     reads: int = 0  # bricks that were read
     most_held: int = 0  # bytes of bricks that were in memory together, at most
-    only: frozenset[Step] | None = None  # bricks whose voxels are asked for; None: all
+    asked: Asked | None = None  # blocks whose voxels are asked for; None: all
+    keeper: "Keeper | None" = None  # of what is known of all values
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -81,7 +117,13 @@ class Bricks:
         return [(z, y, x) for z, y, x in product(*map(range, self.count))]
 
     def brick(self, index: Step) -> NDArray[Any]:
-        """Values of a brick."""
+        """Values of a brick; one that is known to have a single value is not read."""
+        if self.dtype.kind in "iu" and self.dtype.itemsize <= 4 and "ends" in self.__dict__:
+            least, greatest = (end[index] for end in self.ends)
+            if least == greatest:
+                return np.full(
+                    [part.stop - part.start for part in self.box(index)], least, self.dtype
+                )
         values = self.read(self.box(index))
         with self._lock:
             self.reads += 1
@@ -93,11 +135,20 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def among(self, some: Iterable[Step]) -> "Bricks":
-        """The same, of which voxels of some bricks are asked for; it counts its own reads."""
-        part = replace(self, only=frozenset(some), reads=0, _lock=Lock())
-        part.__dict__["glance"] = self.glance  # of the whole
+    def within(self, asked: Asked | None) -> "Bricks":
+        """The same, of which voxels of some blocks are asked for; it counts its own reads."""
+        part = replace(self, asked=asked, reads=0, most_held=0, _lock=Lock())
+        part.__dict__["ends"] = self.ends  # of the whole
         return part
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs, of what was found the ends of bricks alone."""
+        known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
+        left = {name: part for name, part in self.__dict__.items() if name != "glance"}
+        return left | known | {"found": {}, "_lock": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _lock=Lock())
 
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""
@@ -136,11 +187,28 @@ class Bricks:
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
         """The same without values that stand for none, nor infinite ones."""
         replaced = (np.array(padding), by)
-        return Bricks(self.read, self.shape, self.dtype, self.side, replaced, memory=self.memory)
+        own = (self.read, self.shape, self.dtype, self.side, replaced)
+        return Bricks(*own, memory=self.memory, keeper=self.keeper)
+
+    @cached_property
+    def ends(self) -> tuple[Doubles, Doubles]:
+        """Least and greatest finite value of each brick, as `Glance` has them."""
+        return self.glance.least, self.glance.greatest
 
     @cached_property
     def glance(self) -> Glance:
         """What is known of all values; the first time, each brick is read."""
+        keeper = self.keeper
+        kept = None if keeper is None else keeper.load(self)
+        if keeper is None or kept is not None:
+            return kept or self._looked_at()
+        state = keeper.state()
+        found = self._looked_at()
+        keeper.keep(self, found, state)
+        return found
+
+    def _looked_at(self) -> Glance:
+        """What a look at all values finds; each brick is read once."""
         step = step_of(self.size)
         some = np.empty([-(-size // step) for size in self.shape], self.dtype)
         sides = [
@@ -149,7 +217,7 @@ class Bricks:
         least, greatest = np.full(self.count, np.inf), np.full(self.count, -np.inf)
         count = np.zeros(1 << 8 * self.dtype.itemsize, np.int64) if are_few(self.dtype) else None
 
-        def look(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
+        def see(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
             values, box = self.brick(index), self.box(index)
             least[index], greatest[index], infinite, missing = _extent(values)
             _keep_some(some, values, box, step)
@@ -160,12 +228,27 @@ class Bricks:
             return infinite, missing, None if count is None else count_codes(values)
 
         infinite = missing = 0
-        for more, none, codes in self.each(look, self.all()):
+        for n, (more, none, codes) in enumerate(self.each(see, self.all())):
+            look(n + 1, prod(self.count))
             infinite, missing = infinite + more, missing + none
             if count is not None and codes is not None:
                 count += codes
         rim = np.concatenate([side.ravel() for side in sides])
-        return Glance(least, greatest, infinite, missing, some, rim, count)
+        beyond = self._beyond(least, greatest, some)
+        return Glance(least, greatest, infinite, missing, some, rim, beyond, count)
+
+    def _beyond(self, least: Doubles, greatest: Doubles, some: NDArray[Any]) -> NDArray[Any]:
+        """Finite values outside of the range of a sample, of bricks with such ends."""
+        if are_few(self.dtype):
+            return some[:0].ravel()
+        low, high, *_ = _extent(some)
+
+        def see(index: Step) -> NDArray[Any]:
+            values = self.brick(index)
+            return np.asarray(values[((values < low) | (values > high)) & np.isfinite(values)])
+
+        chosen = [index for index in self.all() if least[index] < low or greatest[index] > high]
+        return np.concatenate([some[:0].ravel(), *self.each(see, chosen)])
 
 
 Values = NDArray[Any] | Bricks

@@ -1,10 +1,10 @@
 """Voxels that may be seen, found brick by brick: the others are never in memory together."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ class TooManyVoxelsError(ValueError):
 
 
 Indices = NDArray[np.int64]
+R = TypeVar("R")
 
 
 class Candidates(NamedTuple):
@@ -67,15 +68,55 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
     parts, count = [_nothing(bricks)], 0
-    found = (
-        _with_slopes(bricks, wanted, chosen) if wanted.gradient else _plain(bricks, wanted, chosen)
-    )
-    for n, part in enumerate(found):
+    for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
         count += part.place.size
         _require(bricks, wanted.transfer, count, name)
         look(n + 1, len(chosen))
     return _in_order(parts, bricks)
+
+
+def brick_by_brick(
+    bricks: Bricks, wanted: Looked, chosen: Sequence[Step], finish: Callable[[Candidates, Box], R]
+) -> Iterator[R]:
+    """What a job makes of the visible voxels of each brick, in the order of the bricks.
+
+    Parameters
+    ----------
+    bricks
+        Values; where some blocks alone are asked for, other voxels count as hidden.
+    wanted
+        What they are looked at with.
+    chosen
+        Bricks, ascending; see `visible_bricks`.
+    finish
+        The job, of voxels and their brick's box; done for several bricks at a time.
+    """
+
+    def see(index: Step, around: dict[Step, NDArray[Any]]) -> R:
+        box = bricks.box(index)
+        if wanted.gradient is None:
+            values, corner = bricks.brick(index), (box[0].start, box[1].start, box[2].start)
+        else:
+            values, corner = _padded(box, around, bricks)
+        return finish(_seen(values, box, corner, bricks, wanted), box)
+
+    threads = threads_at_work()
+    pool, waiting = ThreadPoolExecutor(threads), deque[Future[R]]()
+    window = _Window(bricks, chosen if wanted.gradient else (), pool, threads)
+    try:
+        for n, index in enumerate(chosen):
+            waiting.append(pool.submit(see, index, window.around(n) if wanted.gradient else {}))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _as_it_is(part: Candidates, _: Box) -> Candidates:
+    return part
 
 
 def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
@@ -95,7 +136,7 @@ def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
 
 def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) -> list[Step]:
     """Bricks that may have a value with some opacity; of few values, those that have one."""
-    least, greatest = bricks.glance.least, bricks.glance.greatest
+    least, greatest = bricks.ends
     is_seen = least <= greatest
     if are_few(bricks.dtype):
         info = np.iinfo(bricks.dtype)
@@ -108,8 +149,9 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
         values = np.where(is_seen, least, 0).astype(bricks.dtype)
         is_opaque = transfer.opacities(values.ravel(), data_range).reshape(values.shape) > 0
         is_seen &= is_opaque | (least < greatest)
-    some = bricks.only
-    return [n for n in bricks.all() if is_seen[n] and (some is None or n in some)]
+    some = bricks.asked
+    chosen = [(int(z), int(y), int(x)) for z, y, x in np.argwhere(is_seen)]
+    return [n for n in chosen if some is None or some.has_any(bricks.box(n))]
 
 
 def _nothing(bricks: Bricks) -> Candidates:
@@ -118,36 +160,17 @@ def _nothing(bricks: Bricks) -> Candidates:
     return Candidates(np.zeros(0, np.int64), value, np.zeros((0, 3), np.float32))
 
 
-def _plain(bricks: Bricks, wanted: Looked, chosen: Sequence[Step]) -> Iterator[Candidates]:
-    """What is seen of bricks whose slopes make no difference."""
+def near_to_each_other(part: Candidates, box: Box, size: Step) -> Candidates:
+    """Voxels of a box of a volume (Z, Y, X), in the order of the painter's bricks."""
+    from resample_volume.voxels.kernels.gradients import brick_order
 
-    def see(index: Step) -> Candidates:
-        box = bricks.box(index)
-        return _seen(bricks.brick(index), box, tuple(part.start for part in box), bricks, wanted)
-
-    yield from bricks.each(see, chosen)
-
-
-def _with_slopes(bricks: Bricks, wanted: Looked, chosen: Sequence[Step]) -> Iterator[Candidates]:
-    """What is seen of bricks, with slopes that their neighbours have part in."""
-    threads = threads_at_work()
-    pool, waiting = ThreadPoolExecutor(threads), deque[Future[Candidates]]()
-    window = _Window(bricks, chosen, pool, threads)
-
-    def see(index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
-        box = bricks.box(index)
-        values, corner = _padded(box, around, bricks)
-        return _seen(values, box, corner, bricks, wanted)
-
-    try:
-        for n, index in enumerate(chosen):
-            waiting.append(pool.submit(see, index, window.around(n)))
-            if len(waiting) > threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    at = np.unravel_index(part.place, size)
+    z, y, x = (n - side.start for n, side in zip(at, box, strict=True))
+    own = [side.stop - side.start for side in box]
+    order = np.empty(part.place.size, np.int64)
+    brick_order((z * own[1] + y) * own[2] + x, (own[0], own[1], own[2]), order)
+    slope = part.slope[order] if len(part.slope) else part.slope
+    return Candidates(part.place[order], part.value[order], slope)
 
 
 class _Window:
@@ -211,6 +234,9 @@ def _seen(
     local = places_seen(wanted.transfer, flat, wanted.data_range)
     within = np.unravel_index(local, own.shape)
     at = [n + part.start for n, part in zip(within, box, strict=True)]
+    if bricks.asked is not None:
+        is_shown = bricks.asked.holds(at)
+        local, at = local[is_shown], [n[is_shown] for n in at]
     place = (at[0] * bricks.shape[1] + at[1]) * bricks.shape[2] + at[2]
     slope = np.empty((0, 3), np.float32)
     if wanted.gradient is not None:

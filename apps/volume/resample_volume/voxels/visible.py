@@ -1,6 +1,7 @@
 """Which voxels are seen: the transfer function applied, the transparent ones left out."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,17 @@ from resample_volume.looks.transfer import (
 )
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
+from resample_volume.voxels.bricks import Box, Bricks, Values
 from resample_volume.voxels.parts import side_by_side, slabs
-from resample_volume.voxels.streaming import Candidates, Looked, seen_in_bricks, slopes_at
+from resample_volume.voxels.streaming import (
+    Candidates,
+    Looked,
+    brick_by_brick,
+    near_to_each_other,
+    seen_in_bricks,
+    slopes_at,
+    visible_bricks,
+)
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
@@ -35,6 +44,7 @@ BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
 ALL_REACHED = np.empty((0, 2), np.float32)  # nothing is in the way of light
 
 Indices = NDArray[np.int64]
+R = TypeVar("R")
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
@@ -111,6 +121,48 @@ def classify(
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
+def classified_by_bricks(
+    volume: Volume,
+    transfer: Transfer,
+    gradient: str | None,
+    finish: Callable[[Indices, Voxels], R],
+) -> Iterator[R]:
+    """What a job makes of the visible voxels of one brick after the other.
+
+    Parameters
+    ----------
+    volume
+        Whose values are `Bricks`.
+    transfer
+        Of values alone: what depends on slopes needs all voxels together.
+    gradient
+        As of `classify`.
+    finish
+        The job, of flat indices (N,) into the volume and their voxels, which are those that
+        `classify` gives; done for several bricks at a time.
+    """
+    values: Any = volume.values
+    data_range = finite_range(values) if transfer.normalized else (0.0, 1.0)
+    unit, lattice = unit_of(transfer, volume), lattice_of(volume)
+
+    def job(found: Candidates, box: Box) -> R:
+        seen = near_to_each_other(found, box, values.shape)
+        color, opacity = _looks(transfer, seen.value, None, data_range)
+        kept = np.flatnonzero(opacity > 0)
+        if kept.size < opacity.size:
+            slope = seen.slope[kept] if len(seen.slope) else seen.slope
+            seen, color = Candidates(seen.place[kept], seen.value[kept], slope), color[kept]
+        if volume.colors is not None:
+            color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
+        thickness = _extinctions(transfer, seen.value, data_range, unit)
+        position = positions_at(volume, seen.place)
+        return finish(seen.place, Voxels(position, color, thickness, seen.slope, lattice))
+
+    wanted = Looked(transfer, data_range, gradient, _to_scene(volume))
+    chosen = visible_bricks(values, transfer, data_range)
+    return brick_by_brick(values, wanted, chosen, job)
+
+
 def _extinctions(
     transfer: Transfer, value: NDArray[Any], data_range: DataRange, unit: float
 ) -> Floats:
@@ -165,8 +217,8 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 def finite_range(values: Values) -> DataRange:
     """Least and greatest value that is neither NaN nor infinite; (0, 1) where there is none."""
     if isinstance(values, Bricks):
-        known = values.glance
-        low, high = float(known.least.min()), float(known.greatest.max())
+        least, greatest = values.ends
+        low, high = float(least.min()), float(greatest.max())
         return (low, high) if low <= high else (0.0, 1.0)
     low, high = np.inf, -np.inf
     for chunk in slabs(values):

@@ -1,8 +1,8 @@
-"""Point clouds and the files they come from: PLY, PCD, columns of text, and arrays of NumPy."""
+"""Point clouds and the files they come from: PLY, PCD, LAS, columns of text, arrays of NumPy."""
 
 import errno
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,22 +10,13 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import from_srgb
 from resample.reading.arrays import read_npz
 from resample.reading.limits import check_size, check_unpacked
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 from resample_warp3d.clouds.cloud import Cloud, some_of
+from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud_of
+from resample_warp3d.clouds.las import read_las
 
-Fields = Mapping[str, NDArray[Any]]  # columns of a file by name, (N,) each
-
-PLACES = (("x", "y", "z"),)
-NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
-COLORS = (
-    ("red", "green", "blue"),
-    ("r", "g", "b"),
-    ("diffuse_red", "diffuse_green", "diffuse_blue"),
-)
-PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
 LONGEST_HEADER = 1000  # lines
 COMMENTS = ("#", "//")  # what lines that are no numbers begin with
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
@@ -46,7 +37,7 @@ PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
-def read_cloud(path: str | Path) -> Cloud:
+def read_cloud(path: str | Path, *, level: int = 0) -> Cloud:
     """Read a point cloud.
 
     Parameters
@@ -57,7 +48,11 @@ def read_cloud(path: str | Path) -> Cloud:
         or what the first line says by as many names) and `.xyzn` (x y z and a normal); `.npz` with
         the arrays position, and, if known, normal, color (linear light) and radius. Colors of all
         others are taken for sRGB: whole numbers of their type's range, floats from 0 to 1; in text
-        0 to 255 if any is above 1. What else there is of each point is kept as a column.
+        0 to 255 if any is above 1. What else there is of each point is kept as a column. `.las` and
+        `.laz`, COPC among them, want the extra `las`; where they have no colors, points have those
+        of their intensities, or else of their classes.
+    level
+        So many of the finest levels of a COPC file are left out.
 
     Returns
     -------
@@ -89,65 +84,16 @@ def read_cloud(path: str | Path) -> Cloud:
         raise ValueError(f"{path}: clouds are read from {', '.join(READERS)}")
     if not source.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    if level and source.suffix.lower() not in LASER:
+        raise ValueError(f"{source.name} has no levels, which COPC files have")
     try:
-        cloud = reader(source)
+        cloud = read_las(source, level) if level else reader(source)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
     known = np.asarray(np.isfinite(cloud.position).all(axis=1))
     if not known.any():
         raise ValueError(f"{source.name} has no points")
     return some_of(cloud, known)
-
-
-def _cloud(fields: Fields) -> Cloud:
-    """Cloud of a file's columns."""
-    position = _stacked(fields, PLACES)
-    if position is None:
-        raise ValueError(f"has no x, y and z; it has {', '.join(fields) or 'nothing'}")
-    single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
-    normal = _stacked(fields, NORMALS)
-    radius = fields.get("radius", np.zeros(0))
-    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
-    known |= {*PACKED, "radius"}
-    return Cloud(
-        position.astype(np.float32 if single else np.float64),
-        np.zeros((0, 3), np.float32) if normal is None else normal.astype(np.float32),
-        _colors(fields),
-        radius.astype(np.float32),
-        {
-            name: column
-            for name, column in fields.items()
-            if name not in known and not name.startswith("_")  # PCD's padding
-        },
-    )
-
-
-def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
-    """Columns (N, 3) under the first names that are all there, or None."""
-    for group in names:
-        if all(name in fields for name in group):
-            return np.stack([fields[name] for name in group], axis=1)
-    return None
-
-
-def _colors(fields: Fields) -> Floats:
-    """Linear light (N, 3) of a file's colors, or (0, 3)."""
-    levels = _stacked(fields, COLORS)
-    for name in PACKED:
-        if levels is None and name in fields:
-            levels = _unpacked(fields[name])
-    if levels is None:
-        return np.zeros((0, 3), np.float32)
-    most = np.iinfo(levels.dtype).max if levels.dtype.kind in "iu" else 1
-    return from_srgb(levels.astype(np.float32) / np.float32(most))
-
-
-def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
-    """Red, green and blue (N, 3) from the bits of one number each."""
-    if packed.dtype.itemsize != 4:
-        raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
-    bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")
-    return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)
 
 
 def _read_arrays(path: Path) -> Cloud:
@@ -191,7 +137,7 @@ def _read_columns(path: Path) -> Cloud:
         levels = [fields[name] for name in group if name in fields]
         if len(levels) == 3 and np.max(levels, initial=0.0) > 1:
             fields.update({name: fields[name] / 255 for name in group})
-    return _cloud(fields)
+    return cloud_of(fields)
 
 
 def _names(line: str) -> list[str]:
@@ -242,8 +188,8 @@ def _read_ply(path: Path) -> Cloud:
         if encoding == "ascii":
             for _ in islice(file, min(lines, path.stat().st_size)):
                 pass
-            return _cloud(_text_fields(path, file, count, kind))
-        return _cloud(_binary_fields(path, file, count, kind))
+            return cloud_of(_text_fields(path, file, count, kind))
+        return cloud_of(_binary_fields(path, file, count, kind))
 
 
 def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]]:
@@ -286,7 +232,7 @@ def _length(words: list[str]) -> int:
 
 def _binary_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
     wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
-    if not 0 <= wanted <= given:
+    if not 0 <= wanted <= given or count > given:  # points of nothing have no bytes
         raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
     data = file.read(wanted)
     points = np.frombuffer(data, kind, count)
@@ -333,7 +279,7 @@ def _read_pcd(path: Path) -> Cloud:
             fields = _compressed_fields(path, file, count, kind)
         else:
             raise ValueError(f"has DATA {encoding}; known: ascii, binary, binary_compressed")
-    return _cloud({name: column for name, column in fields.items() if column.ndim == 1})
+    return cloud_of({name: column for name, column in fields.items() if column.ndim == 1})
 
 
 def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
@@ -341,7 +287,10 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
     try:
         names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
         counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
-        sizes, types = header["SIZE"], [PCD_TYPES[word.upper()] for word in header["TYPE"]]
+        sizes, types = (
+            map(int, header["SIZE"]),
+            [PCD_TYPES[word.upper()] for word in header["TYPE"]],
+        )
         points = int(header["POINTS"][0]) if "POINTS" in header else _area(header)
         described = zip(_told_apart(names), types, sizes, counts, strict=True)
         return points, np.dtype(
@@ -394,4 +343,7 @@ READERS: dict[str, Callable[[Path], Cloud]] = {
     ".asc": _read_columns,
     ".csv": _read_columns,
     ".npz": _read_arrays,
+    ".las": read_las,
+    ".laz": read_las,
 }
+LASER = (".las", ".laz")

@@ -15,7 +15,7 @@ from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
 LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
-AT_ONCE = 1 << 18  # points whose neighbours are looked up together
+CROWDED = 0.1  # share of the blocks that begin where the one before does
 
 Indices = NDArray[np.int64]
 Codes = NDArray[np.uint64]
@@ -170,34 +170,39 @@ def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfel
 
 def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
     """Fill in normals and discs by the neighbours of each point; None: discs are not needed."""
-    from scipy.spatial import cKDTree
-
-    from resample.engine.jit import workers
-    from resample_warp3d.clouds.kernels.cells import Spaced, limit, measure
+    from resample_warp3d.clouds.kernels.cells import Spaced, limit
+    from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
+    from resample_warp3d.clouds.kernels.neighbours import BLOCK, blocks_of
 
     is_first = np.ones(len(position), np.bool_)
     is_first[1:] = (position[1:] != position[:-1]).any(axis=1)
-    place = position[is_first]
+    place = np.ascontiguousarray(position[is_first])
     if len(place) == 1 and largest is not None:
         raise ValueError("all points are in one place, so their size is unknown; give a radius")
     owner, count = np.cumsum(is_first) - 1, len(place)
-    upward = np.ascontiguousarray(normal[is_first])
+    upward = normal[is_first]
+    if _is_crowded(place[::BLOCK]):
+        along = np.argsort(_codes(_ranks(place)), kind="stable")
+        place, upward, owner = place[along], upward[along], np.argsort(along)[owner]
     discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
-    tree = cKDTree(place, balanced_tree=False, compact_nodes=False)
-    few, many = min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count)
-    nearest = np.zeros((count, few), np.int64)
-    for first in range(0, count, AT_ONCE):
-        some = np.arange(first, min(first + AT_ONCE, count))
-        neighbour = tree.query(place[some], np.arange(1, few + 1), workers=workers())[1]
-        is_open = np.zeros(len(some), np.bool_)
-        measure(place, neighbour, few == many, upward, discs, is_open)
-        nearest[some] = neighbour
-        if is_open.any() and few < many:
-            more = np.arange(1, many + 1)
-            neighbour = tree.query(place[some[is_open]], more, workers=workers())[1]
-            measure(place, neighbour, True, upward, discs, np.zeros(len(neighbour), np.bool_))
+    wanted = Wanted(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
+    nearest = np.zeros((count, wanted.few - 1), np.int32)
+    measure_all(blocks_of(place), wanted, upward, discs, nearest)
     if count > 1 and largest is not None and np.isfinite(largest):
         size = np.linalg.norm(discs.axes, axis=2).max(axis=1)
-        around = np.ascontiguousarray(nearest[:, 1:])
-        limit(around, discs.spacing, size, float(largest), discs.axes)
+        limit(nearest, discs.spacing, size, float(largest), discs.axes)
     normal[:], axes[:] = upward[owner], discs.axes[owner]
+
+
+def _is_crowded(position: Floats) -> bool:
+    """Whether many places of a sorted cloud share a step of the curve, as far strays leave few."""
+    code = _codes(position)
+    return bool((code[1:] == code[:-1]).mean() > CROWDED) if len(code) > 1 else False
+
+
+def _ranks(position: Floats) -> Floats:
+    """Places (N, 3) by how many have lesser coordinates, of each axis by itself."""
+    ranks = np.empty(position.shape, np.float32)
+    for axis in range(3):
+        ranks[np.argsort(position[:, axis], kind="stable"), axis] = np.arange(len(position))
+    return ranks

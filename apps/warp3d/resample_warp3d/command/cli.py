@@ -301,7 +301,7 @@ def cloud(
     Parameters
     ----------
     file
-        .ply, .pcd, .xyz, .txt, .csv or .npz.
+        .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
     """
     from resample.command.session import Session
     from resample.files.images import check_suffix

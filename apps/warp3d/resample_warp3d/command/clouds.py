@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from cyclopts import Parameter
 from pydantic import BeforeValidator, Field
 
+from resample.command.console import say
 from resample.command.flags import Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
     CAMERA,
@@ -36,6 +37,7 @@ Shape = tuple[int, int]  # height and width, px
 PATHS = ("orbit", "sway")
 FRAMES = 96
 SWAY = 20.0  # degrees to either side
+FAR = 100.0  # times its extent a cloud is from the origin when that is said
 
 
 class CloudLook(Choices):
@@ -87,6 +89,9 @@ class CloudLook(Choices):
     one_sided: Annotated[bool, Switch, Field(description="Leave out what is seen from behind.")] = (
         False
     )
+    level: Annotated[
+        int, Field(ge=0, description="So many of the finest levels of a COPC file are left out.")
+    ] = 0
     no_cache: Annotated[
         bool,
         Switch,
@@ -278,7 +283,7 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
     from resample_warp3d.clouds.spacing import LARGEST, prepare_cloud
 
     with session.stage("read"):
-        cloud, scale = read_cloud(file), None
+        cloud, scale = read_cloud(file, level=look.level), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
     with session.stage("prepare", bar="measuring"):
@@ -288,7 +293,16 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
             threads=look.threads,
             cache=not look.no_cache,
         )
+    mention_origin(file.name, surfels)
     return CloudScene(surfels, look, scale)
+
+
+def mention_origin(name: str, surfels: "Surfels") -> None:
+    """Say where a cloud is that lies far from the origin, as those of maps do."""
+    extent = abs(surfels.position).max(initial=0.0)
+    if abs(surfels.origin).max() > FAR * extent:
+        place = ", ".join(f"{part:.10g}" for part in surfels.origin)
+        say(f"{name} lies about {place}; places are exact, and poses are in its coordinates")
 
 
 def start_of(camera: str, up: str) -> "Viewpoint":
@@ -367,7 +381,6 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     """
     from resample.cameras.keyframes import keyframes_of, left_out_of
     from resample.cameras.viewpoints import Orbit
-    from resample.command.console import say
     from resample.files.animations import MOST_FRAMES, check_count
     from resample_warp3d.clouds.framing import FIELD
 

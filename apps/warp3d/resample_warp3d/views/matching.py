@@ -81,7 +81,7 @@ def balanced(views: Sequence[Warped], match: Match) -> list[Warped]:
 
 
 class Pair(NamedTuple):
-    """Blocks that two views show alike."""
+    """PointBlocks that two views show alike."""
 
     first: int
     second: int

@@ -1,12 +1,14 @@
 """Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample_volume.files.headers import WIDENED
+from resample_volume.files.stores.kept import Kept
 from resample_volume.files.stores.opening import reading
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
@@ -38,6 +40,25 @@ class Single:
 
 
 @dataclass(frozen=True, eq=False)
+class Boxes:
+    """Reads boxes of one time and channel of an array; other processes can, too."""
+
+    array: "zarr.Array[Any]"  # of a store that is opened by its path
+    axes: str  # its letters
+    at: tuple[tuple[str, int], ...]  # time and channel
+    dtype: np.dtype[Any]  # that voxels get
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box."""
+        space = [letter for letter in self.axes if letter in "zyx"]
+        part = dict(self.at) | dict(zip("zyx", box, strict=True))
+        with reading(self.array.name.strip("/") or "the array"):
+            found = np.asarray(self.array[tuple(part[letter] for letter in self.axes)])
+        turned = found.transpose([space.index(letter) for letter in "zyx"])
+        return np.ascontiguousarray(turned, self.dtype)
+
+
+@dataclass(frozen=True, eq=False)
 class Chunked:
     """An array as (T, C, Z, Y, X): like NumPy's as far as `recordings.volume_at` looks.
 
@@ -48,6 +69,7 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels that are read together; None: as chunks lie
+    store: Path | None = None  # folder or zip file, where findings are to be kept
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -64,7 +86,7 @@ class Chunked:
         """The same with times for channels."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
-        return Chunked(self.array, self.axes, "".join(letters), self.brick)
+        return Chunked(self.array, self.axes, "".join(letters), self.brick, self.store)
 
     def __getitem__(self, chosen: int | tuple[int, int]) -> "NDArray[Any] | Bricks":
         if isinstance(chosen, tuple):
@@ -84,20 +106,11 @@ class Chunked:
 
     def _bricks(self, at: dict[str, int]) -> Bricks:
         """Volume of one time and channel."""
-        space = [letter for letter in self.axes if letter in "zyx"]
-        turn = tuple(space.index(letter) for letter in "zyx")
-
-        def read(box: Box) -> NDArray[Any]:
-            part = dict(zip("zyx", box, strict=True))
-            index: Any = tuple(
-                part[letter] if letter in part else at[letter] for letter in self.axes
-            )
-            with reading(self.array.name.strip("/") or "the array"):
-                found = np.asarray(self.array[index])
-            return np.ascontiguousarray(found.transpose(turn), self.dtype)
-
         shape = (self._along("z"), self._along("y"), self._along("x"))
-        return Bricks(read, shape, self.dtype, self.brick or self._side(shape))
+        boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
+        keeper = None if self.store is None else Kept(self.store, self.array.path, boxes.at)
+        side = self.brick or self._side(shape)
+        return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 
     def _side(self, shape: Step) -> Step:
         """Whole chunks along z, y and x, of about `SIDE` voxels."""

@@ -1,4 +1,4 @@
-"""Folders and zip files of zarr, opened: what is in them, and what is wrong with them."""
+"""Stores of zarr, opened: what is in them, and what is wrong with them."""
 
 import json
 import zipfile
@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from resample.words import one_line
+from resample.words import one_line, visible
+from resample_volume.files.stores.addresses import Address, Place
 
 MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
 ZIPS = (".zip", ".ozx")
@@ -36,8 +37,8 @@ def require_zarr(what: str) -> Any:
     return zarr
 
 
-def open_node(path: Path) -> Any:
-    """Group or array in a folder or a zip file.
+def open_node(path: Place) -> Any:
+    """Group or array in a folder or a zip file, or at an address.
 
     Raises
     ------
@@ -47,15 +48,19 @@ def open_node(path: Path) -> Any:
         There is nothing of that name, or it must not be read.
     """
     zarr = require_zarr(path.name)
+    if isinstance(path, Address):
+        distant = path.store()
+        with reading(path.url):
+            return zarr.open(distant, mode="r")
     if not path.exists():
         raise FileNotFoundError(f"{path}: there is no such file or folder")
     with reading(path.name):
         if path.is_dir():
-            store: Any = zarr.storage.LocalStore(path, read_only=True)
+            store: Any = zarr.storage.LocalStore(path.resolve(), read_only=True)
             root = "" if is_store(path) else None
         else:
             root = _root_of_zip(path)
-            store = zarr.storage.ZipStore(path, mode="r")
+            store = zarr.storage.ZipStore(path.resolve(), mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
         return zarr.open(store, path=root, mode="r")
@@ -78,7 +83,16 @@ def reading(what: str) -> Iterator[None]:
         raise
     except PermissionError as error:
         raise PermissionError(f"{what} cannot be read: {one_line(error)}") from None
+    except ConnectionError:
+        raise
     except json.JSONDecodeError as error:
         raise ValueError(f"{what}: its metadata are no JSON: {one_line(error)}") from None
     except Exception as error:
+        if type(error).__module__.startswith("obstore"):
+            raise ConnectionError(f"{what} cannot be fetched: {_reason(error)}") from None
         raise ValueError(f"{what} is no zarr, or damaged: {one_line(error):.300}") from None
+
+
+def _reason(error: Exception) -> str:
+    """What an error of obstore says, without its source code."""
+    return visible(" ".join(str(error).partition("Debug source")[0].split()))[:300]

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from resample.reading.limits import check_free
 from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
 from resample_volume.files.readers import Numbers, three_numbers
+from resample_volume.files.stores.addresses import Address, Place
 from resample_volume.files.stores.chunks import Chunked
 from resample_volume.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample_volume.files.stores.opening import open_node, reading
@@ -28,7 +29,7 @@ LETTERS = {3: "zyx", 4: "tzyx", 5: "tczyx"}  # of plain arrays, by their dimensi
 
 @dataclass(frozen=True)
 class Zarr:
-    """OME-Zarr 0.4 and 0.5, or a plain array of zarr 2 or 3; a folder, or zipped.
+    """OME-Zarr 0.4 and 0.5, or a plain array of zarr 2 or 3; a folder, zipped, or at an address.
 
     Plain arrays are (Z, Y, X), (T, Z, Y, X) or (T, C, Z, Y, X), unless they name their axes.
     """
@@ -44,10 +45,10 @@ class Zarr:
         if self.spacing:
             three_numbers("spacing", self.spacing)
 
-    def __call__(self, path: Path) -> Volume:
+    def __call__(self, path: Place) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Place, check: Check = check_nothing) -> Recording:
         found = self.streamed(path, check)
         chunked: Any = found.values
         size = math.prod(map(int, chunked.shape)) * chunked.dtype.itemsize
@@ -56,14 +57,14 @@ class Zarr:
         return found._replace(values=chunked.whole())
 
     def streamed(
-        self, path: Path, check: Check = check_nothing, brick: Step | None = None
+        self, path: Place, check: Check = check_nothing, brick: Step | None = None
     ) -> Recording:
         """All times and channels, whose values stay in the file, see `Chunked`.
 
         Parameters
         ----------
         path
-            Folder or zip file.
+            Folder or zip file, or address.
         check
             May refuse what the file says of itself.
         brick
@@ -74,7 +75,7 @@ class Zarr:
         ValueError, OSError
             It cannot be read, or holds no such level.
         """
-        name = stem(path.resolve(), self.suffixes)
+        name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         number = self._number(layout, name)
         level = moved(layout, number)
@@ -87,7 +88,8 @@ class Zarr:
             )
         known = self._header(layout, level, array, name)
         check(known)
-        values: Any = Chunked(array, layout.axes, brick=brick)
+        beside = None if isinstance(path, Address) else path.resolve()
+        values: Any = Chunked(array, layout.axes, brick=brick, store=beside)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         if not number:
@@ -96,9 +98,9 @@ class Zarr:
         note = _coarser(layout, number, level, known.shape)
         return told._replace(note=note, thickness=float(np.cbrt(abs(finest.prod()))))
 
-    def levels(self, path: Path) -> list[dict[str, Any]]:
+    def levels(self, path: Place) -> list[dict[str, Any]]:
         """Levels with their `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
-        name = stem(path.resolve(), self.suffixes)
+        name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         listed = []
         for level in layout.levels:
@@ -152,7 +154,7 @@ def with_level(reader: Any, level: int) -> Any:
     return replace(reader, level=level)
 
 
-def _image(path: Path, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
+def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
     """What a file says of its image, and where that is."""
     node = open_node(path)  # says what is missing
     import zarr

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.vectors import Vector, cross, dot
+from resample.engine.vectors import Matrix, Vector, cross, dot
 from resample.types import Doubles, Floats
+from resample_warp3d.clouds.kernels.flattest import flattest
 
 Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+Nearest = NDArray[np.int32]
 
 CHUNK = 1024  # points that a thread takes at a time
 MOST_CORNERS = 64
@@ -28,7 +29,9 @@ LONGEST = 8.0  # times its width a disc may be long
 ALIKE = 0.5  # of a point's spacing: neighbours with as much lie as lonely as it does
 FEW = 1  # of such neighbours have only stray points
 SLACK = 1.02  # discs overlap by this
-SWEEPS = 6  # of Jacobi's method: 3 × 3 matrices have then converged
+CORNERS = tuple(
+    (math.cos(2.0 * math.pi * k / SIDES), math.sin(2.0 * math.pi * k / SIDES)) for k in range(SIDES)
+)
 
 
 class Spaced(NamedTuple):
@@ -39,69 +42,23 @@ class Spaced(NamedTuple):
 
 
 @kernel
-def _turned(matrix: Doubles, vectors: Doubles, p: int, q: int) -> None:
-    """One rotation of Jacobi's method: makes the entry p, q of a symmetric matrix 0."""
-    if matrix[p, q] == 0.0:
-        return
-    half = 0.5 * (matrix[q, q] - matrix[p, p]) / matrix[p, q]
-    t = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
-    c = 1.0 / math.sqrt(t * t + 1.0)
-    s = t * c
-    for k in range(3):
-        kp, kq = matrix[k, p], matrix[k, q]
-        matrix[k, p], matrix[k, q] = c * kp - s * kq, s * kp + c * kq
-    for k in range(3):
-        pk, qk = matrix[p, k], matrix[q, k]
-        matrix[p, k], matrix[q, k] = c * pk - s * qk, s * pk + c * qk
-        kp, kq = vectors[k, p], vectors[k, q]
-        vectors[k, p], vectors[k, q] = c * kp - s * kq, s * kp + c * kq
-
-
-@kernel
-def _flattest(matrix: Doubles, vectors: Doubles) -> Vector:
-    """Unit vector along which a symmetric 3 × 3 matrix, which is lost, is least."""
-    for k in range(3):
-        for m in range(3):
-            vectors[k, m] = 1.0 if k == m else 0.0
-    for _ in range(SWEEPS):
-        _turned(matrix, vectors, 0, 1)
-        _turned(matrix, vectors, 0, 2)
-        _turned(matrix, vectors, 1, 2)
-    least = 0
-    for k in range(1, 3):
-        if matrix[k, k] < matrix[least, least]:
-            least = k
-    return vectors[0, least], vectors[1, least], vectors[2, least]
-
-
-@kernel
-def _spread(position: Floats, neighbour: Indices, n: int, matrix: Doubles) -> None:
+def _spread(position: Floats, neighbour: Indices, n: int) -> Matrix:
     """Covariance of a point's neighbours, of which it is one itself."""
     count = neighbour.shape[1]
-    for k in range(3):
-        for m in range(3):
-            matrix[k, m] = 0.0
     here = neighbour[n, 0]
     sx, sy, sz = 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(count):
         there = neighbour[n, j]
         x = float(position[there, 0]) - position[here, 0]
         y = float(position[there, 1]) - position[here, 1]
         z = float(position[there, 2]) - position[here, 2]
         sx, sy, sz = sx + x, sy + y, sz + z
-        matrix[0, 0] += x * x
-        matrix[0, 1] += x * y
-        matrix[0, 2] += x * z
-        matrix[1, 1] += y * y
-        matrix[1, 2] += y * z
-        matrix[2, 2] += z * z
-    matrix[0, 0] -= sx * sx / count
-    matrix[0, 1] -= sx * sy / count
-    matrix[0, 2] -= sx * sz / count
-    matrix[1, 1] -= sy * sy / count
-    matrix[1, 2] -= sy * sz / count
-    matrix[2, 2] -= sz * sz / count
-    matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+    xx, xy, xz = xx - sx * sx / count, xy - sx * sy / count, xz - sx * sz / count
+    yy, yz, zz = yy - sy * sy / count, yz - sy * sz / count, zz - sz * sz / count
+    return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
 
 
 @kernel
@@ -119,50 +76,55 @@ def across(normal: Vector) -> Vector:
 
 
 @kernel
-def _open_polygon(polygon: Doubles, half: float) -> int:
+def _open_polygon(polygon: Doubles, half: float) -> None:
     """Start with a regular polygon of half a width."""
     outer = half / math.cos(math.pi / SIDES)
     for k in range(SIDES):
-        angle = 2.0 * math.pi * k / SIDES
-        polygon[k, 0], polygon[k, 1] = outer * math.cos(angle), outer * math.sin(angle)
+        polygon[k, 0], polygon[k, 1] = outer * CORNERS[k][0], outer * CORNERS[k][1]
         polygon[k, 2] = 0.0  # the side from here to the next corner is of no neighbour
-    return SIDES
 
 
 @kernel
-def _cut(polygon: Doubles, spare: Doubles, corners: int, side: Vector, distance: float) -> int:
-    """Cut away where side · (x, y) is above side[2]; `distance` marks the new side.
-
-    Gives the number of corners. Both arrays are (MOST_CORNERS, 3): x, y, mark of the side after it.
-    """
-    count = 0
-    before = side[0] * polygon[corners - 1, 0] + side[1] * polygon[corners - 1, 1] - side[2]
+def _is_cut(polygon: Doubles, corners: int, side: Vector) -> bool:
+    """Whether a corner is where side · (x, y) is above side[2]; by how much is its last number."""
+    most = 0.0
     for k in range(corners):
-        last = k - 1 if k > 0 else corners - 1
-        here = side[0] * polygon[k, 0] + side[1] * polygon[k, 1] - side[2]
+        polygon[k, 3] = side[0] * polygon[k, 0] + side[1] * polygon[k, 1] - side[2]
+        most = max(most, polygon[k, 3])
+    return most > 0.0
+
+
+@kernel
+def _cut(polygon: Doubles, corners: int, distance: float, left: Doubles) -> int:
+    """Cut away what `_is_cut` has found; `distance` marks the new side.
+
+    Gives the number of corners that are left. Both arrays are (MOST_CORNERS, 4): x, y, mark of the
+    side after it, and how far it is beyond the cut.
+    """
+    count, last = 0, corners - 1
+    before = polygon[last, 3]
+    for k in range(corners):
+        here = polygon[k, 3]
         if (before > 0.0) != (here > 0.0) and count < MOST_CORNERS:
             share = before / (before - here)
-            spare[count, 0] = polygon[last, 0] + share * (polygon[k, 0] - polygon[last, 0])
-            spare[count, 1] = polygon[last, 1] + share * (polygon[k, 1] - polygon[last, 1])
-            spare[count, 2] = distance if here > 0.0 else polygon[last, 2]
+            left[count, 0] = polygon[last, 0] + share * (polygon[k, 0] - polygon[last, 0])
+            left[count, 1] = polygon[last, 1] + share * (polygon[k, 1] - polygon[last, 1])
+            left[count, 2] = distance if here > 0.0 else polygon[last, 2]
             count += 1
         if here <= 0.0 and count < MOST_CORNERS:
             for c in range(3):
-                spare[count, c] = polygon[k, c]
+                left[count, c] = polygon[k, c]
             count += 1
-        before = here
-    for k in range(count):
-        for c in range(3):
-            polygon[k, c] = spare[k, c]
+        before, last = here, k
     return count
 
 
 @kernel
 def _reach(polygon: Doubles, corners: int) -> float:
-    """Distance of the farthest corner."""
+    """Square of the distance of the farthest corner."""
     most = 0.0
     for k in range(corners):
-        most = max(most, math.hypot(polygon[k, 0], polygon[k, 1]))
+        most = max(most, polygon[k, 0] * polygon[k, 0] + polygon[k, 1] * polygon[k, 1])
     return most
 
 
@@ -173,12 +135,12 @@ def _cell(
     n: int,
     frame: tuple[Vector, Vector],
     half: float,
-    polygon: Doubles,
-    spare: Doubles,
-) -> int:
-    """Cell of a point in the plane of two unit vectors; gives its number of corners."""
-    corners = _open_polygon(polygon, half)
-    reach = _reach(polygon, corners)
+    polygons: Doubles,
+) -> tuple[int, int]:
+    """Cell of a point in the plane of two unit vectors; which polygon it is, and its corners."""
+    which, corners = 0, SIDES
+    _open_polygon(polygons[0], half)
+    reach = _reach(polygons[0], corners)
     here = neighbour[n, 0]
     for j in range(1, neighbour.shape[1]):
         there = neighbour[n, j]
@@ -188,14 +150,15 @@ def _cell(
             float(position[there, 2]) - position[here, 2],
         )
         square = dot(step, step)
-        if square >= 4.0 * reach * reach:  # neighbours come by distance
+        if square >= 4.0 * reach:  # neighbours come by distance
             break
         # The plane between both points, where it meets the tangent plane.
         side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * square
-        if square > 0.0:
-            corners = _cut(polygon, spare, corners, side, math.sqrt(square))
-            reach = _reach(polygon, corners)
-    return corners
+        if square > 0.0 and _is_cut(polygons[which], corners, side):
+            corners = _cut(polygons[which], corners, math.sqrt(square), polygons[1 - which])
+            which = 1 - which
+            reach = _reach(polygons[which], corners)
+    return which, corners
 
 
 @kernel
@@ -258,58 +221,16 @@ def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float
 
 
 @kernel
-def _measure(
-    position: Floats,
-    neighbour: Indices,
-    is_last: bool,
-    chunk: int,
-    normal: Floats,
-    discs: Spaced,
-    is_open: Flags,
-) -> None:
-    """Normals, where they are 0, and discs of a chunk of points."""
-    start = int(np.int64(chunk)) * CHUNK
-    axes, spacing = discs
-    matrix, vectors = np.empty((3, 3)), np.empty((3, 3))
-    polygon, spare = np.empty((MOST_CORNERS, 3)), np.empty((MOST_CORNERS, 3))
-    for n in range(start, min(start + CHUNK, neighbour.shape[0])):
-        here = neighbour[n, 0]
-        known = (float(normal[here, 0]), float(normal[here, 1]), float(normal[here, 2]))
-        length = math.sqrt(dot(known, known))
-        if length > 0.0:
-            upward = (known[0] / length, known[1] / length, known[2] / length)
-        else:
-            _spread(position, neighbour, n, matrix)
-            upward = _flattest(matrix, vectors)
-        frame = across(upward), cross(upward, across(upward))
-        half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
-        rim = _rim(position, neighbour, n)
-        if is_last:
-            half = min(half, FARTHEST * rim)
-        corners = _cell(position, neighbour, n, frame, half, polygon, spare)
-        is_open[n] = _is_open(polygon, corners)
-        if is_open[n] and is_last:
-            half = min(half, rim)
-            corners = _cell(position, neighbour, n, frame, half, polygon, spare)
-        x1, y1, x2, y2 = _ellipse(polygon, corners)
-        for c in range(3):
-            normal[here, c] = np.float32(upward[c])
-            axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
-            axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
-        spacing[here] = np.float32(rim / RIM)
-
-
-@parallel_kernel
 def measure(
-    counter: Counter,
     position: Floats,
     neighbour: Indices,
+    n: int,
     is_last: bool,
+    polygons: Doubles,
     normal: Floats,
     discs: Spaced,
-    is_open: Flags,
-) -> None:
-    """Find normals and discs of some points.
+) -> bool:
+    """Find normal and disc of a point.
 
     Parameters
     ----------
@@ -317,17 +238,45 @@ def measure(
         (N, 3) of all points.
     neighbour
         (M, k) some points and their neighbours, by distance, themselves first.
+    n
+        Which of these.
     is_last
-        Close the cells that are open.
+        Close the cell if it is open.
+    polygons
+        (2, MOST_CORNERS, 4) to work with.
     normal
         (N, 3) made unit length; filled where it is 0, with either of both signs.
     discs
         Filled.
-    is_open
-        (M,) filled: there are not enough neighbours all around the point, or it lies at a rim.
+
+    Returns
+    -------
+    Whether there are not enough neighbours all around the point, or it lies at a rim.
     """
-    for chunk in tasks(counter, (neighbour.shape[0] + CHUNK - 1) // CHUNK):
-        _measure(position, neighbour, is_last, chunk, normal, discs, is_open)
+    here = neighbour[n, 0]
+    known = (float(normal[here, 0]), float(normal[here, 1]), float(normal[here, 2]))
+    length = math.sqrt(dot(known, known))
+    if length > 0.0:
+        upward = (known[0] / length, known[1] / length, known[2] / length)
+    else:
+        upward = flattest(_spread(position, neighbour, n))
+    frame = across(upward), cross(upward, across(upward))
+    half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
+    rim = _rim(position, neighbour, n)
+    if is_last:
+        half = min(half, FARTHEST * rim)
+    which, corners = _cell(position, neighbour, n, frame, half, polygons)
+    is_open = _is_open(polygons[which], corners)
+    if is_open and is_last:
+        half = min(half, rim)
+        which, corners = _cell(position, neighbour, n, frame, half, polygons)
+    x1, y1, x2, y2 = _ellipse(polygons[which], corners)
+    for c in range(3):
+        normal[here, c] = np.float32(upward[c])
+        discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
+        discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
+    discs.spacing[here] = np.float32(rim / RIM)
+    return is_open
 
 
 @kernel
@@ -344,7 +293,7 @@ def _upper_of(numbers: Doubles, count: int) -> float:
 
 @kernel
 def _limit(
-    nearest: Indices, spacing: Floats, size: Floats, most: float, axes: Floats, chunk: int
+    nearest: Nearest, spacing: Floats, size: Floats, most: float, axes: Floats, chunk: int
 ) -> None:
     start = int(np.int64(chunk)) * CHUNK
     count = nearest.shape[1]
@@ -368,7 +317,7 @@ def _limit(
 @parallel_kernel
 def limit(
     counter: Counter,
-    nearest: Indices,
+    nearest: Nearest,
     spacing: Floats,
     size: Floats,
     most: float,

@@ -1,0 +1,81 @@
+"""Addresses of stores that lie elsewhere: in object stores, and on servers of the web.
+
+They are named on the command line or in a program, never by a file. Keys, regions and endpoints are
+taken from the environment, as obstore does: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,
+`AWS_SKIP_SIGNATURE=true` for what is public, and so on.
+"""
+
+import os
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss", "http", "https")
+PATIENCE = timedelta(seconds=30)  # for an answer, and for all tries of a chunk
+TRIES = 4
+ENDPOINTS = ("AWS_ENDPOINT", "AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a store lies, such as `s3://bucket/heart.ome.zarr`."""
+
+    url: str
+
+    @property
+    def name(self) -> str:
+        """Last part of its path."""
+        parts = urlsplit(self.url)
+        return parts.path.rstrip("/").rpartition("/")[2] or parts.netloc
+
+    def resolve(self) -> "Address":
+        """The same; paths have this, too."""
+        return self
+
+    def __truediv__(self, key: str) -> "Address":
+        """Address of a part."""
+        return Address(f"{self.url.rstrip('/')}/{key}")
+
+    def __str__(self) -> str:
+        return self.url
+
+    def store(self) -> Any:
+        """Store of zarr's, to be read.
+
+        Raises
+        ------
+        ValueError
+            The extra is not installed, or it is no address.
+        """
+        try:
+            import obstore
+            from zarr.storage import ObjectStore
+        except ImportError as error:
+            raise ValueError(
+                f"{self.url} lies elsewhere, and {error.name} is not installed: "
+                "pip install 'hybrid-resample[remote]'"
+            ) from None
+        asked = [self.url, *(os.environ.get(name, "") for name in ENDPOINTS)]
+        client: Any = {"timeout": PATIENCE, "connect_timeout": PATIENCE}
+        client["allow_http"] = any(url.lower().startswith("http://") for url in asked)
+        again: Any = {"max_retries": TRIES, "retry_timeout": PATIENCE}
+        place = obstore.store.from_url(self.url, client_options=client, retry_config=again)
+        return ObjectStore(place, read_only=True)
+
+
+Place = Path | Address
+
+
+def is_address(name: object) -> bool:
+    """Whether a name is an address.
+
+    Examples
+    --------
+    >>> from resample_volume.files.stores.addresses import is_address
+    >>> is_address("https://a.org/heart.ome.zarr"), is_address("heart.ome.zarr")
+    (True, False)
+    """
+    scheme, colon, rest = str(name).partition("://")
+    return bool(colon and rest) and scheme.lower() in SCHEMES

@@ -1,0 +1,117 @@
+"""Small blocks of a volume: how much is seen of each, and where that is on the screen."""
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.painting.plans import Window
+from resample.types import Doubles, Floats, View
+from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Asked, Step
+from resample_volume.voxels.visible import lattice_of
+
+SIDE = 8  # voxels, at least
+MOST = 1 << 18  # blocks; where these would be more, their side is doubled
+
+Indices = NDArray[np.int64]
+
+
+class Lattice(NamedTuple):
+    """How a volume is cut into blocks."""
+
+    size: Step  # voxels along z, y and x
+    side: int  # voxels of a block along each axis
+
+    @property
+    def blocks(self) -> Step:
+        """Blocks along z, y and x."""
+        z, y, x = (-(-size // self.side) for size in self.size)
+        return z, y, x
+
+    def counted(self, place: Indices) -> tuple[Indices, Indices]:
+        """Blocks in which voxels lie, by flat indices, and how many each has."""
+        z, y, x = (n // self.side for n in np.unravel_index(place, self.size))
+        found, count = np.unique(np.ravel_multi_index((z, y, x), self.blocks), return_counts=True)
+        return found, count
+
+
+class Blocks(NamedTuple):
+    """Blocks of a volume that have visible voxels."""
+
+    lattice: Lattice
+    number: Indices  # (N,) flat indices, z slowest
+    seen: Indices  # (N,) visible voxels
+    bounds: Floats  # (N, 4) left, top, right and bottom of their footprints, px
+
+    def within(self, window: Window, margin: float) -> NDArray[np.bool_]:
+        """Which blocks (N,) may have part in a window and so many px around it."""
+        left, top, right, bottom = self.bounds.T
+        x0, y0, x1, y1 = window
+        is_across = (right >= x0 - margin) & (left <= x1 + margin)
+        return np.asarray(is_across & (bottom >= y0 - margin) & (top <= y1 + margin))
+
+    def bare(self) -> "Blocks":
+        """Without what is known of each, which windows do not need."""
+        return Blocks(self.lattice, self.number[:0], self.seen[:0], self.bounds[:0])
+
+    def asked(self, are_asked: NDArray[np.bool_]) -> Asked:
+        """Some of the blocks (N,), as bricks know what is asked of them."""
+        is_asked = np.zeros(self.lattice.blocks, bool)
+        is_asked.reshape(-1)[self.number[are_asked]] = True
+        return Asked(self.lattice.side, is_asked)
+
+
+def lattice_for(size: Step) -> Lattice:
+    """Blocks of a volume (Z, Y, X), not too many."""
+    lattice = Lattice(size, SIDE)
+    while np.prod(lattice.blocks, dtype=float) > MOST:
+        lattice = Lattice(size, 2 * lattice.side)
+    return lattice
+
+
+def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, view: View) -> Floats:
+    """Where blocks are on the screen.
+
+    Parameters
+    ----------
+    volume
+        Around the scene's origin.
+    lattice, index
+        The blocks, (N,) flat.
+    reach
+        Of the kernels around voxels, voxels.
+    view
+        Of the camera.
+
+    Returns
+    -------
+    Left, top, right and bottom (N, 4), px, of the boxes around all ellipsoids of voxels in them,
+    which are convex: their corners' projections bound them. Without bounds where a box reaches
+    the near plane.
+    """
+    at = np.stack(np.unravel_index(index, lattice.blocks)[::-1], axis=1)
+    size = np.array(lattice.size[::-1])
+    low = at * lattice.side - reach
+    high = np.minimum((at + 1) * lattice.side, size) - 1 + reach
+    steps = view.rotation @ lattice_of(volume)
+    start = view.rotation @ volume.origin + view.translation
+    least, most = np.full((2, index.size, 2), np.inf) * [[[1.0]], [[-1.0]]]
+    is_near = np.zeros(index.size, bool)
+    for is_high in product((False, True), repeat=3):
+        place = np.where(is_high, high, low) @ steps.T + start
+        is_near |= place[:, 2] <= view.near
+        on_screen = _projected(place, view)
+        least, most = np.minimum(least, on_screen), np.maximum(most, on_screen)
+    if view.perspective:
+        least[is_near], most[is_near] = -np.inf, np.inf
+    return np.column_stack([least, most]).astype(np.float32)
+
+
+def _projected(place: Doubles, view: View) -> Doubles:
+    """Places (N, 3) of a camera's axes on the screen, (N, 2) px; anywhere if not in front."""
+    if not view.perspective:
+        return np.asarray(place[:, :2] * view.focal + view.principal)
+    depth = np.where(place[:, 2] > 0, place[:, 2], 1.0)[:, np.newaxis]
+    return np.asarray(place[:, :2] / depth * view.focal + view.principal)

@@ -1,0 +1,169 @@
+"""Pictures of volumes in bricks, window by window: by this process, or by several."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Viewpoint
+from resample.painting.scene import nothing_painted
+from resample.resampler import Resampler
+from resample.types import Floats, Frame, Samples, Statistics
+from resample.watching import Executor, Progress
+from resample_volume.rendering import (
+    BY_DEFAULT,
+    NO_VOXELS,
+    Appearance,
+    Classification,
+    Subject,
+    lit_samples,
+    transfer_of,
+)
+from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.cropping import planes
+from resample_volume.voxels.framing import ball_around, centered
+from resample_volume.voxels.shading import Light
+from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
+from resample_volume.voxels.windowed import Finish, Work, painted_in_windows
+
+
+class Spent(NamedTuple):
+    """What painting in windows may take, and who does it.
+
+    Examples
+    --------
+    >>> from resample_volume.windows import Spent
+    >>> Spent(memory=1 << 30).executor is None  # windows are painted here, one after the other
+    True
+    """
+
+    memory: int  # bytes that the voxels and bricks of a window may take, in each process
+    threads: int | None = None  # of each process; None: all
+    folder: Path | None = None  # windows are written there by whoever paints them
+    executor: Executor | None = None  # of threads or processes; None: this one
+
+
+def render_in_windows(
+    volume: Volume,
+    appearance: Appearance,
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+    spent: Spent,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+) -> tuple[Frame, int]:
+    """Picture of a volume in bricks, of which one window's voxels are in memory at a time.
+
+    Parameters
+    ----------
+    volume
+        Whose values are `Bricks`, without padding.
+    appearance
+        Its look, without what depends on all voxels that are seen.
+    viewpoint
+        Orbits are around the whole volume, whatever of it is seen.
+    size
+        Height and width of the picture, px.
+    spent
+        How much memory a process may take, and who paints windows.
+    resampler
+        Paints splats of voxels; None is the default one.
+    progress
+        Called with the share of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    frame
+        With the bits of a volume in memory, whoever painted it; of its statistics the samples alone
+        are known.
+    windows
+        How many there were.
+
+    Raises
+    ------
+    ValueError
+        A choice needs all visible voxels together, or those of a single tile do not fit.
+    OSError
+        Windows cannot be written or read.
+    """
+    camera = unseen(volume, appearance).camera(viewpoint, *size)
+    return paint_in_windows(volume, appearance, camera, size, spent, resampler, progress)
+
+
+def paint_in_windows(
+    volume: Volume,
+    appearance: Appearance,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    spent: Spent,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+) -> tuple[Frame, int]:
+    """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
+    scene, _ = centered(volume)
+    chosen = replace(appearance, transfer=transfer_of(scene, appearance))
+    work = Work(
+        scene,
+        partial(_by_bricks, chosen),
+        partial(_lit, appearance.light, camera),
+        resampler or BY_DEFAULT,
+        camera,
+        size,
+        *spent[:3],
+    )
+    whole, count, samples = nothing_painted(*size).film, 0, 0
+    tell = progress or _unheard
+    for (x0, y0, x1, y1), film, voxels in painted_in_windows(work, tell, spent.executor):
+        for layer, part in zip(whole, film, strict=True):
+            layer[y0:y1, x0:x1] = part
+        count, samples = count + 1, samples + voxels
+    return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+
+
+def _by_bricks(look: Appearance, volume: Volume, finish: Finish) -> Iterator[Any]:
+    """What a job makes of a look's visible voxels, brick by brick."""
+    transfer = transfer_of(volume, look)
+    return classified_by_bricks(volume, transfer, look.needed_gradient, finish)
+
+
+def _lit(
+    light: Light | None, camera: AnyCamera, voxels: Voxels, steepest: Floats | None
+) -> Samples:
+    return lit_samples(voxels, light, camera, steepest)
+
+
+def _unheard(share: float) -> None:
+    """Progress that nobody wants to know."""
+
+
+def unseen(volume: Volume, appearance: Appearance) -> "Subject":
+    """Volume in bricks of which nothing is in memory: where it is, and cameras around it.
+
+    Raises
+    ------
+    ValueError
+        It cannot be painted window by window.
+    """
+    scene, middle = centered(volume)
+    _check_windows(scene, appearance)
+    nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
+    return Subject(nothing, appearance, ball_around(scene), middle, planes(scene, None, ()))
+
+
+def _check_windows(volume: Volume, look: Appearance) -> None:
+    """Refuse what depends on all visible voxels together."""
+    needs = [name for name in look.extras if name != "mesh"]
+    needs += ["crop"] * (look.crop is not None) + ["clip"] * bool(look.clip)
+    needs += ["mesh"] * bool(look.meshes)
+    if look.light is not None and look.light.is_blocked:
+        needs.append("shadows or occlusion")
+    if transfer_of(volume, look).needs_gradient:
+        needs.append("a transfer function of gradients")
+    if look.classification is not Classification.PRE:
+        needs.append("the classification post")
+    if needs or not isinstance(volume.values, Bricks):
+        what = ", ".join(needs) or "a volume in memory"
+        raise ValueError(f"{what} cannot be painted window by window; leave it out")

@@ -1,0 +1,153 @@
+"""Work of a command shared out among processes of this machine or of others, by dask: an extra."""
+
+import logging
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, NamedTuple
+
+from resample.command.settings import Sharing
+from resample.watching import Executor
+from resample.words import one_line
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PACKAGE = "hybrid-resample"
+SHARE = 0.5  # of a worker's memory that the data of its tasks may take
+
+
+class Crew(NamedTuple):
+    """Who does parts of a command's work."""
+
+    executor: Executor
+    tasks: int  # that are done at a time
+    threads: int  # of each task
+    memory: int | None  # bytes that the data of a task may take on its machine; None: not known
+    is_local: bool  # whether all are on this machine, and share its memory
+
+
+@contextmanager
+def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | None]:
+    """Workers that a user asks for, until the end of the block; None if he asks for none.
+
+    Parameters
+    ----------
+    sharing
+        How many processes, or where a scheduler listens.
+    threads
+        Of each task; None shares out the cores of this machine, and takes one on others.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed, both are asked for, or workers have another version of ours.
+    OSError
+        The scheduler does not answer, it has no workers, or workers ended again and again.
+    """
+    check_sharing(sharing)
+    if not sharing.is_asked:
+        yield None
+        return
+    from distributed import KilledWorker
+
+    with ExitStack() as held:
+        client = held.enter_context(_client(sharing, held))
+        try:
+            yield _crew(client, sharing, threads)
+        except KilledWorker as error:
+            with suppress(OSError, TimeoutError):  # those that begin cannot be ended well
+                client.wait_for_workers(sharing.workers or 1, timeout=5)
+            raise ChildProcessError(
+                f"a task was given up after {_attempts(error)} workers had ended over it, most "
+                "likely for want of memory; allow less --memory, or take fewer workers"
+            ) from None
+
+
+def check_sharing(sharing: Sharing) -> None:
+    """Refuse workers that there cannot be, before any work is done.
+
+    Raises
+    ------
+    ValueError
+        As of `at_work`.
+    """
+    if sharing.workers is not None and sharing.scheduler is not None:
+        raise ValueError("workers are started here and a scheduler has its own; give one of both")
+    if sharing.is_asked:
+        try:
+            import distributed  # noqa: F401
+        except ImportError as error:
+            raise ValueError(
+                f"workers are dask's, and {error.name} is not installed: "
+                f"pip install '{PACKAGE}[dist]'"
+            ) from None
+
+
+def _client(sharing: Sharing, held: ExitStack) -> "Client":
+    """Client of the scheduler that is asked for, or of one of our own."""
+    import dask.config
+    from distributed import Client, LocalCluster
+
+    if sharing.scheduler is not None:
+        try:
+            return Client(sharing.scheduler, set_as_default=False, timeout="10s")
+        except (OSError, ValueError) as error:
+            raise OSError(
+                f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
+            ) from None
+    held.enter_context(dask.config.set({"distributed.nanny.pre-spawn-environ": _environment()}))
+    folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
+    cluster = LocalCluster(
+        n_workers=sharing.workers,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",  # any port, for nobody else
+        memory_limit=0,  # what tasks may take is reckoned by us
+        local_directory=folder,
+        silence_logs=logging.CRITICAL,
+    )
+    return Client(held.enter_context(cluster), set_as_default=False)
+
+
+def _environment() -> dict[str, object]:
+    """What workers find in their environment: they say nothing of themselves."""
+    import dask.config
+
+    own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
+    return {**own, "DASK_LOGGING__DISTRIBUTED": "critical"}
+
+
+def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
+    executor = client.get_executor(pure=False)
+    if sharing.workers is not None:
+        own = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
+        return Crew(executor, sharing.workers, own, None, is_local=True)
+    workers = client.scheduler_info(n_workers=-1)["workers"].values()
+    if not workers:
+        raise OSError(f"the scheduler at {sharing.scheduler} has no workers; start some")
+    _check_versions(client)
+    count = sum(worker["nthreads"] for worker in workers)
+    limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
+    least = min((limit for limit in limits if limit), default=None)
+    memory = None if least is None else int(SHARE * least)
+    return Crew(executor, count, threads or 1, memory, is_local=False)
+
+
+def _check_versions(client: "Client") -> None:
+    """Refuse workers whose pictures may have other bits."""
+    own = version(PACKAGE)
+    try:
+        others = set(client.run(version, PACKAGE).values()) - {own}
+    except PackageNotFoundError:
+        raise ValueError(f"workers do not have {PACKAGE}; install {own} there") from None
+    if others:
+        raise ValueError(f"workers have {PACKAGE} {', '.join(others)} and this is {own}")
+
+
+def _attempts(error: Exception) -> int:
+    """How many workers ended over a task."""
+    return int(getattr(error, "allowed_failures", 3)) + 1

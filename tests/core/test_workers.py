@@ -1,0 +1,95 @@
+"""Work that processes share: the same files, also where one of them is killed."""
+
+import builtins
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from resample.command.settings import Sharing
+from resample.command.workers import at_work, check_sharing
+from resample.files.animations import Shots, write_film
+from tests.killing import Killing
+
+
+def frame(n):
+    return np.full((20, 30, 3), 9 * n, np.uint8)
+
+
+SHOTS = Shots(6, frame, {"of": "numbers"})
+
+
+def content(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_frames_are_made_by_any_executor(tmp_path):
+    shares = []
+    write_film(tmp_path / "one", SHOTS, 24)
+    with ThreadPoolExecutor(3) as executor:
+        write_film(tmp_path / "three", SHOTS, 24, executor=executor, progress=shares.append)
+    assert content(tmp_path / "one") == content(tmp_path / "three")
+    assert shares == [(n + 1) / 6 for n in range(6)]
+
+
+def test_a_film_goes_on_with_others_where_it_was_left(tmp_path):
+    def stopping(n):
+        if n == 3:
+            raise OSError("full")
+        return frame(n)
+
+    with pytest.raises(OSError, match="full"):
+        write_film(tmp_path / "film", SHOTS._replace(frame=stopping), 24)
+    made = []
+    with ThreadPoolExecutor(2) as executor:
+        rest = SHOTS._replace(frame=lambda n: made.append(n) or frame(n))
+        write_film(tmp_path / "film", rest, 24, resume=True, executor=executor)
+    assert sorted(made) == [3, 4, 5]
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
+    write_film(tmp_path / "whole", SHOTS, 24)
+    (tmp_path / "marks").mkdir()
+    with at_work(Sharing(workers=2)) as crew:
+        killing = Killing(crew.executor, tmp_path / "marks", 2, is_late=True)
+        write_film(tmp_path / "film", SHOTS, 24, executor=killing)
+    killing.redone(0)
+    assert content(tmp_path / "whole") == content(tmp_path / "film")
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    ("workers", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
+)
+def test_a_worker_may_be_killed_at_any_time(workers, part, is_late, tmp_path):
+    write_film(tmp_path / "whole", SHOTS, 24)
+    (tmp_path / "marks").mkdir()
+    with at_work(Sharing(workers=workers)) as crew:
+        killing = Killing(crew.executor, tmp_path / "marks", part, is_late)
+        write_film(tmp_path / "film", SHOTS, 24, executor=killing)
+    killing.redone(0)
+    assert content(tmp_path / "whole") == content(tmp_path / "film")
+
+
+def test_workers_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="give one of both"):
+        check_sharing(Sharing(workers=2, scheduler="tcp://127.0.0.1:1"))
+    with (
+        pytest.raises(OSError, match="no scheduler of dask answers at nowhere"),
+        at_work(Sharing(scheduler="nowhere://127.0.0.1:1")),
+    ):
+        pass
+
+
+def test_without_dask_workers_say_which_extra_they_need(monkeypatch):
+    own = builtins.__import__
+
+    def missing(name, *args, **kwargs):
+        if name == "distributed":
+            raise ModuleNotFoundError("No module named 'distributed'", name=name)
+        return own(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[dist\]'"):
+        check_sharing(Sharing(workers=2))

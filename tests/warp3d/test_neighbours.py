@@ -1,0 +1,95 @@
+"""Neighbours of points, found block by block: those that a k-d tree finds."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from resample_warp3d.clouds import spacing
+from resample_warp3d.clouds.cloud import Cloud
+from resample_warp3d.clouds.kernels.cells import Spaced
+from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
+from resample_warp3d.clouds.kernels.neighbours import blocks_of
+from resample_warp3d.clouds.spacing import prepare_cloud
+
+RNG = np.random.default_rng(5)
+FEW, MANY = spacing.NEIGHBOURS, spacing.MORE_NEIGHBOURS
+
+
+def sphere(count):
+    place = RNG.normal(size=(count, 3))
+    return place / np.linalg.norm(place, axis=1)[:, None]
+
+
+def clumps(count):
+    return RNG.normal(size=(count, 3)) * 10.0 ** RNG.integers(-4, 2, (count, 1))
+
+
+CLOUDS = {
+    "surface": sphere(3000),
+    "solid": RNG.random((3000, 3)),
+    "clumps": clumps(2000),
+    "line": RNG.random((500, 1)) * (1.0, 2.0, 3.0),
+    "few": RNG.random((14, 3)),
+    "fewer": RNG.random((5, 3)),
+    "two": RNG.random((2, 3)),
+}
+
+
+def sorted_along(place):
+    place = np.unique(place.astype(np.float32), axis=0)
+    return np.ascontiguousarray(place[np.argsort(spacing._codes(place), kind="stable")])
+
+
+def nearest_of(place):
+    """Neighbours (N, k) of places in order, without themselves."""
+    count = len(place)
+    wanted = Wanted(min(FEW, count), min(MANY, count))
+    discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
+    nearest = np.zeros((count, wanted.few - 1), np.int32)
+    measure_all(blocks_of(place), wanted, np.zeros((count, 3), np.float32), discs, nearest)
+    return nearest
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_neighbours_are_those_of_a_tree(name):
+    place = sorted_along(CLOUDS[name])
+    count = min(FEW, len(place))
+    expected = cKDTree(place).query(place, np.arange(1, count + 1))[1]
+    np.testing.assert_array_equal(nearest_of(place), expected[:, 1:])
+
+
+def test_of_points_that_are_equally_far_the_first_come_first():
+    line = np.arange(9.0)
+    place = sorted_along(np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3))
+    square = ((place[:, None].astype(np.float64) - place) ** 2).sum(axis=2)
+    index = np.broadcast_to(np.arange(len(place)), square.shape)
+    expected = np.lexsort((index, square), axis=1)[:, 1:FEW]
+    np.testing.assert_array_equal(nearest_of(place), expected)
+
+
+def test_a_stray_point_far_away_changes_no_disc():
+    place = sphere(4000).astype(np.float32)
+    far = np.concatenate([place, np.full((1, 3), 1e9, np.float32)])
+    nothing = np.zeros((0, 3), np.float32)
+
+    def axes_of(position):
+        order = spacing._canonical(Cloud(position, nothing, nothing, np.zeros(0)))
+        ordered, count = position[order], len(position)
+        normal, axes = np.zeros((count, 3), np.float32), np.zeros((count, 2, 3), np.float32)
+        spacing._measured(ordered, normal, axes, np.inf)
+        return axes[np.argsort(order)][: len(place)]
+
+    order = spacing._canonical(Cloud(far, nothing, nothing, np.zeros(0)))
+    assert spacing._is_crowded(far[order][::16])
+    np.testing.assert_array_equal(axes_of(far), axes_of(place))
+
+
+def test_a_prepared_cloud_has_the_discs_that_its_points_alone_say():
+    place = sphere(3000).astype(np.float32)
+    nothing = np.zeros((0, 3), np.float32)
+    one = prepare_cloud(Cloud(place, nothing, nothing, np.zeros(0)), threads=1)
+    two = prepare_cloud(Cloud(place[::-1], nothing, nothing, np.zeros(0)), threads=3)
+    np.testing.assert_array_equal(one.axes, two.axes)
+    # The part of a sphere's surface that is nearest to a point: together they are all of it.
+    area = np.pi * np.linalg.norm(np.cross(one.axes[:, 0], one.axes[:, 1]), axis=1)
+    assert 4 * np.pi < area.sum() < 2.5 * 4 * np.pi
