@@ -11,13 +11,16 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from benchmarks.contest import Options
+from benchmarks.contest import AbsentError, Options
+from benchmarks.dragging import free_port, peers
+from benchmarks.dragging import measured as page
 from benchmarks.measure import MEBI
 from benchmarks.tables import Row, Section
 from resample.view.server import served
 from resample_volume.viewing import VolumeView
 
 SIDE = 400  # px
+LOOK = "engine"
 STEPS = 40  # of a drag
 WAIT = 0.05  # seconds
 FURTHER = 4  # pages whose memory is measured
@@ -106,3 +109,30 @@ def sections(options: Options) -> Iterator[Section]:
         "to the first picture, pictures per second of a drag, medians from a wish to its picture.",
         rows,
     )
+    yield from beside(volumes[-1], options)
+
+
+def beside(volume: str, options: Options) -> Iterator[Section]:
+    """Table of pages in a browser, where there is one."""
+    section = Section(
+        "Viewers in a browser",
+        f"{Path(volume).name} with the look {LOOK}, dragged in Chromium without a window, by its "
+        "own page and by PyVista's. Pictures come from the server in both, and both are waited "
+        "for alike: seconds from the command to the first picture; of a drag, pictures per second, "
+        "the server's CPU time for each, the median from a movement to its picture, and from "
+        "the last one to the whole picture. The better of two runs.",
+    )
+    side = 200 if options.quick else SIDE
+    try:
+        commands = peers(volume, LOOK, options.scratch)
+    except AbsentError as error:
+        section.notes.append(f"Left out: {error}.")
+        commands = {}
+    for name, words in commands.items():
+        port = free_port()
+        rounds = [page(words(port, side), port, side) for _ in range(1 if options.quick else 2)]
+        best = max(rounds, key=lambda row: float(row["pictures_per_s"]))  # type: ignore[arg-type]
+        section.rows.append({"viewer": name, "side_px": side, **best})
+    if len(commands) == 1:
+        section.notes.append("PyVista's is not installed: pip install 'pyvista[jupyter]'.")
+    yield section

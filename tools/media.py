@@ -98,6 +98,14 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
         settled(tab)
         shot(tab).save(IMAGES / "viewer.png", optimize=True)
     with (
+        served("resample-volume", "view", volume, "--clip=0.6/0.8/0", "--crop=40:,:,:") as address,
+        page(opened, address, WINDOW) as tab,
+    ):
+        tab.click("#clip")
+        tab.click("#crop")
+        settled(tab)
+        shot(tab).save(IMAGES / "viewer-cuts.webp", quality=80)
+    with (
         served("resample-texture", "view", picture(folder)) as address,
         page(opened, address, WINDOW) as tab,
     ):

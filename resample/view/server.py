@@ -123,6 +123,8 @@ async def _talked(socket: "WebSocket", view: Viewable, open_pages: set[Session])
             except (ValueError, KeyError):  # no text, or none that a page says
                 await send(json.dumps({"kind": "error", "number": 0, "text": "not understood"}))
                 continue
+            except RuntimeError:  # what was sent to it has found the page gone
+                break
             await session.told(message)
     except WebSocketDisconnect:
         pass

@@ -78,7 +78,8 @@ class Viewable(Protocol):
         `viewing` has a `function` (`picture`) that takes inputs and options; the command of a
         `film` through keyframes, which has the same options, if there is one; `controls` of
         `controls_of`; `settings` to begin with; `rivals` that paint the same, by name, with why
-        one does not, if so; and what else its page shows, such as a `histogram`.
+        one does not, if so; `names` that options may have, by option; and what else its page
+        shows, such as a `histogram`.
         """
 
     def check(self, settings: Settings | None = None) -> None:

@@ -4,6 +4,7 @@ import shlex
 import shutil
 from base64 import b64decode
 from collections.abc import Callable, Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from PIL import Image
 
 from resample.command.settings import PictureFormat
 from resample.view.views import controls_of
+from resample.watching import Cancel
 from resample_volume.command.choices import Look
 from resample_volume.command.cli import app
 from resample_volume.viewing import VolumeView
@@ -26,8 +28,8 @@ BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil
 pytestmark = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
 )
-TIME = 90_000  # ms; kernels may have to be compiled
-QUIET = 250  # ms, more than after which a page asks for a whole picture
+TIME = 60_000  # ms; kernels may have to be compiled
+BEGIN = Look(transfer="vessels"), PictureFormat(background="#203040")  # nothing shows through
 SHOWN = """() => {
   const image = document.querySelector('.canvas img'), canvas = document.createElement('canvas');
   canvas.width = image.naturalWidth;
@@ -40,8 +42,7 @@ SHOWN = """() => {
 @pytest.fixture(scope="module")
 def tab() -> Iterator[Any]:
     controls = controls_of("resample-volume render", app["render"])
-    begin = Look(transfer="vessels"), PictureFormat(background="#203040")  # nothing shows through
-    view = VolumeView("vessel-tree:size=24", begin=begin, controls=controls)
+    view = VolumeView("vessel-tree:size=24", begin=BEGIN, controls=controls)
     with served(view) as place, sync_api.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
         tab, faults = browser.new_page(viewport={"width": 700, "height": 420}), []
@@ -55,25 +56,27 @@ def tab() -> Iterator[Any]:
 
 
 def still(tab: Any, after: str = "") -> str:
-    """Number of the whole picture that the page shows, once it is another than one before."""
+    """Number of the whole picture that the page shows, once it waits for none and it is new."""
     tab.wait_for_function(
         "before => { const image = document.querySelector('.canvas img');"
-        " return image.complete && image.dataset.preview === 'false'"
-        " && image.dataset.number !== before; }",
+        " return image.complete && image.dataset.number !== before"
+        " && document.querySelector('.canvas[aria-busy=false]'); }",
         arg=after,
     )
     return str(tab.evaluate("document.querySelector('.canvas img').dataset.number"))
+
+
+def shown(tab: Any) -> NDArray[np.uint8]:
+    """Levels of the picture that the page shows."""
+    return np.asarray(Image.open(BytesIO(b64decode(tab.evaluate(SHOWN)))).convert("RGB"))
 
 
 def after(tab: Any, act: Callable[[], object]) -> NDArray[np.uint8]:
     """Levels of the last whole picture that follows an act."""
     number = still(tab)
     act()
-    last = still(tab, number)
-    while tab.wait_for_timeout(QUIET) or still(tab) != last:  # a drag may have been slow
-        last = still(tab)
-    data = b64decode(tab.evaluate(SHOWN))
-    return np.asarray(Image.open(BytesIO(data)).convert("RGB"))
+    still(tab, number)
+    return shown(tab)
 
 
 def dragged(tab: Any, handle: str, right: float, down: float) -> None:
@@ -120,6 +123,98 @@ def test_a_box_is_cut_by_handles_and_keys(
     assert (again != cut).any()
     tab.click("#crop")
     assert tab.locator("#crop-x-high").is_hidden()
+
+
+LABELED: dict[str, Any] = {"labels": "halves.npy", "label": ["1:color=tomato", "0:opacity=0.4"]}
+CHOICES: list[dict[str, Any]] = [
+    *({"transfer": name} for name in ("gray", "30/blue/0,90/white/0.6")),
+    *({"window": "120/80"}, {"opacity-unit": 3.0}, {"gradient": "sobel"}, LABELED),
+    *({"gradient-opacity": "0.1/0.5"}, {"classify": "post"}, {"depth-cue": 0.6}),
+    *({"crop": ":,6:,:"}, {"clip": ["1/0/0", "0/0/1/2"]}, {"background": "white"}),
+    *({"camera": "60/-10/1.2"}, {"fov": 0.0}, {"up": "x"}, {"fit": "visible"}),
+    *({"shading": False}, {"light": "1/0/1"}, {"ambient": 0.6}, {"diffuse": 0.2}),
+    *({"specular": 0.8}, {"specular": 0.8, "shininess": 4.0}),
+    *({"subpixels": 2}, {"method": "splats", "subpixels": 3}, {"projection": "maximum"}),
+    *({"projection": "first-hit", "iso": 100.0}, {"axes": True}, {"box": True}),
+    *({"cube": True}, {"scale-bar": True}),
+]
+
+
+def test_each_control_changes_the_picture_as_the_library_does(
+    tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("halves.npy", (np.indices((24, 24, 24))[2] > 11).astype(np.uint8))
+    tab.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    view = VolumeView("vessel-tree:size=24", begin=BEGIN)
+    painter, begin = view.painter(), view.about["settings"]
+    for choice in CHOICES:
+        plain = after(tab, lambda: tab.click("#reset"))
+        seen = after(tab, partial(filled, tab, choice))
+        size = seen.shape[1], seen.shape[0]
+        expected = painter.paint(begin | choice, size, quick=False, cancel=Cancel()).levels
+        np.testing.assert_array_equal(seen, expected, str(choice))
+        assert (seen != plain).any(), choice
+
+
+def filled(tab: Any, choice: dict[str, Any]) -> None:
+    """Give options values, as their fields take them."""
+    for key, value in choice.items():
+        field = tab.locator(f"#option-{key}")
+        if isinstance(value, bool):
+            field.set_checked(value)
+        elif field.evaluate("(one) => one.tagName") == "SELECT":
+            field.select_option(value)
+        else:
+            field.fill("; ".join(value) if isinstance(value, list) else str(value))
+            field.press("Tab")
+
+
+def test_orders_filters_and_kernels_are_offered_by_name(tab: Any) -> None:
+    for key, name in (("order", "axis-sheets"), ("filter", "box"), ("kernel", "gaussian")):
+        listed = tab.locator(f"#option-{key}").get_attribute("list")
+        assert tab.locator(f"#{listed} option[value={name}]").count() == 1
+
+
+def test_enter_picks_what_is_in_the_middle(tab: Any) -> None:
+    after(tab, lambda: tab.click("#reset"))
+    after(tab, lambda: tab.locator(".canvas").press("Shift+ArrowUp"))
+    tab.locator(".canvas").press("Enter")
+    tab.wait_for_function("() => document.querySelector('#picked').textContent !== ''")
+    box = tab.locator(".canvas").bounding_box()
+    said = tab.inner_text("#picked")
+    assert said.startswith("voxel ")
+    assert "value" in said
+    assert "position" in said
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.evaluate("document.querySelector('#picked').textContent = ''")
+    tab.mouse.click(*middle)
+    tab.wait_for_function("() => document.querySelector('#picked').textContent !== ''")
+    assert tab.inner_text("#picked") == said
+
+
+def test_a_page_that_was_cut_off_comes_back_with_its_settings(tab: Any) -> None:
+    other, links = tab.context.browser.new_page(), []
+
+    def passed_on(link: Any) -> None:
+        links.append(link)
+        link.connect_to_server()
+
+    other.route_web_socket("**/socket*", passed_on)
+    other.set_default_timeout(TIME)
+    other.goto(tab.url)
+    after(other, lambda: filled(other, {"transfer": "gray"}))
+    before = after(other, lambda: other.locator(".canvas").press("ArrowLeft"))
+    number = still(other)
+    links[0].close()
+    other.wait_for_function("() => document.querySelector('.message').textContent !== ''")
+    assert "trying again" in other.inner_text(".message")
+    still(other, number)
+    assert len(links) == 2
+    assert other.input_value("#option-transfer") == "gray"
+    assert other.input_value("#option-camera") == "36/20/1"
+    np.testing.assert_array_equal(shown(other), before)
+    other.close()
 
 
 def planes(tab: Any) -> list[list[float]]:

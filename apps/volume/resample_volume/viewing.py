@@ -15,6 +15,7 @@ from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
 from resample.files.frames import write_frame
 from resample.files.images import screen_levels
+from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.view.files import file_of
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 VTK = "VTK"  # what can paint the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
+NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "memory", "level", "units", "time"),
@@ -278,7 +280,10 @@ class VolumeView:
             "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
             "settings": {"fit": "volume", "camera": "30/20/1", **settings_of(self.begin)},
             "rivals": {VTK: _absence()},
-            "transfers": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+            "names": {
+                "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+                **{option: names(group) for option, group in NAMED.items()},
+            },
             "box": {"voxels": size, "lattice": lattice_of(self.volume).tolist()},
             "histogram": _histogram(self.volume, known.span),
         }

@@ -36,14 +36,16 @@ export function fields(page) {
 
   function field(control) {
     const { key, help } = control, [input, read] = inputOf(control);
-    if (key === "transfer") input.setAttribute("list", "transfers");
+    const names = page.about.names?.[key] ?? [];
+    const list = made("datalist", { id: `names-${key}` }, ...names.map((one) => made("option", { value: one })));
+    if (names.length) input.setAttribute("list", list.id);
     input.id = `option-${key}`;
     input.addEventListener("change", () => {
       const value = read();
       const usual = Array.isArray(value) ? value.length === 0 : value === control.default;
       page.changed(key, usual ? undefined : value);
     });
-    const label = made("label", { title: help }, made("span", {}, key), input);
+    const label = made("label", { title: help }, made("span", {}, key), input, ...(names.length ? [list] : []));
     const put = (value) => {
       label.classList.toggle("changed", value !== undefined);
       const now = value ?? control.default ?? "";

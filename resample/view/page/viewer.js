@@ -34,6 +34,7 @@ export function show(el, connect) {
   let number = 0, timer = 0, waiting = false, again = false;
   let whole = null; // settings of the last whole picture that was asked for
   let wishedSize = ""; // that was asked for last
+  let latest = 0; // number of the wish that was sent last
 
   const image = made("img", { alt: "The picture", draggable: false });
   const message = made("div", { class: "message", role: "status", "aria-live": "polite" });
@@ -93,12 +94,21 @@ export function show(el, connect) {
   function wish(moving) {
     if (!page.about) return;
     clearTimeout(timer);
+    canvas.setAttribute("aria-busy", "true");
     if (moving) timer = setTimeout(() => wish(false), STILL);
     if (waiting && moving) { again = true; return; }
     waiting = true;
     wishedSize = spelledSize();
     if (!moving) whole = { ...page.settings };
     say("draw", { moving, ...beside.wished(moving) });
+    latest = number;
+  }
+
+  // The answer to a wish has come; it may be the last.
+  function answered(head) {
+    waiting = false;
+    if (again) { again = false; wish(true); }
+    else if (!head.preview && head.number === latest) canvas.setAttribute("aria-busy", "false");
   }
 
   // Options: `put` sets one, `changed` also asks for the picture, `replaced` sets all of them
@@ -128,7 +138,7 @@ export function show(el, connect) {
   // Told by the viewer
 
   function begin(given) {
-    const gesture = given.gestures ?? "orbit";
+    const gesture = given.gestures ?? "orbit", isBack = page.about !== null;
     page.about = given;
     page.steering ??= STEERINGS[gesture](page);
     page.steering.begin?.();
@@ -137,30 +147,29 @@ export function show(el, connect) {
     views.hidden = gesture !== "orbit";
     exports.keyframe.hidden = !given.film;
     beside.offer(given.rivals);
-    replaced({ ...given.settings });
+    replaced(isBack ? page.settings : { ...given.settings });
     build();
     page.steering.resized?.();
     placed();
   }
 
   function build() {
-    const { title, subtitle, transfers } = page.about;
+    const { title, subtitle, names } = page.about;
     document.title = title;
     side.replaceChildren(
       made("h1", {}, title), made("div", { class: "subtitle" }, subtitle ?? ""),
       ...(page.about.histogram ? [look.element, made("div", { class: "hint" },
         "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window."),
       look.tools] : []),
-      made("datalist", { id: "transfers" }, ...(transfers ?? []).map((one) => made("option", { value: one }))),
       ...options.build(),
     );
-    look.offer(transfers ?? []);
+    look.offer(names?.transfer ?? []);
     look.draw();
   }
 
   function told(given) {
     if (given.kind === "about") begin(given);
-    if (given.kind === "error") { waiting = false; note(given.text, "message"); }
+    if (given.kind === "error") { answered(given); note(given.text, "message"); }
     if (given.kind === "other") beside.failed(given.text);
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
@@ -173,7 +182,6 @@ export function show(el, connect) {
   function framed(head, bytes) {
     if (head.kind === "file") { note("", "message"); download(head.name, bytes); return; }
     if (head.kind !== "frame") { beside.framed(head, bytes); return; }
-    waiting = false;
     note("", "message");
     if (!head.preview) {
       look.ask();
@@ -185,7 +193,7 @@ export function show(el, connect) {
     image.dataset.preview = head.preview;
     badge.className = `badge ${head.preview ? "preview" : "final"}`;
     badge.textContent = `${head.preview ? "preview" : "final"} · ${Math.round(head.milliseconds)} ms`;
-    if (again) { again = false; wish(true); }
+    answered(head);
   }
 
   function heard(data) {

@@ -1,0 +1,207 @@
+"""Pages in a browser whose picture is dragged: ours, and PyVista's trame viewer."""
+
+import os
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.contest import AbsentError
+from benchmarks.tables import Row
+from resample.colors import to_srgb
+from resample_volume import open_volume
+from resample_volume.looks.presets import load_transfer
+
+BROWSERS = ("chromium", "chromium-browser", "chrome")
+PICTURE = 1500  # bytes of a message, from which on it is a picture and not words about one
+STEP, SECONDS = 0.01, 3.0  # from one movement of a drag to the next, and its length
+SINGLE = 15  # movements that are waited for
+QUIET = 1.5  # seconds after which nothing more comes
+PATIENCE = 90.0  # seconds until a page is there
+MAPPERS = {"smart": "its own choice", "fixed_point": "its CPU ray caster"}
+MOVED = 0.005  # share of pixels that a drag has to change
+
+
+class Heard:
+    """When pictures came to a page."""
+
+    def __init__(self, tab: Any) -> None:
+        self.times: list[float] = []
+        self._tab = tab
+        tab.on("websocket", lambda link: link.on("framereceived", self._came))
+
+    def _came(self, data: str | bytes) -> None:
+        if len(data) >= PICTURE:
+            self.times.append(time.perf_counter())
+
+    def wait(self, count: int, seconds: float = QUIET) -> bool:
+        """Whether so many pictures have come, within a time."""
+        end = time.perf_counter() + seconds
+        while len(self.times) < count and time.perf_counter() < end:
+            self._tab.wait_for_timeout(1)
+        return len(self.times) >= count
+
+
+def peers(volume: str, look: str, scratch: str) -> dict[str, Callable[[int, int], list[str]]]:
+    """Commands of pages by the name of who makes them, for a port and a side in px.
+
+    Raises
+    ------
+    AbsentError
+        There is no browser, or nothing that drives one.
+    """
+    if not next(filter(None, map(shutil.which, BROWSERS)), None) or not find_spec("playwright"):
+        raise AbsentError("no Chromium, or no playwright: apt install chromium")
+
+    def ours(port: int, _: int) -> list[str]:
+        words = ["-m", "resample_volume", "view", volume, "--transfer", look]
+        return [*words, "--no-browser", "--port", str(port)]
+
+    found: dict[str, Callable[[int, int], list[str]]] = {"resample-volume view": ours}
+    if find_spec("pyvista") and find_spec("trame_pyvista") and find_spec("trame_vuetify"):
+        path = str(Path(scratch) / "volume.npz")
+        _write(volume, look, path)
+        for mapper, name in MAPPERS.items():
+            words = ["-m", "benchmarks.trame_page", path, mapper]
+            found[f"PyVista's trame viewer, {name}"] = partial(_numbered, words)
+    return found
+
+
+def measured(words: Sequence[str], port: int, side: int) -> Row:
+    """What a page needs that a command serves.
+
+    Returns
+    -------
+    Seconds from the command to the first picture; pictures per second of a drag; the server's CPU
+    time for one of these, ms; medians, ms, from a movement to its picture; and from a drag's end
+    to its last picture.
+    """
+    from playwright.sync_api import sync_playwright
+
+    browser = next(filter(None, map(shutil.which, BROWSERS)))
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        tab = opened.new_page(viewport={"width": side, "height": side})
+        heard, start = Heard(tab), time.perf_counter()
+        with served(words, port) as (process, address):
+            tab.goto(address)
+            if not heard.wait(1, PATIENCE):
+                raise AbsentError(f"{' '.join(words)}: no picture has come")
+            first = heard.times[0] - start
+            place = fitted(tab, side)
+            heard.wait(10_000, QUIET)  # until nothing more comes
+            before = pixels(tab)
+            row = dragged(tab, heard, place, process.pid)
+            if (pixels(tab) != before).any(axis=-1).mean() < MOVED:
+                raise AbsentError(f"{' '.join(words)}: a drag has moved nothing")
+        opened.close()
+    return {"first_s": first, **row}
+
+
+def fitted(tab: Any, side: int) -> tuple[float, float]:
+    """Middle of the picture, px, after the window was made so high that the picture is square."""
+    canvas = tab.locator(".canvas, .v-application").first
+    for _ in range(8):  # the picture's height is a share of the window's
+        missing = side - canvas.bounding_box()["height"]
+        height = tab.viewport_size["height"] + missing
+        tab.set_viewport_size({"width": side, "height": round(height)})
+    box = canvas.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def dragged(tab: Any, heard: Heard, place: tuple[float, float], process: int) -> Row:
+    """Times of a drag around a place, px; see `measured`."""
+    x, y = place
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + 5, y)
+    heard.wait(10_000, 0.1)
+    steps = []
+    for n in range(SINGLE):
+        count, start = len(heard.times), time.perf_counter()
+        tab.mouse.move(x + 8 + 2 * n, y + n)
+        if heard.wait(count + 1):
+            steps.append(heard.times[count] - start)
+    count, busy, start = len(heard.times), cpu(process), time.perf_counter()
+    while (spent := time.perf_counter() - start) < SECONDS:
+        tab.mouse.move(x + 60 * np.cos(4 * spent), y + 30 * np.sin(4 * spent))
+        tab.wait_for_timeout(1000 * STEP)
+    shown, busy, end = len(heard.times) - count, cpu(process) - busy, time.perf_counter()
+    tab.mouse.up()
+    comes = heard.wait(len(heard.times) + 1, PATIENCE)
+    heard.wait(10_000, QUIET)
+    return {
+        "pictures_per_s": shown / spent,
+        "server_CPU_ms": 1000 * busy / shown if shown else None,
+        "step_ms": 1000 * statistics.median(steps) if steps else None,
+        "still_ms": 1000 * (heard.times[-1] - end) if comes else None,
+    }
+
+
+@contextmanager
+def served(words: Sequence[str], port: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Process of a page, and its address, once it listens."""
+    command = [sys.executable, *words]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        try:
+            address = f"http://127.0.0.1:{port}/"
+            if "--no-browser" in words:
+                assert process.stdout is not None
+                address = process.stdout.readline().strip()
+            end = time.perf_counter() + PATIENCE
+            while process.poll() is None and time.perf_counter() < end:
+                with socket.socket() as link:
+                    if link.connect_ex(("127.0.0.1", port)) == 0:
+                        break
+                time.sleep(0.02)
+            yield process, address
+        finally:
+            process.terminate()
+
+
+def free_port() -> int:
+    """A port that nobody listens at."""
+    with socket.create_server(("127.0.0.1", 0)) as link:
+        return int(link.getsockname()[1])
+
+
+def cpu(process: int) -> float:
+    """CPU time of all threads of a process, seconds."""
+    words = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def pixels(tab: Any) -> NDArray[np.uint8]:
+    """What a page shows."""
+    from PIL import Image
+
+    return np.asarray(Image.open(BytesIO(tab.screenshot())).convert("RGB"))
+
+
+def _numbered(words: list[str], port: int, side: int) -> list[str]:
+    return [*words, str(port), str(side)]
+
+
+def _write(volume: str, look: str, path: str) -> None:
+    """A volume and its look, as `trame_page` reads them."""
+    given = open_volume(volume)
+    low, high = float(given.values.min()), float(given.values.max())
+    value = np.linspace(low, high, 256)
+    color, opacity = load_transfer(look).looks(value, None, (low, high), 1.0)
+    np.savez(
+        path, values=given.values, spacing=given.spacing, color=to_srgb(color), opacity=opacity
+    )
