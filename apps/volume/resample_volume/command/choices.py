@@ -64,7 +64,11 @@ class Source(Choices):
     ] = None
     level: Annotated[
         int | None,
-        Field(ge=0, description="Size of an OME-Zarr that has several; 0 is the finest, see info."),
+        Field(
+            ge=0,
+            description="Level of detail; 0 is the finest. Of an OME-Zarr that has several sizes, "
+            "see info.",
+        ),
     ] = None
     units: Annotated[
         Literal["hu", "hu+1024", "none"] | None,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,13 @@ from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.files.stores.addresses import Address, is_address
 from resample_volume.files.stores.opening import is_store
-from resample_volume.files.stores.reader import Zarr
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Values, parts
+
+if TYPE_CHECKING:
+    from resample_volume.files.stores.reader import Zarr
 
 
 def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
@@ -127,7 +129,7 @@ def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, 
     return found.levels(path) if isinstance(found, Streamer) else []
 
 
-def _distant(reader: Reader | None) -> Zarr:
+def _distant(reader: Reader | None) -> "Zarr":
     """Reader of what lies elsewhere.
 
     Raises
@@ -135,6 +137,8 @@ def _distant(reader: Reader | None) -> Zarr:
     ValueError
         It is none of zarr.
     """
+    from resample_volume.files.stores.reader import Zarr
+
     if reader is None:
         return Zarr()
     if not isinstance(reader, Zarr):

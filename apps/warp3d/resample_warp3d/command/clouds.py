@@ -90,7 +90,12 @@ class CloudLook(Choices):
         False
     )
     level: Annotated[
-        int, Field(ge=0, description="So many of the finest levels of a COPC file are left out.")
+        int,
+        Field(
+            ge=0,
+            description="Level of detail; 0 is the finest. So many of the finest levels of a COPC "
+            "file are left out.",
+        ),
     ] = 0
     no_cache: Annotated[
         bool,

@@ -19,7 +19,7 @@ from resample.files.writing import replacing
 from resample.reading.arrays import read_npz
 from resample_volume.voxels.bricks import Bricks, Glance, are_few, step_of
 
-LEAST = 1 << 21  # voxels; of fewer a pass takes less than a second
+LEAST = 1 << 23  # voxels; of fewer a pass takes less than a second
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
 RECENT = 2.0  # seconds, within which a file may change without a new time
 FORM = 1  # of the files that are kept
