@@ -10,12 +10,16 @@ from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.files.facts.settings import as_toml
 from resample.view.views import Settings, Size
 
-STEERED = ("camera", "fov", "up")  # what a film's keyframes say
+ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films around things
 STEP = 2.0  # seconds from one keyframe to the next
 
 
 def exports_of(
-    about: dict[str, Any], settings: Settings, size: Size, keyframes: Sequence[str] = ()
+    about: dict[str, Any],
+    settings: Settings,
+    size: Size,
+    cameras: Sequence[str] = (),
+    keyframes: str = "",
 ) -> dict[str, str]:
     """Texts that make the picture again, and a film through keyframes.
 
@@ -27,6 +31,8 @@ def exports_of(
         Options by name.
     size
         Width and height, px.
+    cameras, keyframes
+        Of a film, and the file that holds them; of one camera there is none.
     """
     command, inputs = about["command"], about["inputs"]
     whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
@@ -38,13 +44,8 @@ def exports_of(
         f"shown = {made_by}({named}, {_indented(whole)})\n"
     )
     film = {}
-    if len(keyframes) > 1 and "film" in about:
-        still = {key: value for key, value in whole.items() if key not in STEERED}
-        words_of_film = [*about["film"].split(), *inputs, *_options(still)]
-        film = {
-            "keyframes": keyframes_as_toml(keyframes, settings),
-            "film": shlex.join([*words_of_film, "--path=keyframes.toml", "-o", "film.mp4"]),
-        }
+    if len(cameras) > 1 and "film" in about:
+        film = {"keyframes": keyframes, "film": _film(about, whole, len(cameras))}
     return {
         "command": shlex.join([*words, "-o", "picture.png"]),
         "settings": as_toml(command, whole),
@@ -76,6 +77,20 @@ def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
             f"up = {json.dumps(settings.get('up', orbit.up))}\n"
         )
     return "\n".join(tables)
+
+
+def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
+    """Command of a film through so many keyframes."""
+    film = about["film"]
+    known = film.get("options", settings)
+    still = {
+        key: value for key, value in settings.items() if key in known and key not in film["steered"]
+    }
+    words = [*film["command"].split(), *about["inputs"], *_options(still)]
+    words.append(f"--path={film['file']}")
+    if "each" in film:
+        words.append(f"--frames={film['each'] * (count - 1) + 1}")
+    return shlex.join([*words, "-o", "film.mp4"])
 
 
 def _options(settings: Settings) -> list[str]:

@@ -8,6 +8,7 @@ LARGEST = 2048  # px of a side
 LONGEST = 65_536  # bytes of a message
 
 Key = Annotated[str, Field(max_length=40)]
+Camera = Annotated[str, Field(max_length=200)]
 Text = Annotated[str, Field(max_length=1000)]
 Value = bool | int | float | Text | Annotated[list[Text], Field(max_length=32)]
 Settings = Annotated[dict[Key, Value], Field(max_length=100)]
@@ -51,14 +52,14 @@ class Export(_Message):
     """Tell how the picture, and a film through keyframes, are made without the viewer."""
 
     kind: Literal["export"]
-    keyframes: Annotated[list[Key], Field(max_length=64)] = []  # cameras
+    keyframes: Annotated[list[Camera], Field(max_length=64)] = []
 
 
 class MakeFilm(_Message):
     """Give the film through keyframes as a file, telling how far it is; a second one stops it."""
 
     kind: Literal["film"]
-    keyframes: Annotated[list[Key], Field(max_length=64)]  # cameras; none: stop the film
+    keyframes: Annotated[list[Camera], Field(max_length=64)]  # none: stop the film
 
 
 class Save(_Message):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.measuring.quality import psnr
-from resample.view.exports import exports_of, keyframes_as_toml
+from resample.view.exports import exports_of
 from resample.view.files import file_of
 from resample.view.messages import Ask, Draw, Export, MakeFilm, Message, Pick, Save
 from resample.view.views import Comparing, Filming, Knowing, Painting, Settings, Viewable
@@ -100,7 +100,10 @@ class Session:
             told = self._painter.tell(message.settings, message.what)
             return _told("told", message.number, what=message.what, told=told)
         if isinstance(message, Export):
-            texts = exports_of(self._view.about, message.settings, size, message.keyframes)
+            cameras, keyframes = message.keyframes, ""
+            if len(cameras) > 1 and isinstance(self._painter, Filming):
+                keyframes = self._painter.keyframes(cameras, message.settings)
+            texts = exports_of(self._view.about, message.settings, size, cameras, keyframes)
             return _told("exported", message.number, texts=texts)
         file = self._view.save(message.settings, size, message.suffix)
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
@@ -129,9 +132,9 @@ class Session:
         if not isinstance(self._painter, Filming):
             raise ValueError("this page makes no films")
         size, keyframes = (message.width, message.height), list(message.keyframes)
-        text = keyframes_as_toml(keyframes, message.settings)
         film = self._view.painter()  # pages go on with theirs meanwhile
         assert isinstance(film, Filming)
+        text = film.keyframes(keyframes, message.settings)
         write = partial(film.film, message.settings, size, text, progress=tell)
         with cancellable(cancel):
             return _framed({"kind": "file", "name": FILM}, file_of(write, Path(FILM).suffix))

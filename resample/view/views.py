@@ -57,6 +57,9 @@ class Comparing(Protocol):
 class Filming(Protocol):
     """Role of painters that make films."""
 
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """File of keyframes, as the film's command takes it, of cameras as the page spells them."""
+
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
@@ -75,8 +78,10 @@ class Viewable(Protocol):
         """What a page has to know, as JSON holds it.
 
         `title`; `command`, its `inputs` and options of it that are `fixed`; `package` whose
-        `viewing` has a `function` (`picture`) that takes inputs and options; the command of a
-        `film` through keyframes, which has the same options, if there is one; `controls` of
+        `viewing` has a `function` (`picture`) that takes inputs and options; if there is a `film`
+        through keyframes, its `command`, the name of the `file` that holds them, the options
+        `steered` by them, those that it has (`options`; all) and frames from `each` keyframe to
+        the next, where it has to be told; `controls` of
         `controls_of`; `settings` to begin with; `rivals` that paint the same, by name, with why
         one does not, if so; `names` that options may have, by option; and what else its page
         shows, such as a `histogram`.

@@ -4,8 +4,10 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -85,3 +87,11 @@ def served(view: Viewable) -> Iterator[Served]:
     """Serve a view while this lasts."""
     with server.served(view) as (host, token):
         yield Served(host, token)
+
+
+def frames_of(path: Path) -> NDArray[np.uint8]:
+    """Frames of a film."""
+    film, frames = cv2.VideoCapture(str(path)), []
+    while (read := film.read())[0]:
+        frames.append(read[1])
+    return np.stack(frames)

@@ -24,7 +24,7 @@ from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.cli import app as depth_images
 from resample_warp3d.viewing import DepthView
 from tests.commands import ended
-from tests.view.conftest import Served, served
+from tests.view.conftest import Served, frames_of, served
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
@@ -382,11 +382,3 @@ def test_keyframes_become_a_film(
     page.click("#export")
     page.click("#keyframes-forget")
     assert page.inner_text("#keyframe") == "Keyframe"
-
-
-def frames_of(path: Path) -> NDArray[np.uint8]:
-    """Frames of a film."""
-    film, frames = cv2.VideoCapture(str(path)), []
-    while (read := film.read())[0]:
-        frames.append(read[1])
-    return np.stack(frames)

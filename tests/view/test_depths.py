@@ -15,9 +15,9 @@ from resample.view.views import controls_of
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.cli import app
-from resample_warp3d.viewing import CloudView, DepthView, clouds, depths, suits
+from resample_warp3d.viewing import CloudView, DepthView, clouds, depths, films, suits
 from tests.commands import ended, refused
-from tests.view.conftest import Served, levels, served
+from tests.view.conftest import Served, frames_of, levels, served
 
 WISHES: dict[str, dict[str, Any]] = {
     "as it is": {},
@@ -188,3 +188,36 @@ def test_films_and_names_have_no_other_parts(
     said = refused(app, capsys, "render", color, depth, *words, "--unmixed", "-o", "a.png")
     assert "--show depth is in colors" in said
     assert ended(app, "render", color, depth, *words, "-o", "a.jpg") == 0  # nothing transparent
+
+
+KEYFRAMES = ["0,0,0;0,0,0", "0.3,0,0.1;4,1,0"]
+
+
+def test_a_film_through_cameras_of_the_page_is_that_of_the_command(
+    place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(films, "EACH", 3)
+    monkeypatch.setitem(films.FILM, "each", 3)
+    with place.page() as page:
+        settings = page.about["settings"] | {"target-fov": 70, "background": "white"}
+        page.say("export", settings, keyframes=KEYFRAMES)
+        texts = page.told("exported")["texts"]
+        page.say("film", settings, keyframes=KEYFRAMES)
+        Path("page.mp4").write_bytes(page.answer()[1])
+        page.say("film", settings | {"show": "depth"}, keyframes=KEYFRAMES)
+        assert page.told("error")["text"] == "films have no show; leave that out"
+    Path("poses.txt").write_text(texts["keyframes"], "utf-8")
+    words = shlex.split(texts["film"])
+    assert words[:2] == ["resample-warp3d", "animate"]
+    assert ended(app, *words[1:]) == 0
+    made, wanted = (frames_of(Path(name)) for name in ("page.mp4", "film.mp4"))
+    assert len(made) == 4
+    np.testing.assert_array_equal(made, wanted)
+
+
+def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
+    further = [f"{files[0]},{files[1]},move.txt"]
+    painter = DepthView(*files[:2], further=further).painter()
+    with pytest.raises(ValueError, match="films are made of one view"):
+        painter.film({}, (36, 30), "", Path("film.mp4"), print)

@@ -18,6 +18,7 @@ from resample.files.images import screen_levels
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
@@ -161,6 +162,10 @@ class VolumePainter:
         light = self._vtk.picture(volume, wish.appearance, wish.resampler, camera, size)
         return Painting(screen_levels(light, background=wish.picture.behind(".png")), False)
 
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """File of cameras around the volume, see `resample.view.views.Filming`."""
+        return keyframes_as_toml(cameras, settings)
+
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
@@ -273,7 +278,7 @@ class VolumeView:
             "title": self.volume.name,
             "subtitle": f"{' × '.join(map(str, size))}, {self.volume.values.dtype}",
             "command": COMMAND,
-            "film": FILM,
+            "film": {"command": FILM, **ORBITING},
             "package": "resample_volume",
             "inputs": [self.name],
             "fixed": settings_of([self.source]),

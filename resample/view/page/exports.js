@@ -8,7 +8,7 @@ export function exporting(page) {
   const dialog = made("dialog", { id: "exports" });
   const keyframe = made("button", { id: "keyframe", hidden: true,
     title: "Remember where the camera is; Export gives the film through all keyframes",
-    onclick: () => remembered([...keyframes, page.settings.camera ?? BEGIN]) }, "Keyframe");
+    onclick: () => remembered([...keyframes, page.steering.keyframe?.() ?? page.settings.camera ?? BEGIN]) }, "Keyframe");
   const button = made("button", { id: "export", onclick: () => page.say("export", { keyframes }) }, "Export");
 
   function remembered(cameras) {
@@ -20,7 +20,7 @@ export function exporting(page) {
     return [
       made("button", { id: "film-make", onclick: () => { page.say("film", { keyframes }); dialog.close(); } }, "Make film.mp4"),
       made("button", { id: "film-stop", onclick: () => page.say("film", { keyframes: [] }) }, "Stop the film"),
-      made("button", { id: "keyframes-save", onclick: () => download("keyframes.toml", text) }, "Save keyframes.toml"),
+      made("button", { id: "keyframes-save", onclick: () => download(page.about.film.file, text) }, `Save ${page.about.film.file}`),
       made("button", { id: "keyframes-forget", onclick: () => { remembered([]); dialog.close(); } }, "Forget keyframes"),
     ];
   }

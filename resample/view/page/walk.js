@@ -25,6 +25,7 @@ export function walk(page) {
   return {
     hint: "arrows move the camera, shift and arrows turn it, plus and minus go ahead and back",
     frame,
+    keyframe: () => ["move", "turn"].map((key) => page.settings[key] ?? "0,0,0").join(";"),
     // Steps aside; what is in the middle distance stays where it is.
     turned: (dx, dy) => {
       const [near, middle] = page.about.distance, per = (0.6 * near) / frame().width;

@@ -17,7 +17,7 @@ from resample.command.settings import Written
 from resample.files.pictures import Kind, Look, Picture, look_of, page_of, write_picture
 from resample.view.files import file_of, levels_in, shown
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
-from resample.watching import Cancel, cancellable
+from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim
@@ -26,6 +26,7 @@ from resample_warp3d.command.inputs import Reader, Taken, read_views, view_names
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Hole, Warped
+from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -142,6 +143,18 @@ class DepthPainter:
         seen = self._seen(settings, size)
         write_picture(path, seen.picture(), seen.wish.look)
 
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """File of poses, see `resample.view.views.Filming`."""
+        return poses_as_text(cameras, self.taken(settings), settings)
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write a film through poses as `animate` does, see `resample.view.views.Filming`."""
+        if self.further:
+            raise ValueError("films are made of one view; open the page without the others")
+        write_depth_film((self.color, self.depth), settings, size, keyframes, path, progress)
+
     def taken(self, settings: Settings) -> Taken:
         """The files, read and prepared; errors as of `save`."""
         return self._sources(_checked(settings)).taken
@@ -203,6 +216,7 @@ class DepthView:
             "inputs": [self.color, self.depth],
             "fixed": {"view": list(self.further)} if self.further else {},
             "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            **({} if self.further else {"film": FILM}),
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],

@@ -1,0 +1,112 @@
+"""Films of depth images through the cameras of a page, as `animate` makes them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from resample.cameras.files import read_pose
+from resample.command.session import Session
+from resample.command.settings import linear_color
+from resample.files.animations import write_film
+from resample.types import Doubles
+from resample.view.exports import STEP
+from resample.view.views import Settings, chosen, option_of
+from resample.watching import Progress
+from resample_warp3d.command.animation import Range, poses_of, shots
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.cameras.target import Aim, TargetCamera
+from resample_warp3d.command.choices import Depth, Warping
+from resample_warp3d.command.inputs import Reader, Taken, read_views
+from resample_warp3d.command.rendering import film_of
+
+RATE = 24.0  # frames per second, of the command
+EACH = round(STEP * RATE)  # frames from one keyframe to the next
+MODELS = (SourceCamera, Depth, TargetCamera, Warping)  # of options that the command has, too
+FILE = "poses.txt"
+STEERED = ["move", "turn", "pose"]
+OPTIONS = [
+    "background",
+    *(option_of(model, field) for model in MODELS for field in model.model_fields),
+]
+FILM = {
+    "command": "resample-warp3d animate",
+    "file": FILE,
+    "steered": STEERED,
+    "options": OPTIONS,
+    "each": EACH,
+}
+
+
+def poses_as_text(cameras: Sequence[str], taken: Taken, settings: Settings) -> str:
+    """Poses, world to camera, of cameras that a page spells as `move;turn`.
+
+    Raises
+    ------
+    ValueError, OSError
+        One is none, or the file of the pose that they start from cannot be read.
+    """
+    pose = settings.get("pose")
+    start = taken.camera.world_to_camera if pose is None else read_pose(str(pose))
+    return "\n".join(_lines(_step(camera) @ start) for camera in cameras)
+
+
+def write_depth_film(
+    inputs: tuple[str, str],
+    settings: Settings,
+    size: tuple[int, int],
+    poses: str,
+    path: Path,
+    progress: Progress,
+) -> None:
+    """Write a film through poses as the command does.
+
+    Parameters
+    ----------
+    inputs
+        Color and depth, as the command takes them.
+    settings
+        Options by name; those that place the camera make no difference.
+    size
+        Width and height, px.
+    poses
+        Content of a file of poses.
+    path
+        Of the film.
+    progress
+        Called with the share that is done.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        The command has no such option, or something cannot be read or written.
+    """
+    given = {key: value for key, value in settings.items() if key not in STEERED}
+    if unknown := [key for key in given if key not in OPTIONS]:
+        raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+    background = linear_color(str(given.pop("background", "black"))) or (0.0, 0.0, 0.0)
+    spelled = {**given, "size": f"{size[0]}x{size[1]}"}
+    eye, meaning, target, warping = chosen(spelled, MODELS)
+    target.check_target()
+    taken = read_views(Reader.checked(eye, meaning), *inputs)
+    with TemporaryDirectory(prefix="film-") as folder:
+        file = Path(folder) / FILE
+        file.write_text(poses, encoding="utf-8")
+        frames = EACH * (len(poses.split("\n\n")) - 1) + 1
+        camera = target.sight(taken.camera, taken.shape, eye.convention)
+        way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))
+    film = film_of(Session(), taken, size[::-1], warping, background)
+    write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)
+
+
+def _step(camera: str) -> Doubles:
+    """Pose of a camera that is spelled as `move;turn`, in the axes that it starts from."""
+    move, _, turn = camera.partition(";")
+    return Aim(move=move, turn=turn or "0,0,0").step()
+
+
+def _lines(pose: Doubles) -> str:
+    """Four lines of a pose, exact."""
+    rows = [" ".join(repr(float(number)) for number in row) for row in np.asarray(pose)]
+    return "\n".join(rows) + "\n"
