@@ -22,6 +22,7 @@ import numpy as np
 from benchmarks.sparse import Bubbles
 from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
+from resample_volume.files.stores.kept import RECENT
 
 if TYPE_CHECKING:
     from resample.types import Frame
@@ -77,6 +78,7 @@ def demonstrated(size: int, job: Job) -> bool:
         f"{size}^3: generated in {time.perf_counter() - start:.0f} s, {size**3 / GIB:.2f} GiB "
         f"of voxels in {stored / MIB:.0f} MiB of files"
     )
+    time.sleep(RECENT)  # of what was just written nothing is kept
     names = {"streamed": "one process", "workers": f"{job.workers} processes"}
     hows = [how for how in names if how == "streamed" or job.workers]
     hashes, is_good = set(), True

@@ -236,7 +236,7 @@ def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budg
     pytest.importorskip("zarr")
     from benchmarks.scale import main
 
-    assert main(["--size", "96", "--memory", "200MiB"]) == 0
+    assert main(["--size", "96", "--memory", "200MiB", "--workers", "0"]) == 0
     told = capsys.readouterr().out
     assert "the same bits, within 200MiB beside Python and its libraries: True" in told
     assert "8 bricks" in told
