@@ -382,3 +382,27 @@ def test_keyframes_become_a_film(
     page.click("#export")
     page.click("#keyframes-forget")
     assert page.inner_text("#keyframe") == "Keyframe"
+
+
+def test_keyframes_of_a_depth_image_are_poses(browser: Any, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "color.png"), np.full((30, 40, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "depth.png"), np.full((30, 40), 2000, np.uint16))
+    begin = SourceCamera(fov=60), Depth(depth_scale=1000)
+    names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
+    controls = controls_of("resample-warp3d render", depth_images["render"])
+    with served(DepthView(*names, begin, controls=controls)) as address:
+        tab = browser.new_page()
+        tab.set_default_timeout(TIME)
+        tab.goto(address.address)
+        still(tab)
+        tab.click("#keyframe")
+        tab.fill("#option-move", "0.25,0,0")
+        tab.keyboard.press("Tab")
+        tab.click("#keyframe")
+        assert tab.inner_text("#keyframe") == "Keyframe (2)"
+        tab.click("#export")
+        poses = np.array(tab.inner_text("#export-keyframes").split(), float).reshape(2, 4, 4)
+        assert "--path=poses.txt --frames=49" in tab.inner_text("#export-film")
+        tab.close()
+    np.testing.assert_array_equal(poses[0], np.eye(4))
+    np.testing.assert_array_equal(poses[1, :3, 3], (-0.25, 0, 0))

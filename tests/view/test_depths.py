@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from resample.view import exports
 from resample.view.views import controls_of
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
@@ -221,3 +222,28 @@ def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
     painter = DepthView(*files[:2], further=further).painter()
     with pytest.raises(ValueError, match="films are made of one view"):
         painter.film({}, (36, 30), "", Path("film.mp4"), print)
+
+
+def test_a_film_around_a_cloud_shows_the_page_s_pictures(
+    around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(exports, "STEP", 0.1)
+    cameras = ["350/20/1", "10/30/1.5/0.1/0"]
+    with around.page() as page:
+        settings = page.about["settings"] | {"color-by": "z", "background": "white"}
+        page.say("export", settings, keyframes=cameras)
+        texts = page.told("exported")["texts"]
+        page.say("film", settings, keyframes=cameras)
+        Path("page.mp4").write_bytes(page.answer()[1])
+    Path("keyframes.toml").write_text(texts["keyframes"], "utf-8")
+    words = shlex.split(texts["film"])
+    assert words[:2] == ["resample-warp3d", "animate-cloud"]
+    assert ended(app, *words[1:]) == 0
+    made, wanted = (frames_of(Path(name)) for name in ("page.mp4", "film.mp4"))
+    np.testing.assert_array_equal(made, wanted)
+    assert ended(app, *words[1:-1], "frames") == 0
+    pictures = sorted(Path("frames").glob("*.png"))
+    for camera, frame in zip(cameras, (pictures[0], pictures[-1]), strict=True):
+        still = clouds.cloud_picture(Path(words[2]), settings | {"camera": camera, "size": "48x40"})
+        np.testing.assert_array_equal(cv2.imread(str(frame)), np.array(still)[..., 2::-1])

@@ -380,8 +380,7 @@ def animate_cloud(
     output: flags.FilmOutput,
     path: str = "orbit",
     frames: int | None = None,
-    camera: flags.Viewed = "30/20/1",
-    up: flags.Up = "z",
+    start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "640x480",
     look: Annotated[CloudLook, flags.Flat] = CLOUD,
@@ -409,13 +408,14 @@ def animate_cloud(
 
     shape = height_and_width(size)
     check_film(output, fps)
-    viewpoints = path_of(path, frames, fps, start_of(camera, up))
+    viewpoints = path_of(path, frames, fps, start_of(start.camera, start.up))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
     check_memory([], shape, output)
     session = Session()
     scene = scene_of(session, file, look)
-    film = film_of(scene, cameras_of(scene.surfels, viewpoints, shape), shape, behind)
+    cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
+    film = film_of(scene, cameras, shape, behind)
     with session.stage("film", bar="moving") as progress:
         write_film(output, film, fps, resume=resume, progress=progress)
 

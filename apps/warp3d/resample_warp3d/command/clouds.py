@@ -417,14 +417,22 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     return [replace(start, azimuth=angle) for angle in angles]
 
 
-def cameras_of(surfels: "Surfels", viewpoints: "Sequence[Viewpoint]", shape: Shape) -> list[Any]:
-    """Cameras of all frames; those around the cloud stay at one distance from its middle."""
+def cameras_of(
+    surfels: "Surfels", viewpoints: "Sequence[Viewpoint]", shape: Shape, *, steady: bool = False
+) -> list[Any]:
+    """Cameras of all frames; those around the cloud stay at one distance from its middle.
+
+    That of `steady` is the distance of pictures that are, whatever the angles.
+    """
     from resample.cameras.viewpoints import Orbit
-    from resample_warp3d.clouds.framing import framed_together
+    from resample_warp3d.clouds.framing import ball_around, framed_together
 
     around = [viewpoint for viewpoint in viewpoints if isinstance(viewpoint, Orbit)]
     if len(around) < len(viewpoints):
         return [_sized(viewpoint, shape) for viewpoint in viewpoints]
+    if steady:
+        ball = ball_around(surfels)
+        return [each.around(ball, *shape) for each in around]
     first = around[0]
     cameras = framed_together(
         surfels,

@@ -8,28 +8,47 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import Camera
 from resample.command.session import Session
+from resample.files.animations import write_film
 from resample.files.images import screen_levels
+from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of, levels_in
-from resample.view.views import Painting, Settings, Size, chosen, settings_of
-from resample.watching import Cancel, cancellable
+from resample.view.views import Painting, Settings, Size, chosen, option_of, settings_of
+from resample.watching import Cancel, Progress, cancellable
+from resample_warp3d.clouds.framing import FIELD
 from resample_warp3d.clouds.spacing import Surfels
-from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudLook, CloudScene, scene_of
+from resample_warp3d.command.clouds import (
+    CloudAim,
+    CloudFormat,
+    CloudLook,
+    CloudScene,
+    cameras_of,
+    film_of,
+    path_of,
+    scene_of,
+    start_of,
+)
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-COMMAND = "resample-warp3d cloud"
+COMMAND, FILM = "resample-warp3d cloud", "resample-warp3d animate-cloud"
+RATE = 24.0  # frames per second, of the command
 SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page changes
 LEFT_OUT = (
     *("size", "bits", "threads", "no-cache", "color-bar"),
     *("output", "settings", "save-settings"),
 )
+OF_FILMS = [  # options of pictures that films have, too
+    *(option_of(CloudLook, field) for field in CloudLook.model_fields),
+    *("steady", "size", "background"),
+]
 PER = 2  # px each way of a whole picture that are one of its preview
 FEW = 200_000  # points of previews
 PREPARED = ("color_by", "colormap", "span", "disc_limit", "no_cache")  # what a scene is made for
@@ -88,6 +107,26 @@ class CloudPainter:
         wish, scene, camera = self._placed(settings, size)
         wish.form.write(path, scene.picture(camera, size[::-1]), scene)
 
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """File of cameras around the cloud, see `resample.view.views.Filming`."""
+        return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write a film as `animate-cloud` does, see `resample.view.views.Filming`."""
+        if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
+            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+        wish, shape = _checked(settings), size[::-1]
+        with TemporaryDirectory(prefix="film-") as folder:
+            file = Path(folder) / "keyframes.toml"
+            file.write_text(keyframes, encoding="utf-8")
+            viewpoints = path_of(str(file), None, RATE, start_of(wish.aim.camera, wish.aim.up))
+        scene = self._scene(wish.look)[0]._replace(look=wish.look)
+        cameras = cameras_of(scene.surfels, viewpoints, shape, steady=wish.aim.steady)
+        behind = wish.form.behind() or (0.0, 0.0, 0.0)
+        write_film(path, film_of(scene, cameras, shape, behind), RATE, progress=progress)
+
     def surfels(self, settings: Settings) -> Surfels:
         """The cloud, measured; errors as of `save`."""
         return self._scene(_checked(settings).look)[0].surfels
@@ -137,6 +176,7 @@ class CloudView:
             "title": self.path.name,
             "subtitle": f"{len(self._first.surfels(begin).position):,} points",
             "command": COMMAND,
+            "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
             "package": "resample_warp3d",
             "function": "cloud_picture",
             "inputs": [str(self.path)],
