@@ -406,3 +406,42 @@ def test_keyframes_of_a_depth_image_are_poses(browser: Any, tmp_path: Path) -> N
         tab.close()
     np.testing.assert_array_equal(poses[0], np.eye(4))
     np.testing.assert_array_equal(poses[1, :3, 3], (-0.25, 0, 0))
+
+
+def test_a_lens_is_set_by_sliders(browser: Any, tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), cv2.GaussianBlur(rng.integers(0, 256, (60, 80, 3), np.uint8), (9, 9), 0))
+    with served(PictureView(path, controls=controls_of(COMMAND, pictures["warp"]))) as address:
+        tab = browser.new_page()
+        tab.set_default_timeout(TIME)
+        tab.goto(address.address)
+        still(tab)
+        assert differs(tab, lambda: tab.fill("#lens-k1", "-0.3"))
+        assert tab.input_value("#option-lens") == "80,80,40,30,-0.3,0,0,0,0"
+        assert tab.input_value("#option-corners") == ""
+        tab.locator("#lens-k2").focus()
+        assert differs(tab, lambda: tab.keyboard.press("End"))
+        assert tab.input_value("#option-lens") == "80,80,40,30,-0.3,0.5,0,0,0"
+        tab.fill("#option-lens", "80,80,40,30,0.2,0,0,0")
+        assert differs(tab, lambda: tab.keyboard.press("Tab"))
+        assert tab.input_value("#lens-k1") == "0.2"
+        tab.close()
+
+
+def test_a_lens_beside_a_field_of_view_is_set_by_sliders(browser: Any, tmp_path: Path) -> None:
+    color = np.random.default_rng(6).integers(0, 256, (30, 40, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "color.png"), color)
+    cv2.imwrite(str(tmp_path / "depth.png"), np.full((30, 40), 2000, np.uint16))
+    begin = SourceCamera(fov=60), Depth(depth_scale=1000)
+    names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
+    controls = controls_of("resample-warp3d render", depth_images["render"])
+    with served(DepthView(*names, begin, controls=controls)) as address:
+        tab = browser.new_page()
+        tab.set_default_timeout(TIME)
+        tab.goto(address.address)
+        still(tab)
+        tab.locator("summary", has_text="Source's camera").click()
+        assert differs(tab, lambda: tab.fill("#lens-k1", "0.2"))
+        assert tab.input_value("#option-lens") == "k=0.2,0,0,0,0"
+        tab.close()

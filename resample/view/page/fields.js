@@ -1,6 +1,7 @@
 // A field for each option, under the heading that it has in the command's help.
 
 import { made } from "./elements.js";
+import { lens } from "./lens.js";
 
 const OPEN = ["Look", "Camera", "Picture"]; // headings that begin unfolded
 
@@ -54,7 +55,14 @@ export function fields(page) {
     };
     known.set(key, put);
     put(page.settings[key]);
-    return label;
+    return [label];
+  }
+
+  // The text of a lens has sliders below.
+  function withSliders([label]) {
+    const { element, shown } = lens(page), put = known.get("lens");
+    known.set("lens", (value) => { put(value); shown(); });
+    return [label, element];
   }
 
   // Elements of all options.
@@ -63,7 +71,8 @@ export function fields(page) {
     const headings = new Map();
     for (const control of page.about.controls) {
       if (!headings.has(control.heading)) headings.set(control.heading, []);
-      headings.get(control.heading).push(field(control));
+      const parts = field(control);
+      headings.get(control.heading).push(...(control.key === "lens" ? withSliders(parts) : parts));
     }
     return [...headings].map(([name, labels]) =>
       made("details", { open: OPEN.includes(name) || Boolean(page.steering.unfolds) }, made("summary", {}, name), ...labels));

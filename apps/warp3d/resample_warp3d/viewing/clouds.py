@@ -51,7 +51,14 @@ OF_FILMS = [  # options of pictures that films have, too
 ]
 PER = 2  # px each way of a whole picture that are one of its preview
 FEW = 200_000  # points of previews
-PREPARED = ("color_by", "colormap", "span", "disc_limit", "no_cache")  # what a scene is made for
+PREPARED = (
+    "color_by",
+    "colormap",
+    "span",
+    "disc_limit",
+    "level",
+    "no_cache",
+)  # what a scene is made for
 
 
 class _CloudWish(NamedTuple):
