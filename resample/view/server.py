@@ -3,20 +3,22 @@
 import asyncio
 import contextlib
 import json
+import logging
 import secrets
 import socket
 import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from resample.command.console import say
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
 from resample.view.sessions import Session
-from resample.view.views import Viewable
+from resample.view.views import Viewable, Warming
+from resample.words import one_line
 
 if TYPE_CHECKING:
     import uvicorn
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 MOST_PAGES = 8  # at a time
+NOTABLE = 5.0  # seconds of compiling, whose end is said
+LOG = logging.getLogger("resample")
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' blob:; connect-src 'self'; base-uri 'none'; frame-ancestors 'none'",
@@ -55,8 +59,16 @@ def require_parts() -> None:
         ) from None
 
 
-def application(view: Viewable, token: str, hosts: Sequence[str]) -> "Starlette":
-    """Pages of a view for who knows the token, from addresses of these hosts (with their port)."""
+def application(
+    view: Viewable,
+    token: str,
+    hosts: Sequence[str],
+    shown: Callable[[], object] | None = None,
+) -> "Starlette":
+    """Pages of a view for who knows the token, from addresses of these hosts (with their port).
+
+    `shown` is called when a page has a whole picture.
+    """
     from starlette.applications import Starlette
     from starlette.responses import Response
     from starlette.routing import Route, WebSocketRoute
@@ -84,7 +96,7 @@ def application(view: Viewable, token: str, hosts: Sequence[str]) -> "Starlette"
             await socket.close(1008)
             return
         await socket.accept()
-        await _talked(socket, view, open_pages)
+        await _talked(socket, view, open_pages, shown)
 
     return Starlette(
         routes=[
@@ -102,7 +114,12 @@ def _file(name: str) -> "Response":
     return Response(path.read_bytes(), headers=HEADERS, media_type=TYPES[path.suffix])
 
 
-async def _talked(socket: "WebSocket", view: Viewable, open_pages: set[Session]) -> None:
+async def _talked(
+    socket: "WebSocket",
+    view: Viewable,
+    open_pages: set[Session],
+    shown: Callable[[], object] | None,
+) -> None:
     """Talk with a page until it is closed."""
     from starlette.websockets import WebSocketDisconnect
 
@@ -113,7 +130,7 @@ async def _talked(socket: "WebSocket", view: Viewable, open_pages: set[Session])
             async with turn:
                 await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
 
-    session = Session(view, send)
+    session = Session(view, send, shown)
     open_pages.add(session)
     try:
         await send(json.dumps({"kind": "about", **view.about}))
@@ -134,8 +151,15 @@ async def _talked(socket: "WebSocket", view: Viewable, open_pages: set[Session])
 
 
 @contextlib.contextmanager
-def served(view: Viewable) -> Iterator[tuple[str, str]]:
+def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
     """Serve a view on this machine beside what else goes on.
+
+    Parameters
+    ----------
+    view
+        What is looked at.
+    shown
+        As of `application`.
 
     Yields
     ------
@@ -149,7 +173,7 @@ def served(view: Viewable) -> Iterator[tuple[str, str]]:
     require_parts()
     listening = socket.create_server((LOOPBACK, 0))
     host, token = f"{LOOPBACK}:{listening.getsockname()[1]}", secrets.token_urlsafe(24)
-    server = _server(application(view, token, [host]))
+    server = _server(application(view, token, [host], shown))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     try:
@@ -202,4 +226,20 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     if browser:
         webbrowser.open(address)
     say("Ctrl-C ends it")
-    _server(application(view, token, hosts)).run(sockets=[listening])
+    first = threading.Event()
+    if isinstance(view, Warming):
+        threading.Thread(target=_warmed, args=(view, first), name="warm", daemon=True).start()
+    _server(application(view, token, hosts, first.set)).run(sockets=[listening])
+
+
+def _warmed(view: Warming, first: threading.Event) -> None:
+    """Have other kinds of pictures compiled once the first one is there, and say that it is so."""
+    first.wait()
+    start = time.monotonic()
+    try:
+        for _ in view.warm():
+            pass
+    except Exception as error:  # pages say what is wrong when that is asked for
+        LOG.debug("not all kinds of pictures are compiled: %s", one_line(error))
+    if time.monotonic() - start > NOTABLE:
+        LOG.info("all kinds of pictures are compiled")

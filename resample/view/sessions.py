@@ -44,10 +44,14 @@ class Session:
         What is looked at.
     send
         Sends a text or bytes to the page.
+    shown
+        Called when the page has a whole picture.
     """
 
-    def __init__(self, view: Viewable, send: Send) -> None:
-        self._view, self._send = view, send
+    def __init__(
+        self, view: Viewable, send: Send, shown: Callable[[], object] | None = None
+    ) -> None:
+        self._view, self._send, self._shown = view, send, shown
         self._painter = view.painter()
         self._wanted: Draw | None = None
         self._job: _Job | None = None
@@ -157,6 +161,8 @@ class Session:
                 self._job = None
             for answer in answers:
                 await self._send(answer)
+            if self._shown is not None and not self._wanted.moving:
+                self._shown()
 
     def _drawn(self, job: _Job) -> list[str | bytes]:
         """Picture, and where there is another to be compared with that and the difference."""

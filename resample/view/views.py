@@ -1,6 +1,6 @@
 """Roles of what applications show in a page, and what all of them have in common."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
@@ -64,6 +64,14 @@ class Filming(Protocol):
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
         """Write what the command would write, of a file of keyframes with this content."""
+
+
+@runtime_checkable
+class Warming(Protocol):
+    """Role of what is looked at whose other kinds of pictures can be compiled beforehand."""
+
+    def warm(self) -> Iterator[None]:
+        """Paint tiny pictures of all kinds that pages can ask for, one at each step."""
 
 
 class Viewable(Protocol):

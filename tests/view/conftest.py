@@ -83,9 +83,9 @@ def levels(data: bytes) -> NDArray[np.uint8]:
 
 
 @contextmanager
-def served(view: Viewable) -> Iterator[Served]:
+def served(view: Viewable, shown: Any = None) -> Iterator[Served]:
     """Serve a view while this lasts."""
-    with server.served(view) as (host, token):
+    with server.served(view, shown) as (host, token):
         yield Served(host, token)
 
 

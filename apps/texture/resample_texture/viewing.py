@@ -1,6 +1,6 @@
 """Pictures in a page: what `resample-texture view` shows, and `picture` makes without a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -27,6 +27,8 @@ COMMAND = "resample-texture warp"
 SHOWN = (Place, Warping, Written, Besides)  # models of options that a page changes
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
+LITTLE = 16  # px of a side, of pictures that have kernels compiled
+KINDS = ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")  # matrices
 LEFT_OUT = (
     *("size", "roi", "coverage", "stats", "threads", "bits", "output", "map", "flow", "total"),
     *("settings", "save-settings"),
@@ -137,6 +139,13 @@ class PictureView:
     def painter(self) -> PicturePainter:
         """What paints for a page that has been opened."""
         return PicturePainter(self.path)
+
+    def warm(self) -> Iterator[None]:
+        """Paint little pictures, grown, shrunk and seen aslant, see `views.Warming`."""
+        painter = self.painter()
+        for matrix in KINDS:
+            painter.paint({"matrix": matrix}, (LITTLE, LITTLE), quick=False, cancel=Cancel())
+            yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""

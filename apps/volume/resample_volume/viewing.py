@@ -1,6 +1,6 @@
 """Volumes in a page: what `resample-volume view` shows, and `picture` makes without a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib.util import find_spec
@@ -55,6 +55,13 @@ LEFT_OUT = (
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256
+LITTLE = 16  # voxels and px of a side, of pictures that have kernels compiled
+KINDS: Sequence[Settings] = (  # that have kernels of their own
+    {"classify": "post"},
+    {"projection": "maximum"},
+    {"projection": "average"},
+    {"projection": "first-hit", "iso": LITTLE / 2},
+)
 LOOKS = 2  # that are compared
 
 
@@ -300,6 +307,15 @@ class VolumeView:
     def painter(self) -> VolumePainter:
         """What paints for a page that has been opened."""
         return VolumePainter(self.volume)
+
+    def warm(self) -> Iterator[None]:
+        """Paint a little volume of this one's type in all ways, see `views.Warming`."""
+        values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(self.volume.values.dtype)
+        values.flags.writeable = self.volume.values.flags.writeable  # kernels are compiled for both
+        painter = VolumePainter(self.volume._replace(values=values))
+        for kind in KINDS:
+            painter.paint(kind, (LITTLE, LITTLE), quick=False, cancel=Cancel())
+            yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""

@@ -3,7 +3,7 @@
 A page's state is options of `render`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -37,6 +37,8 @@ LEFT_OUT = (
     *("size", "view", "bits", "threads", "coverage", "holes", "depth-output", "export"),
     *("export-as", "stats", "output", "settings", "save-settings"),
 )
+LITTLE = 16  # px of a side, of pictures that have kernels compiled
+KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
 PER = 2  # px each way of a whole picture that are one of its preview
 HOLES = {
     Hole.NONE: "none",
@@ -232,6 +234,14 @@ class DepthView:
     def painter(self) -> DepthPainter:
         """What paints for a page that has been opened."""
         return copy(self._first)
+
+    def warm(self) -> Iterator[None]:
+        """Paint little pictures by other methods, see `resample.view.views.Warming`."""
+        painter = self.painter()
+        for kind in KINDS:
+            settings = {**self.about["settings"], **kind}
+            painter.paint(settings, (LITTLE, LITTLE), quick=False, cancel=Cancel())
+            yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""

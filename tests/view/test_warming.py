@@ -1,0 +1,56 @@
+"""Kinds of pictures that pages may ask for are compiled once the first picture is there."""
+
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from resample.view import server
+from resample.view.views import Warming
+from resample_texture.viewing import PictureView
+from resample_volume.viewing import VolumeView
+from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.viewing import DepthView
+from tests.view.conftest import served
+
+
+def views(folder: Path) -> list[Warming]:
+    color, depth = str(folder / "color.png"), str(folder / "depth.npy")
+    cv2.imwrite(color, np.random.default_rng(1).integers(0, 256, (20, 24, 3), np.uint8))
+    np.save(depth, np.full((20, 24), 2.0, np.float32))
+    begin = (SourceCamera(fov=60),)
+    return [
+        VolumeView("checker-box:size=8"),
+        PictureView(Path(color)),
+        DepthView(color, depth, begin),
+    ]
+
+
+@pytest.mark.slow
+def test_all_kinds_can_be_painted(tmp_path: Path) -> None:
+    for view in views(tmp_path):
+        assert isinstance(view, Warming)
+        assert len(list(view.warm())) >= 3
+
+
+def test_a_whole_picture_is_told_and_a_preview_is_not(tmp_path: Path) -> None:
+    told = threading.Event()
+    with served(views(tmp_path)[1], told.set) as place, place.page() as page:  # type: ignore[arg-type]
+        settings = page.about["settings"] | {"corners": "1,1 20,2 20,18 2,16"}
+        page.drawn(settings, moving=True)
+        assert not told.is_set()
+        page.drawn(settings)
+        assert told.wait(60)
+
+
+def test_what_cannot_be_compiled_is_nobody_s_trouble() -> None:
+    class Broken:
+        def warm(self):  # type: ignore[no-untyped-def]
+            yield
+            raise ValueError("odd")
+
+    first = threading.Event()
+    first.set()
+    server._warmed(Broken(), first)
