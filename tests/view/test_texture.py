@@ -13,8 +13,8 @@ import pytest
 
 from resample.view.views import controls_of
 from resample_texture.command.cli import app
-from resample_texture.viewing import COMMAND, PictureView, suits
-from tests.commands import ended
+from resample_texture.viewing import COMMAND, ModelView, PictureView, meshes, suits
+from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served
 
 CORNERS = "4,3 44,6 40,36 7,33"
@@ -109,3 +109,66 @@ def test_pictures_are_known_by_their_files(tmp_path: Path) -> None:
     (tmp_path / "volume.nrrd").write_bytes(b"NRRD0004")
     for name in ("stack.tif", "volume.nrrd", "none.png", "."):
         assert not suits([str(tmp_path / name)])
+
+
+MESHES: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "turned": {"camera": "70/40/1.3", "shading": True, "background": "white"},
+    "otherwise": {"interpolation": "nearest", "filter": "gaussian:sigma=0.5", "up": "z"},
+}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A square with a texture."""
+    folder = tmp_path_factory.mktemp("mesh")
+    levels = np.random.default_rng(4).integers(0, 256, (16, 16, 3), np.uint8)
+    cv2.imwrite(str(folder / "a.png"), levels)
+    (folder / "a.mtl").write_text("newmtl a\nmap_Kd a.png\n")
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    faces = "usemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+    (folder / "a.obj").write_text(f"mtllib a.mtl\n{corners}{faces}")
+    return folder / "a.obj"
+
+
+@pytest.fixture(scope="module")
+def turning(model: Path) -> Iterator[Served]:
+    controls = controls_of(meshes.COMMAND, app["mesh"])
+    with served(ModelView(model, controls=controls)) as address:
+        yield address
+
+
+@pytest.mark.parametrize("wish", MESHES)
+def test_the_exported_command_shows_the_page_s_mesh(
+    wish: str, turning: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with turning.page() as page:
+        settings = page.about["settings"] | MESHES[wish]
+        head, data = page.drawn(settings)
+        page.say("export", settings)
+        texts = page.told("exported")["texts"]
+        page.say("save", settings, suffix=".png")
+        saved = page.answer()[1]
+        preview, small = page.drawn(settings, moving=True)
+        page.say("pick", settings, x=24, y=20)
+        assert "depth" in page.told("picked")["found"]
+    assert preview["preview"] > head["preview"]
+    assert levels(small).shape[:2] == (20, 24)
+    words = shlex.split(texts["command"])
+    assert words[:2] == ["resample-texture", "mesh"]
+    assert ended(app, *words[1:]) == 0
+    written = levels(Path("picture.png").read_bytes())
+    np.testing.assert_array_equal(levels(data), written)
+    np.testing.assert_array_equal(levels(saved), written)
+    if wish == "turned":
+        subprocess.run([sys.executable, "-c", texts["python"]], cwd=tmp_path, check=True)
+        np.testing.assert_array_equal(levels(Path("picture.png").read_bytes()), written)
+
+
+def test_views_of_meshes_take_no_options_of_pictures(
+    model: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert suits([str(model)])
+    said = refused(app, capsys, "view", model, "--method", "bilinear", "--no-browser")
+    assert "method: of pictures; leave that out with a mesh" in said

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
@@ -16,12 +16,15 @@ from resample.command.settings import (
     MethodsFilter,
     Threads,
     height_and_width,
+    linear_color,
+    number,
 )
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
-    from resample_texture.mesh.rendering import Mesh
+    from resample.command.settings import Color
+    from resample_texture.mesh.rendering import Mesh, MeshStyle
 
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
@@ -202,6 +205,67 @@ class MeshView(Choices):
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)
+
+
+class MeshDrawing(Choices):
+    """How a mesh is drawn."""
+
+    heading: ClassVar[str] = "Method"
+
+    interpolation: Annotated[
+        str,
+        Field(
+            description="Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, "
+            "nearest, gaussian."
+        ),
+    ] = "area-spline"
+    filter: Annotated[str, Field(description="Pixel filter, such as gaussian:sigma=0.6.")] = "box"
+
+    def style(self, shading: bool) -> "MeshStyle":
+        """The style that `render_mesh` takes.
+
+        Raises
+        ------
+        ValueError, LookupError
+            A plugin is unknown or refuses its parameters.
+        """
+        from resample import registry
+        from resample_texture.mesh.rendering import MeshStyle
+
+        return MeshStyle(
+            interpolation=registry.build("interpolations", self.interpolation),
+            pixel_filter=registry.build("filters", self.filter),
+            shading=shading,
+        )
+
+
+class MeshFormat(Choices):
+    """What kind of picture of a mesh is written."""
+
+    heading: ClassVar[str] = "Picture"
+
+    size: Annotated[str, Field(description=SIZE)] = "512"
+    texture: Annotated[
+        Path | None,
+        Field(description="Picture to use in place of the textures that the file names."),
+    ] = None
+    background: Annotated[
+        str | None,
+        Field(description="Behind the picture: black, white, #rrggbb or none for transparent."),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16],
+        BeforeValidator(number),
+        Field(description="Per channel: 8 or 16 of a PNG."),
+    ] = 8
+
+    def height_and_width(self) -> tuple[int, int]:
+        """Size, px; errors as of `height_and_width`."""
+        return height_and_width(self.size)
+
+    def behind(self) -> "Color | None":
+        """Linear color behind the picture; None leaves it transparent."""
+        return None if self.background is None else linear_color(self.background)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:

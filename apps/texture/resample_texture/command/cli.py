@@ -12,7 +12,16 @@ from resample.command.options import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
 from resample_texture.command import everyday
-from resample_texture.command.choices import Besides, Edges, Filling, MeshView, Place, Warping
+from resample_texture.command.choices import (
+    Besides,
+    Edges,
+    Filling,
+    MeshDrawing,
+    MeshFormat,
+    MeshView,
+    Place,
+    Warping,
+)
 
 app = App(
     name="resample-texture",
@@ -23,7 +32,8 @@ app = App(
 )
 app.register_install_completion_command()
 
-PLACE, WARPING, WRITTEN, VIEW = Place(), Warping(), Written(), MeshView()
+PLACE, WARPING, WRITTEN = Place(), Warping(), Written()
+VIEW, DRAWING, FORM = MeshView(), MeshDrawing(), MeshFormat()
 BESIDES, SERVING = Besides(), Serving()
 PAGE = Filling()  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
@@ -77,20 +87,28 @@ def view(
 ) -> None:
     """Show a picture in the browser: drag its corners, choose a method, take the command.
 
+    Or a mesh with its textures, which is turned.
+
     Example: resample-texture view photo.png
 
     Parameters
     ----------
     image
-        Any picture.
+        Any picture, or a mesh: .obj, .glb or .gltf.
     """
     from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of
-    from resample_texture.viewing import COMMAND, PictureView
+    from resample.view.views import Viewable, controls_of, settings_of
+    from resample_texture.viewing import COMMAND, PictureView, meshes
 
     require_parts()
-    warping.check()
-    shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
+    shown: Viewable
+    if image.suffix.lower() in meshes.MESHES:
+        if given := settings_of([place, warping]):
+            raise ValueError(f"{', '.join(given)}: of pictures; leave that out with a mesh")
+        shown = meshes.ModelView(image, (), controls_of(meshes.COMMAND, app["mesh"]))
+    else:
+        warping.check()
+        shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
     shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
 
@@ -160,12 +178,8 @@ def mesh(
     *,
     output: flags.FrameOutput,
     view: Annotated[MeshView, flags.Flat] = VIEW,
-    size: flags.Size = "512",
-    texture: Path | None = None,
-    interpolation: str = "area-spline",
-    filter: str = "box",  # noqa: A002
-    background: str | None = None,
-    bits: flags.Bits = 8,
+    drawing: Annotated[MeshDrawing, flags.Flat] = DRAWING,
+    form: Annotated[MeshFormat, flags.Flat] = FORM,
 ) -> None:
     """Show a mesh with its texture.
 
@@ -175,39 +189,24 @@ def mesh(
     ----------
     model
         OBJ with its MTL, GLB, glTF or PLY.
-    texture
-        Picture to use in place of the textures that the file names.
-    interpolation
-        Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, nearest, gaussian.
-    filter
-        Pixel filter, such as gaussian:sigma=0.6.
-    background
-        Behind the picture: black, white, #rrggbb or none for transparent.
     """
-    from resample import registry
     from resample.command.session import Session, require_picture
-    from resample.command.settings import linear_color
     from resample.files.images import check_suffix, write_frame
     from resample.files.writing import check_targets
     from resample_texture.command.needs import BYTES_PER_MESH_PIXEL
-    from resample_texture.mesh.rendering import MeshStyle, load_mesh, render_mesh
+    from resample_texture.mesh.rendering import load_mesh, render_mesh
 
     check_suffix(output)
-    height, width = height_and_width(size)
+    height, width = form.height_and_width()
     view.viewpoint()
-    behind = None if background is None else linear_color(background)
-    style = MeshStyle(
-        interpolation=registry.build("interpolations", interpolation),
-        pixel_filter=registry.build("filters", filter),
-        shading=view.shading,
-    )
+    behind, style = form.behind(), drawing.style(view.shading)
     check_targets(output)
     require_picture((height, width), BYTES_PER_MESH_PIXEL)
-    shape = load_mesh(model, texture)
+    shape = load_mesh(model, form.texture)
     camera = view.placed(shape, (height, width))
     with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, size=(width, height), style=style)
-    write_frame(output, frame, bits=bits, background=behind)
+    write_frame(output, frame, bits=form.bits, background=behind)
 
 
 @app.command

@@ -1,0 +1,17 @@
+"""What `resample-texture view` shows: pictures, and meshes with their textures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from resample_texture.viewing import pictures
+from resample_texture.viewing.meshes import MESHES, ModelView, mesh_picture
+from resample_texture.viewing.pictures import COMMAND, PLACES, PictureView, picture
+
+__all__ = ["COMMAND", "PLACES", "ModelView", "PictureView", "mesh_picture", "picture", "suits"]
+
+
+def suits(names: Sequence[str]) -> bool:
+    """Whether these are one file with one picture, or with a mesh."""
+    if len(names) == 1 and Path(names[0]).suffix.lower() in MESHES:
+        return Path(names[0]).is_file()
+    return pictures.suits(names)

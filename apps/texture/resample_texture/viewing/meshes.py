@@ -1,0 +1,176 @@
+"""Meshes in a page: what is shown of one file, and `mesh_picture` makes without a page.
+
+A page's state is options of `mesh`.
+"""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from resample.files.frames import write_frame
+from resample.files.images import screen_levels
+from resample.types import Frame
+from resample.view.files import file_of, levels_in
+from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.watching import Cancel, cancellable
+from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
+from resample_texture.mesh.rendering import load_mesh, render_mesh
+from resample_texture.mesh.shapes import Mesh
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COMMAND = "resample-texture mesh"
+MESHES = (".obj", ".glb", ".gltf")
+SHOWN = (MeshView, MeshDrawing, MeshFormat)  # models of options that a page changes
+LEFT_OUT = ("size", "bits", "output", "settings", "save-settings")
+PER = 2  # px each way of a whole picture that are one of its preview
+
+
+class _Wish(NamedTuple):
+    """What options ask for."""
+
+    view: MeshView
+    drawing: MeshDrawing
+    form: MeshFormat
+
+
+@dataclass
+class ModelPainter:
+    """Pictures of a mesh for one page.
+
+    Parameters
+    ----------
+    path
+        Of the mesh.
+    """
+
+    path: Path
+    _kept: tuple[Path | None, Mesh] | None = field(init=False, default=None)  # with its texture
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        width, height = size
+        wish = _checked(settings)
+        with cancellable(cancel):
+            seen = self._seen(wish, (-(-width // PER), -(-height // PER)) if quick else size)
+        return Painting(screen_levels(seen.rgba, background=wish.form.behind()), quick)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Depth at a pixel, see `resample.view.views.Painter`."""
+        depth = self._seen(_checked(settings), size).depth
+        found = float(depth[min(int(y), size[1] - 1), min(int(x), size[0] - 1)])
+        return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            An option is not allowed, or a file cannot be read or written.
+        """
+        wish = _checked(settings)
+        seen = self._seen(wish, size)
+        write_frame(path, seen, bits=wish.form.bits, background=wish.form.behind())
+
+    def mesh(self, texture: Path | None = None) -> Mesh:
+        """The mesh, read once while its texture stays; errors as of `save`."""
+        if self._kept is None or self._kept[0] != texture:
+            self._kept = texture, load_mesh(self.path, texture)
+        return self._kept[1]
+
+    def _seen(self, wish: _Wish, size: Size) -> Frame[Any]:
+        mesh = self.mesh(wish.form.texture)
+        camera = wish.view.placed(mesh, size[::-1])
+        return render_mesh(mesh, camera, size=size, style=wish.drawing.style(wish.view.shading))
+
+
+@dataclass
+class ModelView:
+    """A mesh that is looked at in pages.
+
+    Parameters
+    ----------
+    path
+        Of the mesh.
+    begin
+        Options to begin with.
+    controls
+        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    """
+
+    path: Path
+    begin: Sequence[Any] = ()
+    controls: Sequence[dict[str, Any]] = ()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What a page has to know, see `resample.view.views.Viewable`."""
+        return {
+            "title": self.path.name,
+            "subtitle": f"{len(self._first.mesh().triangle):,} triangles",
+            "command": COMMAND,
+            "package": "resample_texture",
+            "function": "mesh_picture",
+            "inputs": [str(self.path)],
+            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "settings": {"camera": "30/20/1", **settings_of(self.begin)},
+        }
+
+    def check(self, settings: Settings | None = None) -> None:
+        """Read the mesh, see `resample.view.views.Viewable`."""
+        _ = self.about
+        if settings is not None:
+            _checked(settings)
+
+    def painter(self) -> ModelPainter:
+        """What paints for a page that has been opened."""
+        return copy(self._first)
+
+    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
+        """File that the command would write."""
+        return file_of(partial(self.painter().save, settings, size), suffix)
+
+    @cached_property
+    def _first(self) -> ModelPainter:
+        """What has read the file; pages begin with what it knows."""
+        return ModelPainter(self.path)
+
+
+def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
+    """Picture that `resample-texture mesh` makes of a mesh with these options.
+
+    Parameters
+    ----------
+    path
+        Of the mesh.
+    settings
+        Options by name, as settings files have them: `{"camera": "120/20/1.2"}`.
+
+    Returns
+    -------
+    Pillow's image of its levels, with 8 bits per channel.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+    """
+    from PIL import Image
+
+    size = _checked(settings).form.height_and_width()[::-1]
+    file = file_of(partial(ModelPainter(Path(path)).save, settings, size), ".png")
+    return Image.fromarray(levels_in(file))
+
+
+def _checked(settings: Settings) -> _Wish:
+    """Options, which go together."""
+    wish = _Wish(*chosen(settings, SHOWN))
+    wish.view.viewpoint()
+    return wish
