@@ -21,7 +21,7 @@ def main() -> None:
     port, side = map(int, sys.argv[3:5])
     server = get_server("benchmark", client_type="vue3")
     plotter = pyvista.Plotter(off_screen=True, window_size=(side, side))
-    with np.load(path) as given:
+    with np.load(path, allow_pickle=False) as given:
         grid = pyvista.ImageData(dimensions=given["values"].shape[::-1], spacing=given["spacing"])
         grid["values"] = given["values"].ravel()
         plotter.add_volume(
