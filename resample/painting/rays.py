@@ -17,6 +17,7 @@ from resample.types import (
     Bounds,
     Classifier,
     Doubles,
+    Floats,
     LatticeField,
     Statistics,
     Style,
@@ -159,7 +160,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         floor=(spline.floor - look.low) * per_value,
         ceiling=(spline.ceiling - look.low) * per_value,
     )
-    columnwise = [(per_value * (b - look.low)).astype(np.float32) for b in field.bounds]
+    columnwise = [_columnwise(bound, look.low, per_value) for bound in field.bounds]
     return Medium(
         scaled,
         _bricks(Bounds(*columnwise), look, how.style),
@@ -175,6 +176,14 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         field.reached,
         field.mesh,
     )
+
+
+def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Floats:
+    """Bounds of bricks in columns, plane by plane, so that nothing else is as large."""
+    columns = np.empty(bound.shape, np.float32)
+    for n, plane in enumerate(bound):
+        columns[n] = per_value * (plane - low)
+    return columns
 
 
 def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
@@ -254,6 +263,9 @@ def _visible(bounds: Bounds, look: Classifier) -> NDArray[np.bool_]:
     # Between two columns of which one can be seen, all can.
     count = np.concatenate([[0], np.cumsum(thick)])
     last = thick.size - 1
-    first = np.clip(np.floor(bounds.least), 0, last).astype(np.int64)
-    end = np.clip(np.ceil(bounds.greatest), 0, last).astype(np.int64)
-    return np.asarray(count[end + 1] > count[first])
+    seen = np.empty(bounds.least.shape, bool)
+    for n, (least, greatest) in enumerate(zip(*bounds, strict=True)):
+        first = np.clip(np.floor(least), 0, last).astype(np.int64)
+        end = np.clip(np.ceil(greatest), 0, last).astype(np.int64)
+        seen[n] = count[end + 1] > count[first]
+    return seen

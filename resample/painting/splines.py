@@ -1,8 +1,12 @@
 """Samples on a lattice to a field between them, once per volume."""
 
+from math import prod
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory.mapped import array_like, most_of
 from resample.types import Bounds, Coefficients, Spline
 
 SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types that 16 bits suffice for, see docs
@@ -11,6 +15,8 @@ AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32
 # Along an axis they are at most three times as large.
 LARGEST = 1e37  # data units; coefficients of up to 27 times as much are still float32
 MARGINS = (4.0, 13.5)
+FIELD = "the field"
+BYTES_OF_BOUNDS = 0.3  # per sample, of what is made of bounds for a picture
 PLATEAU = 0.01  # of all samples; as many that are alike are an end that the field does not pass
 
 
@@ -29,11 +35,14 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     -------
     The field, held in 16 bits where samples have 8, else in float32.
 
+    Of values in a file (`resample.memory.mapped`) the field is in one, too.
+
     Raises
     ------
     ValueError
-        Values are too large for float32.
+        Values are too large for float32, or neither memory nor a disk holds the field.
     """
+    from resample.engine.jit import threads
     from resample.engine.rays.coefficients import BRICK, find_bounds
     from resample.engine.rays.splines import PAD
 
@@ -43,22 +52,54 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     shape = given.shape
     depth, height, width = (count + 2 * PAD for count in shape)
     is_short = given.dtype in SHORT
-    flat = np.empty(depth * height * width, np.uint16 if is_short else np.float32)
-    scale, zero = _filled(given, low, span, sharpness, flat)
+    kind = np.uint16 if is_short else np.float32
+    flat = array_like(values, (depth * height * width,), kind, FIELD)
+    with threads(_threads(shape, most_of(values))):
+        scale, zero = _filled(given, low, span, sharpness, flat)
     zero += base
-    size = [-(-(count + 1) // BRICK) for count in shape]
-    bounds = Bounds(np.empty(size, np.float32), np.empty(size, np.float32))
-    find_bounds(flat, shape, bounds)
-    bounds = Bounds(*(zero + scale * bound.astype(np.float64) for bound in bounds))
+    deep, down, across = (-(-(count + 1) // BRICK) for count in shape)
+    size = (deep, down, across)
+    found = Bounds(*(array_like(values, size, np.float32, FIELD) for _ in Bounds._fields))
+    find_bounds(flat, shape, found)
+    bounds = Bounds(*(array_like(values, size, np.float64, FIELD) for _ in Bounds._fields))
+    for bound, raw in zip(bounds, found, strict=True):
+        for n, plane in enumerate(raw):
+            bound[n] = zero + scale * plane.astype(np.float64)
     floor, ceiling = (base + end for end in _ends(given, low, high))
     return Spline(flat, width, height * width, scale, zero, shape, floor, ceiling), bounds
 
 
-def bytes_of_spline(values: NDArray[np.generic]) -> int:
-    """Bytes that a field of samples takes, and those that are needed to find it."""
-    held = 2 if values.dtype in SHORT else 4
-    _, height, width = values.shape
-    return int(values.size * held + 100 * height * width * 4)
+def bytes_of_field(
+    shape: tuple[int, int, int], kind: np.dtype[Any], most: int | None = None
+) -> int:
+    """Bytes that a field of samples (Z, Y, X) takes, and those that are needed to find it.
+
+    Parameters
+    ----------
+    shape, kind
+        Of the samples.
+    most
+        Bytes of pages that may be in memory, where samples are in a file: these do not count.
+    """
+    held = 2 if kind in SHORT else 4 if kind in AS_THEY_ARE else 8
+    bounds = int(prod(shape) * BYTES_OF_BOUNDS) + _threads(shape, most) * _bytes_of_slab(shape)
+    return bounds if most is not None else bounds + prod(shape) * held
+
+
+def _bytes_of_slab(shape: tuple[int, ...]) -> int:
+    """Bytes in which a thread filters some planes."""
+    from resample.engine.rays.coefficients import HALO, SLAB
+
+    depth, height, width = shape
+    return (min(depth, SLAB + 2 * HALO) + 1) * height * width * 4
+
+
+def _threads(shape: tuple[int, ...], most: int | None) -> int:
+    """Threads that filter: of samples in a file so few that memory holds what they work on."""
+    from resample.engine.jit import workers
+
+    slabs = workers() if most is None else min(workers(), most // (4 * _bytes_of_slab(shape)))
+    return max(1, slabs)
 
 
 def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
@@ -67,10 +108,19 @@ def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
     if native.kind == "b":
         native = np.dtype(np.uint8)
     elif native not in AS_THEY_ARE:
-        native, base = np.dtype(np.float32), float(values.min())
-        values = values.astype(np.float64) - base
+        return _above_least(values)
+    given = np.ascontiguousarray(values, native).view()
+    given.setflags(write=False)
+    return given, base
+
+
+def _above_least(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
+    """Samples of other types, as how far they are above the least one, and this."""
+    base = float(values.min())
+    given = array_like(values, values.shape, np.float32, FIELD)
     with np.errstate(over="ignore"):
-        given = np.ascontiguousarray(values, native).view()
+        for n, plane in enumerate(values):
+            given[n] = plane.astype(np.float64) - base
     given.setflags(write=False)
     return given, base
 
@@ -92,8 +142,8 @@ def _ends(values: NDArray[np.generic], low: float, high: float) -> tuple[float, 
     """
     least, greatest = np.array([low, high]).astype(values.dtype)
     many = PLATEAU * values.size
-    floor = low if np.count_nonzero(values == least) > many else -np.inf
-    ceiling = high if np.count_nonzero(values == greatest) > many else np.inf
+    floor = low if sum(np.count_nonzero(part == least) for part in values) > many else -np.inf
+    ceiling = high if sum(np.count_nonzero(part == greatest) for part in values) > many else np.inf
     return floor, ceiling
 
 

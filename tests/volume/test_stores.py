@@ -28,7 +28,7 @@ from resample_volume.files.writing import write_volume
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import render
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import in_memory
+from resample_volume.voxels.bricks import as_array
 from tests.commands import ended, imported, refused
 
 zarr = pytest.importorskip("zarr")
@@ -160,15 +160,15 @@ def test_times_and_channels_are_chosen_as_of_other_files(rng, tmp_path):
     for held in (open_recording(path), open_streamed(path)):
         found = volume_at(held, 2, 1)
         assert found.name == "a (time 2, channel 1)"
-        assert np.array_equal(in_memory(found).values, values[2, 1])
+        assert np.array_equal(as_array(found).values, values[2, 1])
 
 
 def test_channels_alone_are_chosen_by_either_word(rng, tmp_path):
     values = rng.integers(0, 255, (3, 5, 6, 7)).astype(np.uint8)
     path = written(tmp_path / "a.zarr", values, chunks=(4, 4, 4))
     held = open_streamed(path)
-    assert np.array_equal(in_memory(volume_at(held, None, 2)).values, values[2])
-    assert np.array_equal(in_memory(volume_at(held, 1, None)).values, values[1])
+    assert np.array_equal(as_array(volume_at(held, None, 2)).values, values[2])
+    assert np.array_equal(as_array(volume_at(held, 1, None)).values, values[1])
 
 
 def test_axes_in_another_order_are_put_right(values, tmp_path):
@@ -230,7 +230,7 @@ def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng,
     zarr.create_array(path, data=values, chunks=(8, 8, 8))
     streamed = volume_at(Zarr().streamed(path, brick=brick), None, None)
     assert describe(streamed) == describe(alone(open_recording(path)))
-    assert np.array_equal(in_memory(streamed).values, values, equal_nan=True)
+    assert np.array_equal(as_array(streamed).values, values, equal_nan=True)
 
 
 def test_all_commands_take_a_store(values, tmp_path, monkeypatch, capsys):

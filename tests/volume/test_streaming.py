@@ -13,7 +13,7 @@ from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Appearance, Subject, render
 from resample_volume.scenes import Scene
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, in_memory
+from resample_volume.voxels.bricks import Bricks, as_array
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.streaming import visible_bricks
 from resample_volume.voxels.visible import classify
@@ -118,7 +118,7 @@ def test_padding_is_left_out_of_bricks_too(kind, volume):
     streamed = in_bricks(whole, (8, 16, 8))
     known = survey(streamed)
     assert known.padding == (-3000,)
-    found = in_memory(without_padding(streamed, known)).values
+    found = as_array(without_padding(streamed, known)).values
     given = without_padding(whole, survey(whole)).values
     assert np.array_equal(found, given, equal_nan=kind == "float32")
     same_frames(render(streamed, size=SIZE), render(whole, size=SIZE))
@@ -165,7 +165,7 @@ def test_bricks_of_a_single_value_are_not_read_again():
     volume = sparse(is_even=True)
     assert volume.values.glance.greatest.max() == 200
     volume.values.read.boxes.clear()
-    given = volume._replace(values=in_memory(sparse(is_even=True)).values)
+    given = volume._replace(values=as_array(sparse(is_even=True)).values)
     same_voxels(classify(volume, SOLID), classify(given, SOLID))
     assert len(volume.values.read.boxes) == 2
 

@@ -35,7 +35,7 @@ from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import in_memory
+from resample_volume.voxels.bricks import as_array
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
@@ -368,7 +368,7 @@ class Subject:
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
-            scene = in_memory(scene)
+            scene = as_array(scene)
             voxels = field_of(scene, appearance, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
@@ -414,7 +414,7 @@ class Subject:
         middle = whole.middle
         whole = whole._replace(origin=whole.origin - middle)
         moved = [
-            (in_memory(volume)._replace(origin=volume.origin - middle), look)
+            (as_array(volume)._replace(origin=volume.origin - middle), look)
             for volume, look in media
         ]
         scene, appearance = whole.volume(), moved[0][1]

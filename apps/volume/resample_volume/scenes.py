@@ -19,7 +19,7 @@ from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Appearance, Fit, Subject, kept_look, resampler_for
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import in_memory
+from resample_volume.voxels.bricks import as_array
 
 KEPT = 4  # looks whose samples are kept
 MERGED = 2  # voxels each way that are one in a preview
@@ -58,7 +58,7 @@ class Scene:
     volume: Volume = field(init=False)  # without padding
 
     def __post_init__(self) -> None:
-        whole = in_memory(as_volume(self.given))
+        whole = as_array(as_volume(self.given))
         self.volume = without_padding(whole, survey(whole))
         self._coarse: Volume | None = None
         self._subjects: dict[tuple[Any, ...], Subject] = {}

@@ -257,7 +257,6 @@ def animate(
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
-    from resample_volume.command.media import can_stream
     from resample_volume.command.rendering import BYTES_PER_PIXEL
 
     check_film(output, fps)
@@ -270,7 +269,7 @@ def animate(
     require_picture(shape, BYTES_PER_PIXEL)
     recording = None
     if source.time is None and not added.channels:
-        recording = over_time(source, volume, streamed=can_stream(look, added, resampler))
+        recording = over_time(source, volume)
     paint = animation.Paint(resampler, shape, behind, threads)
     script = filming.Script(
         volume, source, look, added, beside, resampling, frames, str(Path.cwd())

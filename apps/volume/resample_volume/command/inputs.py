@@ -10,6 +10,7 @@ import numpy as np
 from resample import registry
 from resample.command.console import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of
+from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.command.choices import Source
 from resample_volume.files.readers import Raw, Reader, three_numbers
@@ -25,7 +26,7 @@ from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Bricks, Values, in_memory
+from resample_volume.voxels.bricks import Bricks, Values, as_array
 
 
 def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
@@ -52,12 +53,24 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
         allow(allowed)
     if held is not None:
         volume = with_memory(volume_at(held, source.time, source.channel), allowed)
-        volume = volume if streamed else in_memory(volume)
+        volume = volume if streamed else _as_array(volume)
     elif source.time is None and source.channel is None:
         volume = open_volume(place, reader)
     else:
         volume = volume_at(open_recording(place, reader), source.time, source.channel)
     return volume._replace(**_changes(source))
+
+
+def _as_array(volume: Volume) -> Volume:
+    """Volume whose values are an array; of one in a file the memory is a limit from here on."""
+    bricks: Values = volume.values
+    if not isinstance(bricks, Bricks):
+        return volume
+    with progress_bar("reading bricks", prod(bricks.count)) as progress, told(progress):
+        found = as_array(volume)
+    if bricks.memory is not None and is_in_file(found.values):
+        allow(bricks.memory)
+    return found
 
 
 def allowed_memory(source: Source) -> int | None:
@@ -89,12 +102,11 @@ def levels(source: Source, name: str) -> list[dict[str, Any]]:
     return levels_of(*_named(source, name))
 
 
-def over_time(source: Source, name: str, *, streamed: bool) -> Recording | None:
-    """All times and channels of that name; None of a single volume that is better streamed."""
-    if streamed:
-        found = open_streamed(*_named(source, name))
-        if found is not None and found.values.shape[:2] == (1, 1):
-            return None
+def over_time(source: Source, name: str) -> Recording | None:
+    """All times and channels of that name; None of a single volume in chunks."""
+    found = open_streamed(*_named(source, name))
+    if found is not None and found.values.shape[:2] == (1, 1):
+        return None
     return held(source, name)
 
 

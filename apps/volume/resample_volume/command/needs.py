@@ -3,7 +3,7 @@
 Measured as the highest mark of fresh processes (`python -m benchmarks.memory`). How many voxels can
 be seen is known when they have been counted, so what is needed is said twice: of the values and the
 picture before they are looked at, and of all before anything is lit and painted. Volumes in chunks
-(`Bricks`) count their own.
+(`Bricks`), and what is in a file meanwhile, count their own.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,8 @@ from math import prod
 
 from resample.command.session import LIBRARIES
 from resample.memory import require
-from resample_volume.rendering import Medium, Subject
+from resample.memory.mapped import is_in_file
+from resample_volume.rendering import Fit, Medium, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.gathered import Gathered
@@ -24,7 +25,10 @@ REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
 def require_room(
-    media: Sequence[Medium], size: tuple[int, int], subject: Subject | None = None
+    media: Sequence[Medium],
+    size: tuple[int, int],
+    subject: Subject | None = None,
+    fit: Fit = "visible",
 ) -> None:
     """Refuse what memory does not hold, and say (DEBUG) what is needed.
 
@@ -36,6 +40,8 @@ def require_room(
         Height and width of the picture, px.
     subject
         What can be seen of them, once that is known.
+    fit
+        What cameras are placed around.
 
     Raises
     ------
@@ -43,15 +49,21 @@ def require_room(
         It needs more than is allowed, or free.
     """
     volumes = [volume for volume, _ in media]
-    if any(is_in_bricks(volume) for volume in volumes):
+    if any(is_in_bricks(volume) or is_in_file(volume.values) for volume in volumes):
         return
     parts = {"libraries": LIBRARIES, "values": sum(_bytes_of(volume) for volume in volumes)}
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:
-        each = SEEN_OF_FIELD if isinstance(subject.voxels, Gathered) else SEEN
-        parts[f"{subject.seen} visible voxels"] = each * subject.seen
+        parts[f"{subject.seen} visible voxels"] = _bytes_of_seen(subject.voxels, fit) * subject.seen
     require(what, parts, REMEDY)
+
+
+def _bytes_of_seen(voxels: object, fit: Fit) -> int:
+    """Of a voxel; of a field they are looked at only for where a camera is, and for slopes."""
+    if not isinstance(voxels, Gathered):
+        return SEEN
+    return SEEN_OF_FIELD if fit == "visible" or len(voxels.looks.table) > 1 else 0
 
 
 def is_in_bricks(volume: Volume) -> bool:

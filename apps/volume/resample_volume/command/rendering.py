@@ -64,7 +64,7 @@ def scene_of(
     check_together(resampler, media[0][1].classification, media[0][1].extras)
     with session.stage("classify", bar="classifying"):
         subject = Subject.of_several(media, resampler, fit)
-    needs.require_room(media, size, subject)
+    needs.require_room(media, size, subject, fit)
     if subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory.mapped import array_like
 from resample.types import Doubles
 from resample_volume.keeping import found_once
 from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
@@ -134,8 +135,10 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
     if isinstance(volume.values, Bricks):
         by = known.low if is_whole else np.nan
         return volume._replace(values=volume.values.without(known.padding, by))
-    values = np.array(volume.values)
-    for slab in slabs(values):
+    given = volume.values
+    values = array_like(given, given.shape, given.dtype, volume.name)
+    for slab, with_padding in zip(slabs(values), slabs(given), strict=True):
+        slab[:] = with_padding
         slab[np.isin(slab, known.padding)] = known.low if is_whole else np.nan
         if not is_whole:
             slab[np.isinf(slab)] = np.nan

@@ -1,5 +1,6 @@
 """Values that stay in their file: read brick by brick, and looked at once."""
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory import amount
+from resample.memory.mapped import array_in_file, folder
+from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
 from resample.watching import look
 from resample_volume.files.memory import require_memory
@@ -24,6 +27,7 @@ Step = tuple[int, int, int]  # z, y, x
 Box = tuple[slice, slice, slice]  # z, y, x
 R = TypeVar("R")
 
+LOG = logging.getLogger("resample")
 SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
 
 
@@ -176,13 +180,17 @@ class Bricks:
     def whole(self) -> NDArray[Any]:
         """All values in memory."""
         values = np.empty(self.shape, self.dtype)
+        self.put_into(values)
+        return values
+
+    def put_into(self, values: NDArray[Any]) -> None:
+        """Fill an array with all values."""
 
         def put(index: Step) -> None:
             values[self.box(index)] = self.brick(index)
 
-        for _ in self.each(put, self.all()):
-            pass
-        return values
+        for n, _ in enumerate(self.each(put, self.all())):
+            look(n + 1, prod(self.count))
 
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
         """The same without values that stand for none, nor infinite ones."""
@@ -254,26 +262,41 @@ class Bricks:
 Values = NDArray[Any] | Bricks
 
 
-def in_memory(volume: Volume) -> Volume:
+def as_array(volume: Volume) -> Volume:
     """Volume whose values are an array, also where they are bricks.
+
+    Where memory may not hold them and a field of them, they are in a file of which it holds pages
+    (`resample.memory.mapped`): as many as what else a field needs leaves, a quarter at least.
 
     Raises
     ------
     ValueError
-        They do not fit in memory, or cannot be read.
+        Neither memory nor a disk holds them, or they cannot be read.
     """
-    values: Values = volume.values
-    if not isinstance(values, Bricks):
+    bricks: Values = volume.values
+    if not isinstance(bricks, Bricks):
         return volume
-    size = values.size * values.dtype.itemsize
-    if values.memory is not None and size > values.memory:
+    size = bricks.size * bricks.dtype.itemsize
+    made = bytes_of_field(bricks.shape, bricks.dtype)
+    if bricks.memory is None or size + made <= bricks.memory:
+        require_memory(size, volume.name)
+        return volume._replace(values=bricks.whole())
+    beside = bytes_of_field(bricks.shape, bricks.dtype, bricks.memory)
+    pages = bricks.memory - beside
+    if pages < bricks.memory // 4:
         raise ValueError(
-            f"{volume.name} is needed as a whole for this, which takes {amount(size)}; "
-            f"{amount(values.memory)} are allowed: give more memory or a coarser level, or render "
-            "it by classify pre and composite"
+            f"{volume.name} is needed as a whole for this: {amount(beside * 4 // 3)} of memory at "
+            f"least, and a file for the rest; {amount(bricks.memory)} are allowed: give more "
+            "memory or a coarser level, or render it by classify pre and composite"
         )
-    require_memory(size, volume.name)
-    return volume._replace(values=values.whole())
+    values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
+    LOG.info(
+        "%s is needed as a whole, which %s of memory do not hold: it and a field of it are in a "
+        "file of %s meanwhile",
+        *(volume.name, amount(bricks.memory), folder()),
+    )
+    bricks.put_into(values)
+    return volume._replace(values=values)
 
 
 def parts(values: Values) -> Iterator[NDArray[Any]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
+from resample.memory import require_memory
 from resample.types import Doubles, Floats, View
 from resample_volume.looks.surveys import ends
 from resample_volume.looks.transfer import Transfer, places_seen
@@ -17,6 +18,7 @@ from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
 
 FARTHEST = 1e15  # scene units from the origin; its square, in px, is still a float32
+BYTES_PER_PLACE = 32  # of a voxel, until a ball around all is found
 ROW = 512  # places looked at together
 
 SOME = 64  # one of so many voxels is asked first whether there can be strays
@@ -61,16 +63,26 @@ def shown_by(
         Of the kernels around voxels, voxels.
     iso
         What is at or above this value is seen, too.
+
+    Raises
+    ------
+    ValueError
+        They are more than fit in memory.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    places, start = [], 0
+    places, start, count = [], 0, 0
     for slab in slabs(volume.values):
         value = slab.reshape(-1)
         seen = places_seen(transfer, value, data_range)
         if iso is not None:
             seen = np.union1d(seen, np.flatnonzero(value >= iso))
         places.append(start + seen)
-        start += value.size
+        start, count = start + value.size, count + seen.size
+        require_memory(
+            BYTES_PER_PLACE * count,
+            f"{volume.name}, around whose visible voxels, {count} or more, a camera is to stand,",
+            "place it around the whole (--fit volume), or show less of it",
+        )
     shown = Shown(positions_at(volume, np.concatenate(places)), lattice_of(volume))
     if not len(planes):
         return shown

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.splines import bytes_of_spline, spline_of
+from resample.memory.mapped import is_in_file, most_of
+from resample.painting.splines import bytes_of_field, spline_of
 from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import (
     UNBLOCKED,
@@ -37,6 +38,7 @@ from resample_volume.voxels.visible import (
     unit_of,
 )
 
+BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 
 
@@ -83,12 +85,15 @@ def gathered(
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
-    require_memory(bytes_of_spline(volume.values), f"{volume.name} as a field")
+    size = bytes_of_field(volume.values.shape, volume.values.dtype, most_of(volume.values))
+    require_memory(size, f"{volume.name} as a field")
     spline, bounds, known = _on_lattice(volume.values, sharpness)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
+        count = _number_seen(volume, transfer, data_range, resampler)
+        require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         seen = _seen(volume, transfer, data_range, resampler)
-        shape, count = (64, shape[1]), seen.size
+        shape = (64, shape[1])
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     else:
         count = _number_seen(volume, transfer, data_range, resampler)
@@ -177,9 +182,14 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
     """Values with the nearest known one where they are missing; and which are known, if not all."""
     if values.dtype.kind != "f":
         return values, np.zeros(0, np.uint8)
-    known = np.isfinite(values)
-    if known.all():
+    if all(np.isfinite(part).all() for part in slabs(values)):
         return values, np.zeros(0, np.uint8)
+    if is_in_file(values):
+        raise ValueError(
+            "values are missing, and where they are, the field wants all of them in memory; give "
+            "more memory or a coarser level"
+        )
+    known = np.isfinite(values)
     flags = np.pad(known.astype(np.uint8), 2, mode="edge").reshape(-1)
     if not known.any():
         return np.zeros(values.shape, np.float32), flags
@@ -194,7 +204,8 @@ def _number_seen(
 ) -> int:
     """How many voxels can be seen themselves, whatever their gradients."""
     if not are_few(volume.values.dtype):
-        return _seen(volume, transfer, data_range, resampler).size
+        parts = (chunk.reshape(-1) for chunk in slabs(volume.values))
+        return sum(_places_seen(part, transfer, data_range, resampler).size for part in parts)
     levels = counted(volume.values)
     value = levels.value.astype(volume.values.dtype)
     return int(levels.number[_places_seen(value, transfer, data_range, resampler)].sum())

@@ -80,6 +80,11 @@ def held_at_most() -> int:
     return _of_status("VmHWM")
 
 
+def held_of_files() -> int:
+    """Bytes of files that are in the memory of this process now; 0 where that is not told."""
+    return _of_status("RssFile")
+
+
 def _of_status(name: str) -> int:
     try:
         text = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")

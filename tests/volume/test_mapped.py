@@ -1,0 +1,130 @@
+"""Volumes that memory does not hold as a whole: in a file they give the bits of those it does."""
+
+import shutil
+from collections import namedtuple
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from resample.files.images import read_image
+from resample.memory.mapped import is_in_file
+from resample.resampler import Projection
+from resample_volume.command.cli import app
+from resample_volume.looks.transfer import from_points
+from resample_volume.rendering import ALONG_RAYS, Appearance, Classification, render
+from resample_volume.scenes import Scene
+from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks, as_array
+from tests.commands import ended
+
+SIZE = (40, 36)
+ENOUGH = 450_000  # bytes: for what is beside the file, not for all
+SOLID = from_points([(80, (1, 0, 0), 0.0), (120, (1, 1, 0), 0.6), (200, (1, 1, 1), 0.9)])
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
+
+
+def blobs(kind, rng):
+    z, y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in (39, 42, 40)), indexing="ij")
+    blob = 150 * np.exp(-4 * ((x - 0.3) ** 2 + y**2 + z**2)) + 9 * rng.normal(size=x.shape)
+    values = blob.clip(0, 255).astype(kind)
+    return Volume(values, np.array([1.0, 0.7, 1.3]), np.array([5.0, 0, -9]), np.eye(3), "blobs")
+
+
+def in_bricks(volume, memory=ENOUGH):
+    values = volume.values
+    bricks = Bricks(values.__getitem__, values.shape, values.dtype, (16, 24, 8), memory=memory)
+    return volume._replace(values=bricks)
+
+
+def same(volume, look, resampler=ALONG_RAYS, **choices):
+    """Whether a picture is the same of an array in memory and of one in a file."""
+    streamed = in_bricks(volume, ENOUGH + volume.values.nbytes // 2)
+    assert is_in_file(as_array(streamed).values)
+    choices |= {"size": SIZE, "resampler": resampler}
+    found, given = (render(each, look, **choices) for each in (streamed, volume))
+    assert given.coverage.max() > 0.1
+    for name in ("rgba", "depth", "first_depth", "coverage"):
+        assert np.array_equal(getattr(found, name), getattr(given, name)), name
+    if given.value is not None:
+        assert np.array_equal(found.value, given.value, equal_nan=True)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int16, np.float32, np.float64, np.int32])
+def test_any_type_of_value_gives_its_bits(kind, rng):
+    maximum = replace(ALONG_RAYS, projection=Projection.MAXIMUM)
+    same(blobs(kind, rng), Appearance("50..150"), maximum)
+
+
+@pytest.mark.parametrize("projection", ["minimum", "average", "additive", "first-hit"])
+def test_projections_have_their_bits(projection, rng):
+    iso = 100.0 if projection == "first-hit" else None
+    resampler = replace(ALONG_RAYS, projection=Projection(projection), iso=iso)
+    same(blobs(np.uint8, rng), Appearance("50..150"), resampler)
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        Appearance(SOLID, classification=Classification.POST, light=None),
+        Appearance(SOLID, classification=Classification.POST, gradient_opacity=(0.1, 0.4)),
+    ],
+    ids=["unlit", "lit-faded"],
+)
+def test_fields_that_are_composited_have_their_bits(look, rng):
+    same(blobs(np.uint8, rng), look)
+
+
+def test_a_scene_of_a_volume_in_a_file_is_that_of_one_in_memory(rng):
+    volume = blobs(np.uint8, rng)
+    scene = Scene(in_bricks(volume))
+    assert is_in_file(scene.volume.values)
+    for look in ("50..150", Appearance(SOLID, classification=Classification.POST)):
+        found, given = (each.render(look, size=SIZE) for each in (scene, Scene(volume)))
+        assert np.array_equal(found.rgba, given.rgba)
+
+
+def test_what_is_beside_the_file_has_to_fit(rng):
+    volume = blobs(np.uint8, rng)
+    with pytest.raises(ValueError, match=r"blobs is needed as a whole for this: .* MiB of memory"):
+        as_array(in_bricks(volume, 100_000))
+    volume.values[3, 4, 5:] = 0
+    missing = volume._replace(values=np.where(volume.values == 0, np.nan, volume.values))
+    look = Appearance(SOLID, classification=Classification.POST)
+    with pytest.raises(ValueError, match="values are missing, and where they are, the field wants"):
+        render(in_bricks(missing, ENOUGH + missing.values.nbytes // 2), look)
+
+
+def test_a_disk_without_room_is_said_before_anything_is_read(rng, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10, 10, 0))
+    bricks = in_bricks(blobs(np.uint8, rng))
+    with pytest.raises(ValueError, match=r"blobs is .* cannot be kept in a file of .*are free"):
+        as_array(bricks)
+    assert bricks.values.reads == 0
+
+
+def test_a_store_is_projected_within_little_memory(tmp_path, monkeypatch, capsys, rng):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RESAMPLE_LOG", "info")
+    np.save("a.npy", blobs(np.uint8, rng).values)
+    assert ended(app, "convert", "a.npy", "a.ome.zarr", "--chunk", "16") == 0
+    common = ["--projection", "maximum", "--size", "40", "--fit", "volume"]
+    few = ["--memory", "450kB"]
+    assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
+    assert ended(app, "animate", "a.npy", *common, "--frames", "2", "-o", "a") == 0
+    capsys.readouterr()
+    assert ended(app, "render", "a.ome.zarr", *common, *few, "-o", "b.exr") == 0
+    told = capsys.readouterr().err
+    assert "a is needed as a whole, which 0.43 MiB of memory do not hold: it and a field" in told
+    assert ended(app, "animate", "a.ome.zarr", *common, *few, "--frames", "2", "-o", "b") == 0
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+    assert np.array_equal(read_image("a/frame-0001.png"), read_image("b/frame-0001.png"))
+    assert list((tmp_path / "cache").glob("tmp*")) == []
+    all_seen = [*common[:4], "--transfer", "0/white/0.1,255/white/0.1"]
+    assert ended(app, "render", "a.ome.zarr", *all_seen, *few, "-o", "c.exr") == 2
+    assert "or more, a camera is to stand" in capsys.readouterr().err
