@@ -13,20 +13,24 @@ setting of its quality. PyAV is under the BSD licence, the x264 in its wheels un
 """
 
 import hashlib
+import io
 import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from functools import partial
+from contextlib import chdir, contextmanager, redirect_stderr, suppress
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.command.console import Progress, say
+from resample.command.workers import Crew
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
@@ -44,6 +48,7 @@ FACTS = "animation.json"  # in the folder of the frames: what they belong to
 MOST_FRAMES = 10_000
 
 Levels = NDArray[np.uint8]
+Frames = Callable[[int], Levels]  # by their number
 
 try:
     import fcntl
@@ -102,6 +107,50 @@ def fingerprint(*arrays: NDArray[Any]) -> str:
         digest.update(f"{array.dtype} {array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class _Elsewhere:
+    """Frames of a film, for processes that know nothing of what it shows yet."""
+
+    run: str  # of a command: a later one reads anew what may have changed
+    read: Callable[[int], Frames] = field(compare=False)
+    threads: int = field(compare=False)
+    folder: str = field(compare=False)  # that names of files are relative to
+
+    def __call__(self, n: int) -> Levels:
+        """Frame (H, W, 3) as a screen takes it."""
+        from resample.engine.jit import threads
+
+        with threads(self.threads):
+            return _frames(self)(n)
+
+
+@lru_cache(1)
+def _frames(film: _Elsewhere) -> Frames:
+    """Frames of a film, in a process that makes those of no other; all was said already."""
+    with chdir(film.folder), redirect_stderr(io.StringIO()):
+        return film.read(film.threads)
+
+
+def made_by(
+    crew: Crew | None, shots: Shots, read: Callable[[int], Frames]
+) -> tuple[Shots, Executor | None]:
+    """Frames as processes make them, each of which reads what they show for itself; and who asks.
+
+    Parameters
+    ----------
+    crew
+        Whose processes make them; without one they are made here.
+    shots
+        As they are made here.
+    read
+        Of a number of threads: the same frames, by their number. It pickles.
+    """
+    if crew is None:
+        return shots, None
+    frames = _Elsewhere(token_hex(8), read, crew.threads, str(Path.cwd()))
+    return shots._replace(frame=frames), crew.executor
 
 
 def write_film(

@@ -271,14 +271,11 @@ def animate(
     if source.time is None and not added.channels:
         recording = over_time(source, volume)
     paint = animation.Paint(resampler, shape, behind, threads)
-    script = filming.Script(
-        volume, source, look, added, beside, resampling, frames, str(Path.cwd())
-    )
+    script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     film = filming.film_of(script, recording, flight, paint, about)
     with at_work(sharing, threads) as crew, progress_bar("filming") as progress:
-        made = film.shots if crew is None else filming.shared_by(crew, script, film)
-        executor = None if crew is None else crew.executor
+        made, executor = filming.shared_by(crew, script, film)
         write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 
 

@@ -1,11 +1,8 @@
 """Films by their words, so that any process can make frames of them."""
 
-import io
 from collections.abc import Mapping, Sequence
-from contextlib import chdir, redirect_stderr
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from secrets import token_hex
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,9 +12,9 @@ from resample.command.console import say
 from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import Crew
-from resample.engine.jit import threads
-from resample.files.animations import Levels, Shots, fingerprint
+from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
+from resample.watching import Executor
 from resample_volume.command.animation import (
     Flight,
     Paint,
@@ -53,7 +50,6 @@ class Script(NamedTuple):
     beside: Beside
     resampling: Resampling
     frames: int | None  # that are asked for
-    folder: str  # that names of files are relative to
 
 
 class ReadScene(NamedTuple):
@@ -72,22 +68,6 @@ class ReadyFilm(NamedTuple):
     paint: Paint
     is_in_bricks: bool  # whether the volume's values stay in their file
     is_of_times: bool = False  # whether the volume changes
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Frames of a script, for processes that know nothing of it yet."""
-
-    script: Script
-    cameras: Sequence[AnyCamera]
-    paint: Paint
-    run: str  # of the command: a later one reads anew what may have changed
-
-    def __call__(self, n: int) -> Levels:
-        """Frame (H, W, 3) as a screen takes it."""
-        with threads(self.paint.threads):
-            scene = _kept_scene(self.script, self.paint.size, self.run)
-            return frame_of(scene, self.cameras[n], self.paint)
 
 
 def film_of(
@@ -160,11 +140,10 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
         return ReadScene(shown, unseen(*shown[0]), is_whole=False)
 
 
-@lru_cache(1)
-def _kept_scene(script: Script, size: Size, _: str) -> ReadScene:
-    """Scene of a script, in a process that makes frames of no other."""
-    with chdir(script.folder), redirect_stderr(io.StringIO()):  # all was said already
-        return scene_for(script, size)
+def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
+    """Frames of a script."""
+    scene, paint = scene_for(script, paint.size), replace(paint, threads=threads)
+    return lambda n: frame_of(scene, cameras[n], paint)
 
 
 def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
@@ -201,8 +180,8 @@ def _mark(volume: Volume, look: Any) -> str:
     return fingerprint(known.least, known.greatest, known.some, known.rim, *looks)
 
 
-def shared_by(crew: Crew, script: Script, film: ReadyFilm) -> Shots:
-    """Frames of a film as processes make them.
+def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:
+    """Frames of a film as processes make them, if there is a crew of them; and who asks them.
 
     Each reads the scene for itself. Those of one machine share what the memory may be.
 
@@ -211,10 +190,12 @@ def shared_by(crew: Crew, script: Script, film: ReadyFilm) -> Shots:
     ValueError
         The volume changes, so that its frames are not framed alike by themselves.
     """
+    if crew is None:
+        return film.shots, None
     if film.is_of_times:
         raise ValueError("a film of several times is made by one process; leave workers out")
-    script, paint = _with_share(script, film, crew), replace(film.paint, threads=crew.threads)
-    return film.shots._replace(frame=Frames(script, film.cameras, paint, token_hex(8)))
+    script = _with_share(script, film, crew)
+    return made_by(crew, film.shots, partial(_frames, script, film.cameras, film.paint))
 
 
 def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:

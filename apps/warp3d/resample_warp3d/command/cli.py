@@ -1,6 +1,7 @@
 """The `resample-warp3d` command."""
 
 import sys
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
@@ -9,7 +10,7 @@ from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.options import run
-from resample.command.settings import Serving, Written, height_and_width, method_names
+from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
@@ -38,7 +39,7 @@ app.register_install_completion_command()
 EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
 TARGET, SHOWING = TargetCamera(), Showing()
-JOINT, SERVING = Joint(), Serving()
+JOINT, SERVING, SHARING = Joint(), Serving(), Sharing()
 PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
 CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart(), CloudAim(), CloudFormat()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
@@ -236,6 +237,7 @@ def animate(
     background: flags.FilmBackground = "black",
     depth_output: Path | None = None,
     resume: flags.Resume = False,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
     """Move a camera past a picture with depth.
 
@@ -256,9 +258,16 @@ def animate(
 
     from resample.command.session import Session
     from resample.command.settings import linear_color
-    from resample.files.animations import check_film, write_film
+    from resample.command.workers import at_work, check_sharing
+    from resample.files.animations import check_film, made_by, write_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
-    from resample_warp3d.command.depths import appearing, depths_of, shots_with_depth
+    from resample_warp3d.command.depths import (
+        ToFilm,
+        appearing,
+        depths_of,
+        frames_of,
+        shots_with_depth,
+    )
     from resample_warp3d.command.inputs import Reader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
@@ -269,18 +278,25 @@ def animate(
     target.check_target()
     target.shape((1, 2))
     check_film(output, fps)
-    depths = depths_of(depth_output, output, meaning)
+    check_sharing(sharing)
+    depths = depths_of(depth_output, output, meaning, sharing)
     session = Session()
     taken = read_views(reader, color, depth)
     shape = target.shape(taken.shape)
-    check_memory(taken.views, shape, output)
+    check_memory(taken.views, shape, output, sharing.workers or 0)
     camera = target.sight(taken.camera, taken.shape, eye.convention)
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
-    with session.stage("film", bar="moving") as progress, appearing(depths, resume=resume):
-        write_film(output, made, fps, resume=resume, progress=progress)
+    again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
+    with (
+        at_work(sharing, warping.threads) as crew,
+        session.stage("film", bar="moving") as progress,
+        appearing(depths, resume=resume),
+    ):
+        made, executor = made_by(crew, made, again)
+        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 
 
 @app.command
@@ -386,6 +402,7 @@ def animate_cloud(
     look: Annotated[CloudLook, flags.Flat] = CLOUD,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
     """Move a camera around a point cloud.
 
@@ -402,22 +419,26 @@ def animate_cloud(
     """
     from resample.command.session import Session
     from resample.command.settings import linear_color
-    from resample.files.animations import check_film, write_film
-    from resample_warp3d.command.clouds import cameras_of, film_of, path_of, scene_of, start_of
+    from resample.command.workers import at_work, check_sharing
+    from resample.files.animations import check_film, made_by, write_film
+    from resample_warp3d.command import clouds
     from resample_warp3d.command.rendering import check_memory
 
     shape = height_and_width(size)
     check_film(output, fps)
-    viewpoints = path_of(path, frames, fps, start_of(start.camera, start.up))
+    check_sharing(sharing)
+    viewpoints = clouds.path_of(path, frames, fps, clouds.start_of(start.camera, start.up))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
-    check_memory([], shape, output)
+    check_memory([], shape, output, sharing.workers or 0)
     session = Session()
-    scene = scene_of(session, file, look)
-    cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
-    film = film_of(scene, cameras, shape, behind)
-    with session.stage("film", bar="moving") as progress:
-        write_film(output, film, fps, resume=resume, progress=progress)
+    scene = clouds.scene_of(session, file, look)
+    cameras = clouds.cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
+    film = clouds.film_of(scene, cameras, shape, behind)
+    again = partial(clouds.frames_of, file, look, cameras, shape, behind)
+    with at_work(sharing, look.threads) as crew, session.stage("film", bar="moving") as progress:
+        film, executor = made_by(crew, film, again)
+        write_film(output, film, fps, resume=resume, progress=progress, executor=executor)
 
 
 @app.command

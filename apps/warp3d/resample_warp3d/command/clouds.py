@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
     from resample.command.settings import Color
-    from resample.files.animations import Shots
+    from resample.files.animations import Frames, Shots
     from resample.types import Floats
     from resample_warp3d.clouds.coloring import Scale
     from resample_warp3d.clouds.spacing import Surfels
@@ -476,6 +476,21 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
         "version": version("hybrid-resample"),
     }
     return Shots(len(cameras), frame, job)
+
+
+def frames_of(
+    file: Path,
+    look: CloudLook,
+    cameras: Sequence[Any],
+    shape: Shape,
+    background: Any,
+    threads: int,
+) -> "Frames":
+    """Frames of the cloud of a file; errors as of `scene_of`."""
+    from resample.command.session import Session
+
+    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
+    return film_of(scene, cameras, shape, background).frame
 
 
 def _sized(viewpoint: Any, shape: Shape) -> Any:

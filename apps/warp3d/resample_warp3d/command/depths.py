@@ -2,21 +2,27 @@
 
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
+from resample.colors import Background
 from resample.command.console import say
+from resample.command.session import Session
+from resample.command.settings import Sharing
 from resample.files.animations import Levels, Shots
 from resample.files.writing import check_targets
 from resample.types import Doubles, Floats
 from resample_warp3d.command.animation import as_levels, shots
-from resample_warp3d.command.choices import Depth
-from resample_warp3d.command.rendering import Film
+from resample_warp3d.command.choices import Depth, Warping
+from resample_warp3d.command.inputs import Reader, read_views
+from resample_warp3d.command.rendering import Film, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
 from resample_warp3d.wide.sights import Sight
 
+ALONE = Sharing()
 FRAME = "frame-*.png"  # in a folder of which no pattern was given
 KEPT = ".depths"  # folder of what is done, until all is
 
@@ -131,20 +137,45 @@ class DepthFrames:
         return sorted(file for file in folder.iterdir() if named.fullmatch(file.name))
 
 
-def depths_of(pattern: Path | None, output: Path, meaning: Depth) -> DepthFrames | None:
+def depths_of(
+    pattern: Path | None, output: Path, meaning: Depth, sharing: Sharing = ALONE
+) -> DepthFrames | None:
     """Files of the depth of a film that is written to `output`, if they are asked for.
 
     Raises
     ------
     ValueError, OSError
-        As of `DepthFrames`; or the film's frames are in the same folder.
+        As of `DepthFrames`; or the film's frames are in the same folder, or others make them.
     """
     if pattern is None:
         return None
+    if sharing.is_asked:
+        raise ValueError("depth of frames is written by one process; leave workers out")
     frames = DepthFrames(pattern, meaning.scale_of_z)
     if output.resolve() == frames.folder.resolve():
         raise ValueError(f"{output} holds the film's frames; give its depth another folder")
     return frames
+
+
+class ToFilm(NamedTuple):
+    """What frames of a film are made of, as the command line names it."""
+
+    reader: Reader
+    color: str
+    depth: str
+    warping: Warping
+    shape: tuple[int, int]  # height and width, px
+    background: Background
+
+
+def frames_of(
+    given: ToFilm, poses: Sequence[Doubles], camera: Sight, threads: int
+) -> Callable[[int], Levels]:
+    """Frames of a path without their depth; errors as of `read_views`."""
+    taken = read_views(given.reader, given.color, given.depth)
+    warping = given.warping.model_copy(update={"threads": threads})
+    film = film_of(Session(), taken, given.shape, warping, given.background)
+    return shots(poses, camera, film.frame, film.job).frame
 
 
 def appearing(

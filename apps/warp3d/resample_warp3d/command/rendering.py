@@ -251,7 +251,7 @@ def words_of(camera: Sight) -> list[object]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
 
 
-def check_memory(views: Sequence[DepthView], shape: Shape, output: Path) -> None:
+def check_memory(views: Sequence[DepthView], shape: Shape, output: Path, others: int = 0) -> None:
     """Refuse what memory does not hold, and say (DEBUG) what is needed, before any work is done.
 
     Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
@@ -264,6 +264,8 @@ def check_memory(views: Sequence[DepthView], shape: Shape, output: Path) -> None
         Height and width of the target, px.
     output
         What it is written to.
+    others
+        Processes of this machine that hold as much.
 
     Raises
     ------
@@ -277,6 +279,8 @@ def check_memory(views: Sequence[DepthView], shape: Shape, output: Path) -> None
         "the sources": sum(bytes_of_source(view.picture.data.shape) for view in views),
         "the result": (channels + 1) * bytes_written(shape, output),
     }
+    if others:
+        parts[f"{others} workers"] = others * sum(parts.values())
     require(f"a picture of {width} x {height} pixels", parts, "take a smaller size")
 
 
