@@ -6,14 +6,17 @@ from pathlib import Path
 
 from resample.files.pictures import SUFFIXES
 from resample.files.sequences import FILMS, WRITTEN, frames_of
+from resample.files.stores.opening import is_store
+from resample.files.stores.pictures import SUFFIX as STORE
 
 READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 
 
 def is_batch(images: Sequence[Path], output: Path) -> bool:
     """Whether results go to a folder: of several files, a folder, a pattern, or into one."""
-    is_folder = output.is_dir() and output.suffix.lower() not in SUFFIXES
-    return len(images) > 1 or is_folder or images[0].is_dir() or _is_pattern(images[0])
+    is_folder = output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
+    is_of_files = images[0].is_dir() and not is_store(images[0])
+    return len(images) > 1 or is_folder or is_of_files or _is_pattern(images[0])
 
 
 def batch_of(images: Sequence[Path], output: Path) -> list[tuple[Path, Path]]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from resample.colors import Background, from_srgb, over, straight, to_srgb
 from resample.files.facts.origin import state
 from resample.files.writing import replacing
-from resample.reading.pictures import check_picture
+from resample.memory.mapped import array_where_it_fits
+from resample.reading.pictures import check_honest, check_picture
 from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")
@@ -200,6 +201,8 @@ def read_numbers(path: str | Path, page: int = 0) -> NDArray[Any]:
 def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDArray[Any]:
     """Read channels (H, W, C) of a picture of 8 or 16 bits as they are stored, in this order.
 
+    What memory should not hold is in a file, see `array_where_it_fits`.
+
     Raises
     ------
     OSError
@@ -208,8 +211,9 @@ def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDA
     source, header = _open(path, page)
     spec, form = source.spec(), str(source.spec().format)
     order = [header.names.index(name) for name in channels]
-    check_picture(path, spec)
-    levels, done = np.empty((spec.height, spec.width, len(order)), form), 0
+    check_honest(path, spec)
+    shape, done = (spec.height, spec.width, len(order)), 0
+    levels = array_where_it_fits(shape, form, Path(path).name)
     for strip in _stored_strips(path, source, STRIP, form):
         levels[done : done + len(strip)] = strip[..., order]
         done += len(strip)
@@ -273,7 +277,7 @@ def _stored_strips(
         last = min(first + step, spec.y + spec.height)
         if spec.tile_width:
             across = spec.x, spec.x + spec.width
-            data = source.read_tiles(*across, first, last, 0, 1, form)
+            data = source.read_tiles(*across, first, last, 0, 1, 0, spec.nchannels, form)
         else:
             data = source.read_scanlines(first, last, 0, 0, spec.nchannels, form)
         complaint = source.geterror()
@@ -298,6 +302,15 @@ def _linear(stored: "_ImageHeader") -> Floats:
     if stored.is_straight and alpha is not None:
         data[..., color] *= data[..., alpha, None]
     return data[..., [names.index(name) for name in shown(names)]]
+
+
+def light_of(levels: NDArray[Any], names: Sequence[str], *, is_encoded: bool) -> Floats:
+    """Linear light, premultiplied, of levels (H, W, C) of straight alpha; floats are light."""
+    if levels.dtype.kind == "f":
+        return np.array(levels, np.float32)
+    most = int(np.iinfo(levels.dtype).max)
+    data = levels.astype(np.float32) / np.float32(most)
+    return _linear(_ImageHeader(data, list(names), is_encoded, is_straight=True, levels=most))
 
 
 def shown(names: Sequence[str]) -> tuple[str, ...]:

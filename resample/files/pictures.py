@@ -30,8 +30,18 @@ from resample.files.facts.metadata import (
     upright,
 )
 from resample.files.facts.origin import state
-from resample.files.images import check_pixels, read_image, read_levels, read_numbers, shown
+from resample.files.images import (
+    check_pixels,
+    light_of,
+    read_image,
+    read_levels,
+    read_numbers,
+    shown,
+)
 from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
+from resample.files.stores.opening import is_store
+from resample.files.stores.pictures import SUFFIX as STORE
+from resample.files.stores.pictures import check_store, open_picture, writing_store
 from resample.files.writing import replacing
 from resample.memory import require_memory
 from resample.types import Floats
@@ -93,7 +103,7 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
         f"{path} of {width} x {height} pixels",
         "take a smaller picture",
     )
-    data = read_numbers(path, page) if about.number else read_image(path, page)
+    data = _data(path, page, kind, about)
     if kind.has_alpha:
         n = kind.channels.index("A")
         order = [c for c in range(len(kind.channels)) if c != n] + [n]
@@ -103,6 +113,13 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
         about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
         data = _with_gaps(data, kind, about) if as_data else data
     return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
+
+
+def _data(path: Path, page: int, kind: Kind, about: About) -> Any:
+    """Light, or numbers, as pixels are stored."""
+    if is_store(path):
+        return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
+    return read_numbers(path, page) if about.number else read_image(path, page)
 
 
 def form_of(path: Path) -> tuple[tuple[int, int, int], Kind]:
@@ -130,7 +147,8 @@ def has_levels(path: Path) -> tuple[int, int, int] | None:
     shape, kind, about, orientation = _header(path, 0, as_data=True)
     is_plain = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
     missing = None if about.geo is None else about.geo.missing
-    is_straight = not kind.has_alpha or path.suffix.lower() == ".png"  # TIFF's may be either
+    is_known = path.suffix.lower() == ".png" or is_store(path)  # TIFF's may be either
+    is_straight = not kind.has_alpha or is_known
     if not is_plain or missing is not None or not is_straight:
         return None
     height, width = (shape[1], shape[0]) if TURNS[orientation][0] else shape[:2]
@@ -150,6 +168,8 @@ def read_picture_levels(path: Path) -> Levels:
     (height, width, _), kind, about, orientation = _header(path, 0, as_data=True)
     if about.geo is not None:
         about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
+    if is_store(path):
+        return Levels(open_picture(path).levels(), kind, about)
     return Levels(upright(read_levels(path, kind.channels), orientation), kind, about)
 
 
@@ -195,8 +215,10 @@ def check_output(path: Path, look: Look, *, transparent: bool) -> None:
         The suffix is unknown, or the format cannot hold transparency or so many bits.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)}")
+    if suffix not in (*SUFFIXES, STORE):
+        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
+    if suffix == STORE:
+        check_store(path)
     if suffix in JPEG and transparent and look.background is None:
         raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
     if look.bits is not None and look.bits not in _depths(suffix):
@@ -268,6 +290,12 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
     OSError
         The file cannot be written.
     """
+    if path.suffix.lower() == STORE:
+        (picture,) = pictures
+        page = page_of(path, picture, look)
+        with writing_store(path, page.data.shape[0]) as rows:
+            rows.put(page.data)
+        return
     with replacing(path) as temporary:
         written: list[Stored] = []
         for picture in pictures:
@@ -471,6 +499,10 @@ def _header(path: Path, page: int, as_data: bool) -> tuple[tuple[int, int, int],
     """Height, width and number of stored channels, and what is said about them."""
     import OpenImageIO
 
+    if is_store(path):
+        found = open_picture(path)
+        kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
+        return found.shape, kind, About(), 1
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     source = OpenImageIO.ImageInput.open(str(path))

@@ -7,6 +7,8 @@ from typing import Any
 
 from resample.files.facts.metadata import About, Stored
 from resample.files.pictures import Look, Picture, complaint_of, finish, opened, page_of
+from resample.files.stores.pictures import SUFFIX as STORE
+from resample.files.stores.pictures import writing_store
 from resample.files.writing import replacing
 
 Put = Callable[[Picture], None]
@@ -35,6 +37,10 @@ def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
     OSError
         The file cannot be written.
     """
+    if path.suffix.lower() == STORE:
+        with writing_store(path, height) as store:
+            yield lambda picture: store.put(page_of(path, picture, look).data)
+        return
     with replacing(path) as temporary:
         rows = _Rows(path, temporary, height, look)
         yield rows.put

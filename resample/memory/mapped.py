@@ -5,6 +5,7 @@ in memory than may be: what was written to them is in the file, which has no nam
 array, however the process ends.
 """
 
+import logging
 import mmap
 import os
 import tempfile
@@ -19,8 +20,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from resample.memory import amount, held_of_files
+from resample.memory import ALLOWED, amount, available_memory, held_of_files
 
+LOG = logging.getLogger("resample")
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
 OFTEN = 0.01  # seconds between two looks at how much is in memory
 SPARE = 1 << 26  # bytes that a disk is left with
@@ -76,6 +78,30 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
         _held[mapping] = _Held(most, held_of_files())
         _watch()
     return np.ndarray(shape, dtype, buffer=mapping)
+
+
+def array_where_it_fits(shape: tuple[int, ...], kind: DTypeLike, what: str) -> NDArray[Any]:
+    """Array in memory or, where it would take more than half of what may be taken, in a file.
+
+    Raises
+    ------
+    ValueError
+        As of `array_in_file`.
+    """
+    dtype = np.dtype(kind)
+    most = pages_of(prod(shape) * dtype.itemsize)
+    if most is None:
+        return np.empty(shape, dtype)
+    LOG.info(
+        "%s is larger than memory should hold: it is in a file of %s meanwhile", what, folder()
+    )
+    return array_in_file(shape, dtype, most, what)
+
+
+def pages_of(size: int) -> int | None:
+    """Bytes of pages of so large an array that memory takes, if it is in a file; else None."""
+    allowed = ALLOWED.get() or available_memory()
+    return None if allowed is None or 2 * size <= allowed else allowed // 4
 
 
 def array_like(

@@ -29,12 +29,28 @@ def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
     ValueError
         It does, or it has no pixels.
     """
+    count, stored = check_honest(path, spec)
+    check_free(str(path), count * (size or stored))
+
+
+def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
+    """Refuse a picture that unpacks to far more than its file can honestly hold, or to nothing.
+
+    Returns
+    -------
+    How many values it has, and bytes of each.
+
+    Raises
+    ------
+    ValueError
+        So it does.
+    """
     shape = (spec.width, spec.height, max(1, spec.depth), spec.nchannels)
     if min(shape) < 1:
         raise ValueError(f"{path} has {spec.width} x {spec.height} pixels; get the file again")
     count, stored = math.prod(shape), FORMS.get(str(spec.format), 4)
     check_unpacked(str(path), Path(path).stat().st_size, count * stored)
-    check_free(str(path), count * (size or stored))
+    return count, stored
 
 
 @contextmanager

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from werkzeug import Request, Response
 
+from resample.files.stores.addresses import Address
 from resample_volume.command.cli import app
 from resample_volume.files.source import open_streamed, open_volume
-from resample_volume.files.stores.addresses import Address
 from resample_volume.files.stores.reader import Zarr
 from tests.commands import ended, refused
 

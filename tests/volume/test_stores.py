@@ -269,7 +269,7 @@ def test_a_level_that_there_is_not_is_refused(values, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"axes": SPACE[1:]}, "a has the axes y, x; a volume has z, y and x once each"),
+        ({"axes": SPACE[1:]}, "a has the axes y, x; wanted are z, y and x once each"),
         ({"axes": [{"name": "q"}, *SPACE]}, "a has an axis 'q' of type None; known are time"),
         ({"datasets": []}, "a, multiscales: datasets: List should have at least 1 item"),
         ({"datasets": [{"path": "0"}]}, "datasets.0.coordinateTransformations: Field required"),

@@ -15,6 +15,7 @@ from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
 from resample.files.frames import write_frame
 from resample.files.images import screen_levels
+from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
@@ -28,7 +29,6 @@ from resample_volume.command.inputs import prepared
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
-from resample_volume.files.stores.addresses import is_address
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey

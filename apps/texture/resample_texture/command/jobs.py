@@ -33,7 +33,7 @@ from resample.types import Floats
 from resample.words import one_line
 from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
-from resample_texture.command.large import MOST_IN_STRIP, Large, large_picture
+from resample_texture.command.large import Large, large_picture
 from resample_texture.command.needs import require_room
 from resample_texture.command.rendering import report, sees_all, warped
 
@@ -234,7 +234,7 @@ def _warp_large(
     """Warp a picture strip by strip; what is written is the same."""
     check_output(output, job.look, transparent=large.kind.has_alpha)
     height, width = large.shape
-    require_room(large.form, large.shape, job.warping, output, in_strips=MOST_IN_STRIP)
+    require_room(large.form, large.shape, job.warping, output, in_strips=large.most)
     with ExitStack() as files:
         put = files.enter_context(writing_rows(output, height, job.look))
         put_share = None

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,12 @@ import numpy as np
 
 from resample.files.facts.metadata import About
 from resample.files.pictures import Kind, Levels, Picture, has_levels, read_picture_levels
+from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.asking import method_named, within
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Aim, Target
+from resample_texture.command.needs import BYTES_IN_STRIP
 from resample_texture.command.rendering import (
     as_light,
     bytes_at_once,
@@ -26,7 +29,8 @@ from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homograp
 from resample_texture.types import Edge
 
 MOST_AT_ONCE = 1 << 30  # bytes that a warp in one go may take
-MOST_IN_STRIP = 1 << 22  # values of the target that are worked on at a time
+MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # values of the target, worked on at a time
+SHARE_OF_STRIP = 8  # that of what --memory allows, one part
 ROWS = 32  # a strip's are a multiple of, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
@@ -45,7 +49,7 @@ def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "La
         return None
     target = aim(form[:2])
     shape = target.shape if roi is None else (roi[3], roi[2])
-    is_small = bytes_at_once(form, shape) <= MOST_AT_ONCE
+    is_small = bytes_at_once(form, shape) <= min(MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2)
     if is_small or isinstance(target.places, ForwardMap):
         return None
     method = method_named(
@@ -57,6 +61,15 @@ def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "La
     whole = (0, 0, target.shape[1], target.shape[0])
     large = Large(path, form, target, choice, method, roi or whole)
     return large if large.looks else None
+
+
+def most_in_strip() -> int:
+    """Values that are worked on at a time: the more, the less of the source is looked at twice."""
+    allowed = ALLOWED.get()
+    if allowed is None:
+        return MOST_IN_STRIP
+    of_memory = allowed // (SHARE_OF_STRIP * BYTES_IN_STRIP)
+    return min(MOST_IN_STRIP, max(LEAST_IN_STRIP, of_memory))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +113,11 @@ class Large:
         return self.method.seen_tiles(self.form[:2], geometry, shape, edge) is not None
 
     @cached_property
+    def most(self) -> int:
+        """Values that are worked on at a time."""
+        return min(most_in_strip(), (self.form[2] + 1) * prod(self.shape))
+
+    @cached_property
     def levels(self) -> Levels:
         """The picture as stored."""
         return read_picture_levels(self.path)
@@ -139,7 +157,7 @@ class Large:
     def _rows(self) -> Iterator[tuple[int, int]]:
         """First row of each strip, and how many there are."""
         height, width = self.shape
-        most = MOST_IN_STRIP // ((self.form[2] + 1) * width)
+        most = self.most // ((self.form[2] + 1) * width)
         count = max(ROWS, most // ROWS * ROWS)
         yield from ((first, min(count, height - first)) for first in range(0, height, count))
 

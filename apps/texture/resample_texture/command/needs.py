@@ -9,12 +9,13 @@ from pathlib import Path
 from resample.command.session import LIBRARIES, bytes_written, require_picture
 from resample.files.pictures import form_of
 from resample.memory import require
+from resample.memory.mapped import pages_of
 from resample_texture.asking import method_named
 from resample_texture.command.choices import Warping
 
 BYTES_PER_TEXEL = 6  # and channel, of a source and what is held while it is decoded
-BYTES_IN_STRIP = 28  # and value, of what is drawn of a large picture at a time
 KERNELS = 80 << 20  # bytes of libraries that other programs' methods do not load
+BYTES_IN_STRIP = 28  # and value, of what is drawn of a large picture at a time
 BYTES_PER_MESH_PIXEL = 100  # of a mesh's picture
 BYTES_OF_FILM = 16, 60  # of a texel of what a camera flies over, and of a pixel of a frame
 REMEDY = "take a smaller size, or a part of it by --roi"
@@ -54,7 +55,8 @@ def require_room(
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
     if in_strips is not None:
-        parts = {"the source": prod(form), "a strip": BYTES_IN_STRIP * in_strips}
+        size = prod(form)
+        parts = {"the source": pages_of(size) or size, "a strip": BYTES_IN_STRIP * in_strips}
     else:
         opens = choice.edge == "transparent" and not (has_alpha or choice.total)
         values = form[2] + opens

@@ -213,8 +213,10 @@ def _with_plate(
         beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
         reach += math.ceil(min(span.max(), LONGEST))
         view = view._replace(margin=float(beyond))
-        low, high = np.full(2, -beyond), size + beyond
-        lowest, highest = low, high
+        lowest, highest = np.full(2, -beyond), size + beyond
+        is_told = edge is Edge.CLAMP or bool(((low >= 0) & (high <= size)).all())
+        low = np.clip(low, lowest, highest) if is_told else lowest
+        high = np.clip(high, lowest, highest) if is_told else highest
     part, whole = _sides(low, high, reach), _sides(lowest, highest, reach)
     plate, plain = plates_of(source, whole, part, edge, interpolation)
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
+from resample.files.stores.addresses import Address, is_address
+from resample.files.stores.opening import is_store
 from resample.samples.finding import PREFIX, sample_path
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
-from resample_volume.files.stores.addresses import Address, is_address
-from resample_volume.files.stores.opening import is_store
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
 from resample_volume.types import Recording, Volume

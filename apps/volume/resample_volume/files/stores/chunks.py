@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.opening import reading
 from resample_volume.files.headers import WIDENED
 from resample_volume.files.stores.kept import Kept
-from resample_volume.files.stores.opening import reading
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
 if TYPE_CHECKING:

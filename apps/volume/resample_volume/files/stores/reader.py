@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from resample.files.stores.addresses import Address, Place
+from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample.files.stores.opening import open_node, reading
 from resample.reading.limits import check_free
 from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
 from resample_volume.files.readers import Numbers, three_numbers
-from resample_volume.files.stores.addresses import Address, Place
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
-from resample_volume.files.stores.opening import open_node, reading
 from resample_volume.media.recordings import alone
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Step

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.metadata import OWN
+from resample.files.stores.opening import require_zarr
 from resample.files.writing import beside
 from resample.types import Doubles
 from resample.watching import Progress
 from resample.words import one_line
-from resample_volume.files.stores.metadata import OWN
-from resample_volume.files.stores.opening import require_zarr
 from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from resample.files.stores.addresses import Address, Place
 from resample.words import one_line, visible
-from resample_volume.files.stores.addresses import Address, Place
 
 MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
 ZIPS = (".zip", ".ozx")

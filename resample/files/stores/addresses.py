@@ -73,7 +73,7 @@ def is_address(name: object) -> bool:
 
     Examples
     --------
-    >>> from resample_volume.files.stores.addresses import is_address
+    >>> from resample.files.stores.addresses import is_address
     >>> is_address("https://a.org/heart.ome.zarr"), is_address("heart.ome.zarr")
     (True, False)
     """

@@ -88,8 +88,15 @@ class Layout(NamedTuple):
     is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
 
 
-def layout_of(attributes: Mapping[str, Any], name: str) -> Layout | None:
+def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> Layout | None:
     """What a group's attributes say of an image; None where they speak of none.
+
+    Parameters
+    ----------
+    attributes, name
+        Of the group.
+    space
+        Letters of the axes that it has to have.
 
     Raises
     ------
@@ -114,7 +121,7 @@ def layout_of(attributes: Mapping[str, Any], name: str) -> Layout | None:
         own = _Own.model_validate(attributes.get(OWN, {}))
     except ValidationError as error:
         raise ValueError(f"{name}, multiscales: {one_line(error)}") from None
-    axes, factor, unit = _axes(image.axes, name)
+    axes, factor, unit = _axes(image.axes, name, space)
     levels = tuple(_level(level, image.transformations, factor, name) for level in image.datasets)
     turned = None if own.direction is None else np.array(own.direction, np.float64)
     return Layout(axes, levels, unit, turned, own.units, own.space, own.color)
@@ -132,14 +139,14 @@ def moved(layout: Layout, number: int) -> Level:
     return level._replace(start=finest.start + (level.scale - finest.scale) / 2)
 
 
-def _axes(given: list[_Axis], name: str) -> tuple[str, Doubles, str]:
+def _axes(given: list[_Axis], name: str, space: str) -> tuple[str, Doubles, str]:
     """Letters of axes; what their lengths are multiplied by; and the unit that these are in."""
     letters = [_letter(axis, name) for axis in given]
-    if len(set(letters)) < len(letters) or set(letters) < set(SPACE):
-        listed = ", ".join(axis.name for axis in given)
+    if len(set(letters)) < len(letters) or not set(letters) >= set(space):
+        listed, wanted = ", ".join(axis.name for axis in given), ", ".join(space[:-1])
         raise ValueError(
-            f"{name} has the axes {listed}; a volume has z, y and x once each, and beside them "
-            "time and channel at most"
+            f"{name} has the axes {listed}; wanted are {wanted} and {space[-1]} once each, and "
+            "beside them time and channel at most"
         )
     units = {letter: axis.unit or "" for letter, axis in zip(letters, given, strict=True)}
     unit, factor = units["x"], np.ones(len(given))

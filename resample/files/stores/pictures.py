@@ -1,0 +1,217 @@
+"""Pictures in chunks: arrays of zarr and images of OME-Zarr, as files have them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.stores.metadata import layout_of
+from resample.files.stores.opening import open_node, reading, require_zarr
+from resample.files.writing import beside
+from resample.memory.mapped import array_where_it_fits
+from resample.words import one_line
+
+SUFFIX = ".zarr"
+SIDE = 256  # px of chunks that are written
+NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their number
+LETTERS = {2: "yx", 3: "yxc"}  # axes of arrays that do not name theirs
+DEPTHS = {"uint8": 8, "uint16": 16, "float16": 32, "float32": 32, "float64": 32}  # bits
+
+
+class StoredPicture(NamedTuple):
+    """A picture that is in chunks."""
+
+    array: Any  # of zarr
+    axes: str  # letters of y, x, and perhaps c, z and t, in the order of the array
+    name: str
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and number of channels."""
+        size = dict(zip(self.axes, map(int, self.array.shape), strict=True))
+        return size["y"], size["x"], size.get("c", 1)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return NAMES[self.shape[2]]
+
+    @property
+    def bits(self) -> int:
+        """Of a value: 8, 16, or 32 for floats."""
+        return DEPTHS[self.array.dtype.name]
+
+    def rows(self, first: int, last: int) -> NDArray[Any]:
+        """Rows (N, W, C) as they are stored; floats in 32 bits.
+
+        Raises
+        ------
+        ValueError, OSError
+            They cannot be read.
+        """
+        where = tuple(
+            {"y": slice(first, last), "x": slice(None), "c": slice(None)}.get(letter, 0)
+            for letter in self.axes
+        )
+        with reading(self.name):
+            found = np.asarray(self.array[where])
+        left = [letter for letter in self.axes if letter in "yxc"]
+        found = found.reshape(*found.shape, 1) if "c" not in left else found
+        order = [[*left, *("c" * ("c" not in left))].index(letter) for letter in "yxc"]
+        turned = np.ascontiguousarray(found.transpose(order))
+        return turned.astype(np.float32) if turned.dtype.kind == "f" else turned
+
+    def levels(self) -> NDArray[Any]:
+        """All rows (H, W, C), in memory or in a file, see `array_where_it_fits`.
+
+        Raises
+        ------
+        ValueError, OSError
+            They cannot be read, or fit nowhere.
+        """
+        kind = self.array.dtype if self.bits < 32 else np.dtype(np.float32)
+        levels = array_where_it_fits(self.shape, kind.newbyteorder("="), self.name)
+        step = max(1, self.array.chunks[self.axes.index("y")])
+        for first in range(0, len(levels), step):
+            levels[first : first + step] = self.rows(first, first + step)
+        return levels
+
+
+def open_picture(path: Path) -> StoredPicture:
+    """Picture in a folder of zarr, of an OME-Zarr the finest.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed, it is no picture, or its metadata cannot be read.
+    OSError
+        There is nothing of that name, or it must not be read.
+    """
+    node, name = open_node(path), path.name
+    import zarr
+
+    if isinstance(node, zarr.Array):
+        named = getattr(node.metadata, "dimension_names", None) or ()
+        letters = "".join(str(axis).lower()[:1] for axis in named)
+        axes = letters if set(letters) >= set("yx") else LETTERS.get(node.ndim, "")
+        array = node
+    else:
+        layout = layout_of(dict(node.attrs), name, "yx")
+        if layout is None:
+            raise ValueError(f"{name} is a group without multiscales; name one of its arrays")
+        axes, held = layout.axes, layout.levels[0].path
+        with reading(f"{name}/{held}"):
+            array = node.get(held)
+        if not isinstance(array, zarr.Array):
+            raise ValueError(f"{name} names a level {held!r}, which is not there; is it whole?")
+    return _checked(StoredPicture(array, axes, name))
+
+
+def _checked(found: StoredPicture) -> StoredPicture:
+    """Picture in chunks that can be one."""
+    array, axes, name = found
+    sizes = " x ".join(map(str, array.shape))
+    if len(axes) != array.ndim or len(set(axes)) < len(axes) or not set(axes) <= set("yxczt"):
+        raise ValueError(f"{name} is an array {sizes}; a picture is (y, x), or (y, x, channels)")
+    others = [letter for letter in axes if letter not in "yxc"]
+    if any(array.shape[axes.index(letter)] != 1 for letter in others):
+        raise ValueError(
+            f"{name} is an array {sizes} ({', '.join(axes)}), so no single picture; volumes are "
+            "for resample-volume"
+        )
+    if min(array.shape) < 1 or min(array.chunks, default=0) < 1:
+        raise ValueError(f"{name} is an array {sizes} in chunks of {array.chunks}; get it again")
+    if found.shape[2] not in NAMES:
+        raise ValueError(f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are read")
+    if array.dtype.name not in DEPTHS:
+        raise ValueError(f"{name} is of {array.dtype}; read are {', '.join(DEPTHS)}")
+    return found
+
+
+def check_store(path: Path) -> None:
+    """Refuse a store that could not be written in the end, before any work is done.
+
+    Raises
+    ------
+    ValueError
+        The extra is not installed, or there is something of that name.
+    """
+    require_zarr(path.name)
+    if path.exists():
+        raise ValueError(f"{path} is there already; remove it or give another name")
+
+
+@contextmanager
+def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
+    """Write a picture of so many rows; the store appears when the block ends well.
+
+    Yields
+    ------
+    What takes the rows from the top.
+
+    Raises
+    ------
+    ValueError
+        As of `check_store`; or they are not so many.
+    OSError
+        It cannot be written; nothing of it stays.
+    """
+    check_store(path)
+    try:
+        with beside(path) as temporary:
+            rows = StoreRows(temporary, height)
+            yield rows
+            rows.close()
+            temporary.rename(path)
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {one_line(error)}") from None
+
+
+class StoreRows:
+    """A store that is being written, chunk by chunk."""
+
+    def __init__(self, temporary: Path, height: int) -> None:
+        self.temporary, self.height = temporary, height
+        self.done = 0  # rows that are in the store
+        self.waiting: list[NDArray[Any]] = []
+        self.array: Any = None
+
+    def put(self, data: NDArray[Any]) -> None:
+        """Write the next rows (N, W, C)."""
+        if self.array is None:
+            self.array = self._created(data)
+        self.waiting.append(data)
+        held = np.concatenate(self.waiting) if len(self.waiting) > 1 else data
+        whole = len(held) // SIDE * SIDE
+        self._write(held[:whole])
+        self.waiting = [held[whole:]]
+
+    def close(self) -> None:
+        """Write what is left to be written."""
+        for rows in self.waiting:
+            self._write(rows)
+        if self.done != self.height:
+            raise ValueError(f"only {self.done} of {self.height} rows came")
+
+    def _write(self, rows: NDArray[Any]) -> None:
+        last = self.done + len(rows)
+        if len(rows):
+            self.array[self.done : last] = rows[..., 0] if self.array.ndim == 2 else rows
+        self.done = last
+
+    def _created(self, data: NDArray[Any]) -> Any:
+        import zarr
+
+        _, width, count = data.shape
+        shape = (self.height, width, count)[: 2 + (count > 1)]
+        return zarr.create_array(
+            self.temporary,
+            shape=shape,
+            chunks=tuple(map(min, (SIDE, SIDE, count), shape)),
+            dtype=data.dtype,
+            dimension_names=["y", "x", "c"][: len(shape)],
+            zarr_format=3,
+        )
