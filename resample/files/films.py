@@ -108,6 +108,7 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     stream.height, stream.width = (side + side % 2 for side in size)
     stream.pix_fmt = "yuv420p"
     codec_context = stream.codec_context
+    codec_context.thread_count = 1  # several cut pictures otherwise, and gain nothing at such sizes
     codec_context.color_range, codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU709
     codec_context.color_primaries = ColorPrimaries.BT709
     codec_context.color_trc = ColorTrc.IEC61966_2_1

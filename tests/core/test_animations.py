@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from resample.files.animations import Shots, check_count, check_film, fingerprint, write_film
+from resample.files.films import new_film, new_stream
 from resample.files.sequences import frames_of
 from tests.processes import PATIENCE
 
@@ -75,6 +76,14 @@ def test_the_index_of_a_film_comes_first_so_that_it_starts_at_once(tmp_path):
     write_film(tmp_path / "a.mp4", shots(), 24)
     data = (tmp_path / "a.mp4").read_bytes()
     assert data.index(b"moov") < data.index(b"mdat")
+
+
+def test_a_film_is_encoded_by_one_thread_so_that_its_bytes_are_the_same_anywhere(tmp_path):
+    with new_film(tmp_path / "a.mp4") as film:
+        assert new_stream(film, 24, (64, 96)).codec_context.thread_count == 1
+    for name in ("b.mp4", "c.mp4"):
+        write_film(tmp_path / name, shots(), 24)
+    assert (tmp_path / "b.mp4").read_bytes() == (tmp_path / "c.mp4").read_bytes()
 
 
 def test_odd_sides_of_a_film_become_even(tmp_path):
