@@ -71,6 +71,37 @@ def test_zarr_and_dask_arrays_are_read_and_zarr_is_written(tmp_path):
     np.testing.assert_array_equal(again, whole)
 
 
+@pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap"])
+@pytest.mark.parametrize("way", WAYS)
+def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
+    array = pytest.importorskip("dask.array")
+    whole = warp(IMAGE, WAYS[way], FRAME, edge=edge).image
+    counting = Counting(IMAGE)
+    lazy = warp_chunks(counting, WAYS[way], FRAME, side=64, edge=edge)
+    assert counting.read == 0
+    assert (lazy.shape, lazy.dtype, lazy.chunksize) == ((*FRAME, 3), np.float32, (64, 64, 3))
+    np.testing.assert_array_equal(lazy[70:90, 100:130].compute(), whole[70:90, 100:130])
+    source = array.from_array(IMAGE, chunks=100)
+    np.testing.assert_array_equal(
+        warp_chunks(source, WAYS[way], FRAME, side=(90, 70), edge=edge).compute(), whole
+    )
+
+
+def test_a_lazy_chunk_asks_for_the_chunks_that_it_shows():
+    array = pytest.importorskip("dask.array")
+    asked = []
+
+    def chunk(block_info):
+        asked.append(block_info[None]["chunk-location"])
+        return np.zeros((50, 50), np.uint8)
+
+    source = array.map_blocks(chunk, chunks=((50,) * 8, (50,) * 8), dtype=np.uint8)
+    lazy = warp_chunks(source, [[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]], (400, 400), side=50)
+    lazy[210:220, 210:220].compute()
+    assert (4, 4) in asked
+    assert len(asked) <= 9
+
+
 @pytest.mark.parametrize(
     ("choice", "message"),
     [

@@ -6,6 +6,7 @@ of which parts are read when they are wanted; the target is whatever takes such 
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from resample_texture.asking import (
 from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
-from resample_texture.geometry.windows import windows_of
+from resample_texture.geometry.windows import PictureWindow, Rect, windows_of
 from resample_texture.types import Edge, Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own
@@ -84,7 +85,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     shape: tuple[int, int],
     method: str | Method = "hybrid",
     *,
-    out: Any,
+    out: Any = None,
     side: int | tuple[int, int] | None = None,
     edge: str = "transparent",
     convention: str = "corner",
@@ -107,19 +108,20 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
         As `warp` takes them; matrices and backward maps, and methods of which every pixel looks at
         its part of the source, as the default does. `reflect-101` is for pictures in memory.
     out
-        (height, width) or (height, width, C): what takes arrays for slices. It is filled.
+        (height, width) or (height, width, C): what takes arrays for slices. It is filled. None: a
+        dask array is made, whose chunks are warped when they are asked for.
     side
         Height and width of chunks, px; those of `out` in a zarr array, else 1024.
 
     Returns
     -------
-    `out`.
+    `out`, or the dask array; of a source of dask's each chunk asks for the chunks that it shows.
 
     Raises
     ------
     ValueError
         As of `warp`; or sizes do not fit, or the source has to be read as a whole, because it is
-        shrunk much or its horizon is seen, and memory does not hold it.
+        shrunk much or its horizon is seen, and memory does not hold it; or dask is not installed.
 
     Examples
     --------
@@ -134,7 +136,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     """
     kept = _Source(source)
     shape = whole_pair(shape, "height", "width")
-    if tuple(out.shape) != (*shape, *kept.shape[2:]):
+    if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
     sides = _sides(side, out)
     border = edge_named(edge)
@@ -142,9 +144,111 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
         raise ValueError(f"edge {REFLECT_101} is for pictures in memory; take mirror")
     geometry = geometry_of(matrix, shape, convention, inverse)
     way = _Way(method_named(method), geometry, shape, border, threads)
+    if out is None:
+        return _lazy(source, kept, way, sides, _Light(linear_light, alpha))
     for chunk in _chunks(kept, way, sides, linear_light=linear_light, alpha=alpha):
         out[chunk.part] = chunk.warped.image
     return out
+
+
+class _Light(NamedTuple):
+    """What values of a source mean, as `warp` takes it."""
+
+    linear_light: bool
+    alpha: str | None
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A part of a source, in place of the whole."""
+
+    values: NDArray[Any]
+    left: int
+    top: int
+    shape: tuple[int, ...]  # of the whole
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of its values."""
+        return self.values.dtype
+
+    def __getitem__(self, where: Any) -> NDArray[Any]:
+        """Rows and columns of the whole, of which this has all that are asked for."""
+        rows, columns = where
+        down = slice(rows.start - self.top, rows.stop - self.top)
+        return self.values[down, columns.start - self.left : columns.stop - self.left]
+
+
+def _lazy(source: Any, kept: _Source, way: _Way, sides: tuple[int, int], light: _Light) -> Any:
+    """Target as an array of dask's, of chunks that know what of the source they show."""
+    dask, is_partly = _dask(), _is_read_in_parts(kept, way)
+    is_dask = dask.is_dask_collection(source)
+    height, width = way.shape
+    made = []
+    for top in range(0, height, sides[0]):
+        row = []
+        for left in range(0, width, sides[1]):
+            roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
+            drawing, part = _drawing(way, roi)
+            seen = _seen_of(kept, drawing) if is_partly else Rect(0, 0, *kept.shape[1::-1])
+            values = (source if is_dask else dask.delayed(source, traverse=False))[seen.part]
+            block = dask.delayed(_block)(values, seen, kept.shape, drawing, part, light, is_partly)
+            form = (roi[3], roi[2], *kept.shape[2:])
+            row.append(dask.array.from_delayed(block, form, kept.dtype))
+        made.append(dask.array.concatenate(row, axis=1))
+    return dask.array.concatenate(made, axis=0)
+
+
+def _dask() -> Any:
+    """The package dask, an extra."""
+    try:
+        import dask.array
+    except ImportError as error:
+        raise ValueError(
+            f"without out, chunks are dask's, and {error.name} is not installed: "
+            "pip install 'hybrid-resample[dist]'"
+        ) from None
+    return dask
+
+
+def _block(
+    values: Any,
+    seen: Rect,
+    shape: tuple[int, ...],
+    drawing: Drawing,
+    part: tuple[slice, slice],
+    light: _Light,
+    is_partly: bool,
+) -> NDArray[Any]:
+    """A chunk of a target, of the part of a source that it shows."""
+    values = np.asarray(values)
+    source: Any = _Source(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
+    return _drawn(source, drawing, **light._asdict()).image[part]
+
+
+def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[slice, slice]]:
+    """What is drawn for a part of a target (left, top, width, height), and what of it that is."""
+    geometry, form, part = within(way.geometry, way.shape, roi, way.method)
+    return Drawing(way.method, geometry, form, way.edge, way.threads), part
+
+
+def _windows(source: _Source, drawing: Drawing) -> Iterator[PictureWindow]:
+    """What windows of a chunk show of a source."""
+    method: Any = drawing.method
+    size = source.shape[0], source.shape[1]
+    seen = method.seen_tiles(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
+    return windows_of(seen, size, max(1, MOST_IN_WINDOW // math.prod(source.shape[2:])))
+
+
+def _seen_of(source: _Source, drawing: Drawing) -> Rect:
+    """Part of a source that a chunk reads."""
+    height, width = source.shape[:2]
+    parts = np.array([window.source for window in _windows(source, drawing)])
+    left, top = parts[:, :2].min(axis=0)
+    right, bottom = parts[:, 2:].max(axis=0)
+    if min(left, top) < 0 or right > width or bottom > height:  # it is repeated
+        return Rect(0, 0, width, height)
+    return Rect(int(left), int(top), int(right), int(bottom))
 
 
 def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
@@ -169,8 +273,7 @@ def _chunks(
     for top in range(0, height, sides[0]):
         for left in range(0, width, sides[1]):
             roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
-            geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-            drawing = Drawing(way.method, geometry, form, way.edge, way.threads)
+            drawing, part = _drawing(way, roi)
             warped = _drawn(source, drawing, linear_light=linear_light, alpha=alpha)
             yield Chunk(left, top, Warped(warped.image[part], warped.coverage[part]))
 
@@ -192,9 +295,5 @@ def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | No
     """One chunk, from what it shows of a source, or from one that is in memory."""
     if not isinstance(source, _Source):
         return drawn(source, drawing, linear_light=linear_light, alpha=alpha)
-    method: Any = drawing.method
-    size = source.shape[0], source.shape[1]
-    seen = method.seen_tiles(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
-    channels = math.prod(source.shape[2:])
-    windows = windows_of(seen, size, max(1, MOST_IN_WINDOW // channels))
+    windows = _windows(source, drawing)
     return drawn_in_parts(source, drawing, windows, linear_light=linear_light, alpha=alpha)
