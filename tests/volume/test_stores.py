@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import re
 import shutil
 import zipfile
@@ -287,6 +288,40 @@ def test_metadata_that_are_not_as_they_should_be_are_refused(changes, message, v
     with pytest.raises(ValueError, match=message) as caught:
         open_volume(written(tmp_path / "a.zarr", values, **changes))
     assert "\n" not in str(caught.value)
+
+
+PICKLE, TEXT = {"id": "pickle"}, {"id": "vlen-utf8"}
+
+
+@pytest.mark.parametrize(
+    ("compressor", "filters", "dtype", "message"),
+    [
+        (PICKLE, None, "|u1", "a.zarr is no zarr, or damaged"),
+        (None, [PICKLE], "|u1", "a.zarr is no zarr, or damaged"),
+        (
+            None,
+            [{"id": "shuffle", "elementsize": 1}, PICKLE],
+            "|u1",
+            "a.zarr is no zarr, or damaged",
+        ),
+        (None, [PICKLE], "|O", "a.zarr is no zarr, or damaged"),
+        (None, [TEXT], "|O", "a has voxels of type StringDType"),
+    ],
+)
+def test_objects_of_python_are_never_made_of_a_store(compressor, filters, dtype, message, tmp_path):
+    class Harmful:
+        def __reduce__(self):
+            return (Path.touch, (tmp_path / "harmed",))
+
+    store = tmp_path / "a.zarr"
+    store.mkdir()
+    told = {"shape": [8, 8, 8], "chunks": [8, 8, 8], "dtype": dtype, "fill_value": 0, "order": "C"}
+    told |= {"zarr_format": 2, "compressor": compressor, "filters": filters}
+    (store / ".zarray").write_text(json.dumps(told))
+    (store / "0.0.0").write_bytes(pickle.dumps(Harmful()))
+    with pytest.raises(ValueError, match=message):
+        open_volume(store)
+    assert not (tmp_path / "harmed").exists()
 
 
 def test_another_version_is_refused(values, tmp_path):

@@ -88,7 +88,7 @@ def check_shape(shape: tuple[int, ...], name: str) -> None:
 
 def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     """Pass on a type of voxel that can be kept exactly; refuse any other."""
-    if dtype.newbyteorder("=").name not in (*KEPT, *WIDENED):
+    if dtype.kind not in "biuf" or dtype.newbyteorder("=").name not in (*KEPT, *WIDENED):
         raise ValueError(
             f"{name} has voxels of type {dtype}; known are {', '.join(KEPT)} "
             "(bool and float16 are widened to them); convert the volume"
