@@ -6,6 +6,7 @@ import pickle
 import re
 import shutil
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample.files.images import read_image
+from resample.files.stores.pictures import open_picture
 from resample_volume.command.cli import app
 from resample_volume.files.readers import alone
 from resample_volume.files.source import (
@@ -322,6 +324,30 @@ def test_objects_of_python_are_never_made_of_a_store(compressor, filters, dtype,
     with pytest.raises(ValueError, match=message):
         open_volume(store)
     assert not (tmp_path / "harmed").exists()
+
+
+def packed_store(path, shape, chunks, data):
+    """Array of bytes of zarr 2, of one chunk."""
+    path.mkdir()
+    told = {"shape": shape, "chunks": chunks, "dtype": "|u1", "fill_value": 0, "order": "C"}
+    told |= {"zarr_format": 2, "compressor": {"id": "zlib", "level": 9}, "filters": None}
+    (path / ".zarray").write_text(json.dumps(told))
+    (path / ".".join("0" * len(shape))).write_bytes(zlib.compress(data, 9))
+    return path
+
+
+def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
+    found = open_volume(packed_store(tmp_path / "a.zarr", [8] * 3, [8] * 3, bytes(512)))
+    assert found.values.shape == (8, 8, 8)
+    bomb = packed_store(tmp_path / "b.zarr", [8] * 3, [8] * 3, bytes(20 << 20))
+    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 0\.02 MiB, where its values"):
+        open_volume(bomb)
+    huge = packed_store(tmp_path / "c.zarr", [8] * 3, [100_000] * 3, bytes(512))
+    with pytest.raises(ValueError, match="a chunk of c"):
+        open_volume(huge)
+    picture = packed_store(tmp_path / "d.zarr", [8, 8], [8, 8], bytes(20 << 20))
+    with pytest.raises(ValueError, match=r"its chunk 0\.0 takes"):
+        open_picture(picture).levels()
 
 
 def test_another_version_is_refused(values, tmp_path):

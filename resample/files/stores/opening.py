@@ -48,8 +48,10 @@ def open_node(path: Place) -> Any:
         There is nothing of that name, or it must not be read.
     """
     zarr = require_zarr(path.name)
+    from resample.files.stores.guarding import GuardedStore
+
     if isinstance(path, Address):
-        distant = path.store()
+        distant = GuardedStore(path.store())
         with reading(path.url):
             return zarr.open(distant, mode="r")
     if not path.exists():
@@ -63,7 +65,7 @@ def open_node(path: Place) -> Any:
             store = zarr.storage.ZipStore(path.resolve(), mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
-        return zarr.open(store, path=root, mode="r")
+        return zarr.open(GuardedStore(store), path=root, mode="r")
 
 
 def _root_of_zip(path: Path) -> str | None:

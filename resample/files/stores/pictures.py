@@ -90,7 +90,7 @@ def open_picture(path: Path) -> StoredPicture:
     OSError
         There is nothing of that name, or it must not be read.
     """
-    node, name = open_node(path), path.name
+    node, name = open_node(path), path.name  # says what is missing
     import zarr
 
     if isinstance(node, zarr.Array):
@@ -112,6 +112,8 @@ def open_picture(path: Path) -> StoredPicture:
 
 def _checked(found: StoredPicture) -> StoredPicture:
     """Picture in chunks that can be one."""
+    from resample.files.stores.guarding import guard
+
     array, axes, name = found
     sizes = " x ".join(map(str, array.shape))
     if len(axes) != array.ndim or len(set(axes)) < len(axes) or not set(axes) <= set("yxczt"):
@@ -128,6 +130,7 @@ def _checked(found: StoredPicture) -> StoredPicture:
         raise ValueError(f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are read")
     if array.dtype.name not in DEPTHS:
         raise ValueError(f"{name} is of {array.dtype}; read are {', '.join(DEPTHS)}")
+    guard(array, name)
     return found
 
 

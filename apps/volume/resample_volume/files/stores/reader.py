@@ -75,6 +75,8 @@ class Zarr:
         ValueError, OSError
             It cannot be read, or holds no such level.
         """
+        from resample.files.stores.guarding import guard
+
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         number = self._number(layout, name)
@@ -88,6 +90,7 @@ class Zarr:
             )
         known = self._header(layout, level, array, name)
         check(known)
+        guard(array, name)
         beside = None if isinstance(path, Address) else path.resolve()
         values: Any = Chunked(array, layout.axes, brick=brick, store=beside)
         place = (known.spacing, known.origin, known.direction)
