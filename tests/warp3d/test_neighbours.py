@@ -58,9 +58,21 @@ def test_neighbours_are_those_of_a_tree(name):
     np.testing.assert_array_equal(nearest_of(place), expected[:, 1:])
 
 
-def test_of_points_that_are_equally_far_the_first_come_first():
-    line = np.arange(9.0)
-    place = sorted_along(np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3))
+def lattice(side):
+    line = np.arange(-side, side + 1.0)
+    return np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3)
+
+
+def shell():
+    """The origin, and hundreds of places that are equally far from it, more than are held."""
+    place = lattice(54)
+    square = (place**2).sum(axis=1).astype(int)
+    return np.concatenate([np.zeros((1, 3)), place[square == np.bincount(square)[:2916].argmax()]])
+
+
+@pytest.mark.parametrize("place", [lattice(4), shell()], ids=["lattice", "shell"])
+def test_of_points_that_are_equally_far_the_first_come_first(place):
+    place = sorted_along(place)
     square = ((place[:, None].astype(np.float64) - place) ** 2).sum(axis=2)
     index = np.broadcast_to(np.arange(len(place)), square.shape)
     expected = np.lexsort((index, square), axis=1)[:, 1:FEW]

@@ -13,6 +13,7 @@ from resample.command import workers
 from resample.command.workers import Crew
 from resample_warp3d.command.cli import app
 from tests.commands import ended, refused
+from tests.killing import Killing
 
 ROOM = ["animate", "sample:room", "--frames", "3", "--size", "40x30"]
 
@@ -93,3 +94,22 @@ def test_processes_make_the_same_films():
         assert ended(app, *words, "-o", f"{name}2", "--workers", "2") == 0
         assert frames(f"{name}1") == frames(f"{name}2")
     assert sorted(os.listdir()) == ["ball.npz", "ball1", "ball2", "room1", "room2"]
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize(("words", "is_late"), [(ROOM, True), (None, False)])
+def test_a_killed_worker_costs_a_film_its_own_frames_alone(words, is_late, tmp_path, monkeypatch):
+    words, asked, killers = words or cloud(), workers.at_work, []
+
+    @contextmanager
+    def at_work(sharing, threads=None):
+        with asked(sharing, threads) as crew:
+            killers.append(Killing(crew.executor, tmp_path / "marks", 1, is_late))
+            yield crew._replace(executor=killers[0])
+
+    assert ended(app, *words, "-o", "whole") == 0
+    monkeypatch.setattr(workers, "at_work", at_work)
+    (tmp_path / "marks").mkdir()
+    assert ended(app, *words, "-o", "film", "--workers", "2") == 0
+    killers[0].redone(0)
+    assert frames("whole") == frames("film")

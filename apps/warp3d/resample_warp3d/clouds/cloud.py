@@ -36,13 +36,16 @@ class Cloud(NamedTuple):
 
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     """Points of a cloud by a mask or by their indices."""
+    if which.dtype == np.bool_:
+        which = np.flatnonzero(which)
     position, normal, color, radius, columns = cloud
+    place: Any = np.take(position, which, axis=0)
     return Cloud(
-        position[which],
-        normal[which] if len(normal) else normal,
-        color[which] if len(color) else color,
-        radius[which] if len(radius) else radius,
-        {name: column[which] for name, column in columns.items()},
+        place,
+        np.take(normal, which, axis=0) if len(normal) else normal,
+        np.take(color, which, axis=0) if len(color) else color,
+        np.take(radius, which) if len(radius) else radius,
+        {name: np.take(column, which) for name, column in columns.items()},
     )
 
 

@@ -15,6 +15,7 @@ from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
 LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
+TOGETHER = 256  # points that are compared at a time
 CROWDED = 0.1  # share of the blocks that begin where the one before does
 
 Indices = NDArray[np.int64]
@@ -103,13 +104,25 @@ def _middle(position: Floats | Doubles) -> Doubles:
     """Middle of the box around all points."""
     if not len(position):
         return np.zeros(3)
-    return np.asarray(0.5 * position.min(axis=0) + 0.5 * position.max(axis=0), np.float64)
+    low, high = _corners(position)
+    return np.asarray(0.5 * low + 0.5 * high, np.float64)
+
+
+def _corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
+    """Least and greatest coordinates (3,) of points, of which there is one at least."""
+    whole = len(position) // TOGETHER * TOGETHER
+    if not whole:
+        return position.min(axis=0), position.max(axis=0)
+    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long ones are compared quickly
+    low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
+    rest = position[whole:]
+    return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
 
 
 def _canonical(cloud: Cloud) -> Indices:
     """Order along a curve through space; points on one place of it by all that they are."""
     code = _codes(cloud.position)
-    order = np.argsort(code, kind="stable")
+    order = np.argsort(code)  # in any order where codes are equal, as that is settled below
     ordered = code[order]
     again = np.concatenate([[False], ordered[1:] == ordered[:-1]])
     shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
@@ -125,25 +138,14 @@ def _codes(position: Floats | Doubles) -> Codes:
     """Places along a Morton curve with 2²¹ steps per axis, (N,)."""
     if not len(position):
         return np.zeros(0, np.uint64)
-    low = position.min(axis=0)
-    extent = float((position.max(axis=0) - low).max()) or 1.0
-    steps = ((position - low).astype(np.float64) * ((2**21 - 1) / extent)).astype(np.uint64)
-    x, y, z = _spaced(steps[:, 0]), _spaced(steps[:, 1]), _spaced(steps[:, 2])
-    code: Codes = x | y << np.uint64(1) | z << np.uint64(2)
+    from resample_warp3d.clouds.kernels.curve import codes
+
+    place = np.ascontiguousarray(position, np.float32)
+    low, high = np.asarray(_corners(place), np.float32)
+    extent = float((high - low).max()) or 1.0
+    code: Codes = np.empty(len(place), np.uint64)
+    codes(place, low, (2**21 - 1) / extent, code)
     return code
-
-
-def _spaced(bits: Codes) -> Codes:
-    """The 21 bits of each number with two zeros after each of them."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
-    return bits
 
 
 def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfels:
@@ -170,28 +172,55 @@ def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfel
 
 def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
     """Fill in normals and discs by the neighbours of each point; None: discs are not needed."""
-    from resample_warp3d.clouds.kernels.cells import Spaced, limit
-    from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
-    from resample_warp3d.clouds.kernels.neighbours import BLOCK, blocks_of
+    from resample_warp3d.clouds.kernels.neighbours import BLOCK
 
     is_first = np.ones(len(position), np.bool_)
-    is_first[1:] = (position[1:] != position[:-1]).any(axis=1)
-    place = np.ascontiguousarray(position[is_first])
+    is_first[1:] = _differ(position[1:], position[:-1])
+    place = position if is_first.all() else np.ascontiguousarray(position[is_first])
     if len(place) == 1 and largest is not None:
         raise ValueError("all points are in one place, so their size is unknown; give a radius")
-    owner, count = np.cumsum(is_first) - 1, len(place)
-    upward = normal[is_first]
-    if _is_crowded(place[::BLOCK]):
+    is_crowded = _is_crowded(place[::BLOCK])
+    if place is position and not is_crowded:
+        _measured_places(place, normal, axes, largest)
+        return
+    owner, upward = np.cumsum(is_first) - 1, normal[is_first]
+    if is_crowded:
         along = np.argsort(_codes(_ranks(place)), kind="stable")
         place, upward, owner = place[along], upward[along], np.argsort(along)[owner]
-    discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
+    found = np.zeros((len(place), 2, 3), np.float32)
+    _measured_places(place, upward, found, largest)
+    normal[:], axes[:] = upward[owner], found[owner]
+
+
+def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
+    """Fill in normals and discs of points that lie along a curve, no two in one place."""
+    from resample_warp3d.clouds.kernels.cells import Spaced, limit
+    from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
+    from resample_warp3d.clouds.kernels.neighbours import blocks_of
+
+    count = len(position)
+    discs = Spaced(axes, np.zeros(count, np.float32))
     wanted = Wanted(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
-    nearest = np.zeros((count, wanted.few - 1), np.int32)
-    measure_all(blocks_of(place), wanted, upward, discs, nearest)
+    nearest = np.empty((count, wanted.few - 1), np.int32)
+    measure_all(blocks_of(position), wanted, normal, discs, nearest)
     if count > 1 and largest is not None and np.isfinite(largest):
-        size = np.linalg.norm(discs.axes, axis=2).max(axis=1)
-        limit(nearest, discs.spacing, size, float(largest), discs.axes)
-    normal[:], axes[:] = upward[owner], discs.axes[owner]
+        limit(nearest, discs.spacing, _sizes(axes), float(largest), axes)
+
+
+def _sizes(axes: Floats) -> Floats:
+    """Lengths (N,) of the longer half axes."""
+    square = axes[:, :, 0] * axes[:, :, 0]
+    for c in (1, 2):
+        square += axes[:, :, c] * axes[:, :, c]
+    size: Floats = np.sqrt(np.maximum(square[:, 0], square[:, 1]))
+    return size
+
+
+def _differ(position: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Which points (N,) are not where others are."""
+    x, y, z = (position[:, axis] != other[:, axis] for axis in range(3))
+    differ: NDArray[np.bool_] = x | y | z
+    return differ
 
 
 def _is_crowded(position: Floats) -> bool:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, cross, dot
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.kernels.flattest import flattest
@@ -41,7 +41,7 @@ class Spaced(NamedTuple):
     spacing: Floats  # (N,) mean distance to the nearest neighbours
 
 
-@kernel
+@inner_kernel
 def _spread(position: Floats, neighbour: Indices, n: int) -> Matrix:
     """Covariance of a point's neighbours, of which it is one itself."""
     count = neighbour.shape[1]
@@ -75,60 +75,62 @@ def across(normal: Vector) -> Vector:
     return side[0] / length, side[1] / length, side[2] / length
 
 
-@kernel
-def _open_polygon(polygon: Doubles, half: float) -> None:
-    """Start with a regular polygon of half a width."""
+@inner_kernel
+def _open_polygon(polygons: Doubles, half: float) -> None:
+    """Start with a regular polygon of half a width, the first one."""
     outer = half / math.cos(math.pi / SIDES)
     for k in range(SIDES):
-        polygon[k, 0], polygon[k, 1] = outer * CORNERS[k][0], outer * CORNERS[k][1]
-        polygon[k, 2] = 0.0  # the side from here to the next corner is of no neighbour
+        polygons[0, k, 0], polygons[0, k, 1] = outer * CORNERS[k][0], outer * CORNERS[k][1]
+        polygons[0, k, 2] = 0.0  # the side from here to the next corner is of no neighbour
 
 
-@kernel
-def _is_cut(polygon: Doubles, corners: int, side: Vector) -> bool:
+@inner_kernel
+def _is_cut(polygons: Doubles, which: int, corners: int, side: Vector) -> bool:
     """Whether a corner is where side · (x, y) is above side[2]; by how much is its last number."""
-    most = 0.0
+    beyond = 0
     for k in range(corners):
-        polygon[k, 3] = side[0] * polygon[k, 0] + side[1] * polygon[k, 1] - side[2]
-        most = max(most, polygon[k, 3])
-    return most > 0.0
+        by = side[0] * polygons[which, k, 0] + side[1] * polygons[which, k, 1] - side[2]
+        polygons[which, k, 3] = by
+        beyond += int(by > 0.0)
+    return beyond > 0
 
 
-@kernel
-def _cut(polygon: Doubles, corners: int, distance: float, left: Doubles) -> int:
+@inner_kernel
+def _cut(polygons: Doubles, which: int, corners: int, distance: float) -> int:
     """Cut away what `_is_cut` has found; `distance` marks the new side.
 
-    Gives the number of corners that are left. Both arrays are (MOST_CORNERS, 4): x, y, mark of the
-    side after it, and how far it is beyond the cut.
+    What is left is in the other polygon; gives the number of its corners.
     """
-    count, last = 0, corners - 1
-    before = polygon[last, 3]
+    other, count, last = 1 - which, 0, corners - 1
+    before = polygons[which, last, 3]
     for k in range(corners):
-        here = polygon[k, 3]
+        here = polygons[which, k, 3]
         if (before > 0.0) != (here > 0.0) and count < MOST_CORNERS:
             share = before / (before - here)
-            left[count, 0] = polygon[last, 0] + share * (polygon[k, 0] - polygon[last, 0])
-            left[count, 1] = polygon[last, 1] + share * (polygon[k, 1] - polygon[last, 1])
-            left[count, 2] = distance if here > 0.0 else polygon[last, 2]
+            for c in range(2):
+                start = polygons[which, last, c]
+                polygons[other, count, c] = start + share * (polygons[which, k, c] - start)
+            polygons[other, count, 2] = distance if here > 0.0 else polygons[which, last, 2]
             count += 1
         if here <= 0.0 and count < MOST_CORNERS:
             for c in range(3):
-                left[count, c] = polygon[k, c]
+                polygons[other, count, c] = polygons[which, k, c]
             count += 1
         before, last = here, k
     return count
 
 
-@kernel
-def _reach(polygon: Doubles, corners: int) -> float:
+@inner_kernel
+def _reach(polygons: Doubles, which: int, corners: int) -> float:
     """Square of the distance of the farthest corner."""
     most = 0.0
     for k in range(corners):
-        most = max(most, polygon[k, 0] * polygon[k, 0] + polygon[k, 1] * polygon[k, 1])
+        x, y = polygons[which, k, 0], polygons[which, k, 1]
+        most = max(most, x * x + y * y)
     return most
 
 
-@kernel
+@inner_kernel
 def _cell(
     position: Floats,
     neighbour: Indices,
@@ -137,10 +139,14 @@ def _cell(
     half: float,
     polygons: Doubles,
 ) -> tuple[int, int]:
-    """Cell of a point in the plane of two unit vectors; which polygon it is, and its corners."""
+    """Cell of a point in the plane of two unit vectors; which polygon it is, and its corners.
+
+    Polygons are (2, MOST_CORNERS, 4): x, y, the mark of the side after a corner, and how far it is
+    beyond a cut.
+    """
     which, corners = 0, SIDES
-    _open_polygon(polygons[0], half)
-    reach = _reach(polygons[0], corners)
+    _open_polygon(polygons, half)
+    reach = _reach(polygons, which, corners)
     here = neighbour[n, 0]
     for j in range(1, neighbour.shape[1]):
         there = neighbour[n, j]
@@ -154,23 +160,23 @@ def _cell(
             break
         # The plane between both points, where it meets the tangent plane.
         side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * square
-        if square > 0.0 and _is_cut(polygons[which], corners, side):
-            corners = _cut(polygons[which], corners, math.sqrt(square), polygons[1 - which])
+        if square > 0.0 and _is_cut(polygons, which, corners, side):
+            corners = _cut(polygons, which, corners, math.sqrt(square))
             which = 1 - which
-            reach = _reach(polygons[which], corners)
+            reach = _reach(polygons, which, corners)
     return which, corners
 
 
-@kernel
-def _is_open(polygon: Doubles, corners: int) -> bool:
+@inner_kernel
+def _is_open(polygons: Doubles, which: int, corners: int) -> bool:
     """Whether a side of a cell is of no neighbour."""
     least = np.inf
     for k in range(corners):
-        least = min(least, polygon[k, 2])
+        least = min(least, polygons[which, k, 2])
     return least == 0.0
 
 
-@kernel
+@inner_kernel
 def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
     """Distance of a point's j-th neighbour; of the last one if there are fewer."""
     here, there = neighbour[n, 0], neighbour[n, min(j, neighbour.shape[1] - 1)]
@@ -180,7 +186,7 @@ def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
-@kernel
+@inner_kernel
 def _rim(position: Floats, neighbour: Indices, n: int) -> float:
     """How far a cell reaches where it has no neighbour."""
     total = 0.0
@@ -189,8 +195,8 @@ def _rim(position: Floats, neighbour: Indices, n: int) -> float:
     return RIM * total / AROUND
 
 
-@kernel
-def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float]:
+@inner_kernel
+def _ellipse(polygons: Doubles, which: int, corners: int) -> tuple[float, float, float, float]:
     """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a polygon.
 
     Its shape is that of the polygon's second moments.
@@ -198,7 +204,8 @@ def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float
     xx, xy, yy = 0.0, 0.0, 0.0
     for k in range(corners):
         m = k + 1 if k + 1 < corners else 0
-        ax, ay, bx, by = polygon[k, 0], polygon[k, 1], polygon[m, 0], polygon[m, 1]
+        ax, ay = polygons[which, k, 0], polygons[which, k, 1]
+        bx, by = polygons[which, m, 0], polygons[which, m, 1]
         area = ax * by - bx * ay
         xx += area * (ax * ax + ax * bx + bx * bx)
         xy += area * (2.0 * ax * ay + ax * by + bx * ay + 2.0 * bx * by)
@@ -213,14 +220,15 @@ def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float
     short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
     scale = 0.0
     for k in range(corners):
-        along = (c * polygon[k, 0] + s * polygon[k, 1]) / long
-        aside = (c * polygon[k, 1] - s * polygon[k, 0]) / short
+        x, y = polygons[which, k, 0], polygons[which, k, 1]
+        along = (c * x + s * y) / long
+        aside = (c * y - s * x) / short
         scale = max(scale, along * along + aside * aside)
     scale = SLACK * math.sqrt(scale)
     return scale * long * c, scale * long * s, -scale * short * s, scale * short * c
 
 
-@kernel
+@inner_kernel
 def measure(
     position: Floats,
     neighbour: Indices,
@@ -251,7 +259,8 @@ def measure(
 
     Returns
     -------
-    Whether there are not enough neighbours all around the point, or it lies at a rim.
+    Whether there are not enough neighbours all around the point, or it lies at a rim; its disc is
+    then left to the last look.
     """
     here = neighbour[n, 0]
     known = (float(normal[here, 0]), float(normal[here, 1]), float(normal[here, 2]))
@@ -266,13 +275,16 @@ def measure(
     if is_last:
         half = min(half, FARTHEST * rim)
     which, corners = _cell(position, neighbour, n, frame, half, polygons)
-    is_open = _is_open(polygons[which], corners)
+    is_open = _is_open(polygons, which, corners)
+    for c in range(3):
+        normal[here, c] = np.float32(upward[c])
+    if is_open and not is_last:
+        return True
     if is_open and is_last:
         half = min(half, rim)
         which, corners = _cell(position, neighbour, n, frame, half, polygons)
-    x1, y1, x2, y2 = _ellipse(polygons[which], corners)
+    x1, y1, x2, y2 = _ellipse(polygons, which, corners)
     for c in range(3):
-        normal[here, c] = np.float32(upward[c])
         discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
         discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
     discs.spacing[here] = np.float32(rim / RIM)

@@ -1,9 +1,10 @@
 """Nearest neighbours of points that lie along a Morton curve, found block by block.
 
 Sixteen points that follow each other are a block, eight blocks one of the next size, and so on up
-to one that holds all. Points of a block look for their neighbours together: in their own block and
-those beside it on the curve first, which bounds how far the others are, then in all blocks whose
-boxes are not farther. Distances and boxes are rounded alike, and rounding keeps order, so that what
+to one that holds all. Points of a block look for their neighbours together. Their own block and
+those beside it on the curve say how far the nearest are at most; then come all blocks whose boxes
+are not farther. What is not farther of their points is held, and put in order by counting, of each,
+how many are nearer. Distances and boxes are rounded alike, and rounding keeps order, so that what
 is found is exact. Of points that are equally far the first along the curve is nearer.
 """
 
@@ -21,7 +22,11 @@ Numbers = NDArray[np.int64]
 BLOCK = 16  # points
 FAN = 8  # blocks of a larger one
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
-NOBODY = 1 << 60  # comes after all points
+LISTED = 512  # points that are looked at together
+HELD = 192  # points that may be a point's neighbours
+LANES = 32  # numbers that are compared at a time
+SPARE = 3  # points more than are wanted that a bound may have within it
+NARROWED = 8  # times at most that a bound is made closer
 
 
 class PointBlocks(NamedTuple):
@@ -38,11 +43,16 @@ class Search(NamedTuple):
 
     which: Numbers  # (BLOCK,) the points
     place: Doubles  # (3, BLOCK) where they are
-    square: Doubles  # (BLOCK, k) squares of distances, least first
-    found: Numbers  # (BLOCK, k) who is that far
-    near: Doubles  # (3, BLOCK) places of a block
-    away: Doubles  # (BLOCK,) squares of their distances
-    gap: Doubles  # (BLOCK,) squares of distances of points from a box
+    found: Numbers  # (BLOCK, k) their neighbours, the nearest first
+    bound: Doubles  # (BLOCK,) squares of distances that these do not exceed
+    many: Numbers  # (BLOCK,) how many points are held
+    held: Numbers  # (BLOCK, HELD) which points
+    away: Doubles  # (BLOCK, HELD) squares of their distances
+    rank: Numbers  # (HELD,) how many of them are nearer
+    square: Doubles  # (k,) squares of the nearest points' distances
+    listed: Numbers  # (LISTED,) points to look at
+    near: Doubles  # (3, LISTED) where they are
+    gap: Doubles  # (LISTED,) squares of distances
     stack: Numbers  # (DEEPEST * FAN, 2) blocks that wait, and their sizes
 
 
@@ -65,11 +75,16 @@ def search(count: int) -> Search:
     return Search(
         np.empty(BLOCK, np.int64),
         np.empty((3, BLOCK)),
-        np.empty((BLOCK, count)),
         np.empty((BLOCK, count), np.int64),
-        np.empty((3, BLOCK)),
         np.empty(BLOCK),
-        np.empty(BLOCK),
+        np.empty(BLOCK, np.int64),
+        np.empty((BLOCK, HELD), np.int64),
+        np.empty((BLOCK, HELD)),
+        np.empty(HELD, np.int64),
+        np.empty(count),
+        np.empty(LISTED, np.int64),
+        np.empty((3, LISTED)),
+        np.empty(LISTED),
         np.empty((DEEPEST * FAN, 2), np.int64),
     )
 
@@ -84,35 +99,55 @@ def _apart(blocks: PointBlocks, block: int, low: Vector, high: Vector) -> float:
 
 
 @inner_kernel
-def _take(blocks: PointBlocks, block: int, looking: Search) -> int:
-    """Places of a block's points, and far ones after them; gives how many there are."""
-    start = block * BLOCK
-    many: int = min(BLOCK, blocks.place.shape[0] - start)
-    for j in range(many, BLOCK):
-        for c in range(3):
-            looking.near[c, j] = np.inf
-    for j in range(many):
-        for c in range(3):
-            looking.near[c, j] = blocks.place[start + j, c]
-    return many
+def _take(
+    blocks: PointBlocks, block: int, box: tuple[Vector, Vector], far: float, listed: int, s: Search
+) -> int:
+    """Put those points of a block into the list that are not far from a box; how many it has."""
+    start, (low, high), near, names = block * BLOCK, box, s.near, s.listed
+    for n in range(start, min(start + BLOCK, blocks.place.shape[0])):
+        x, y, z = blocks.place[n, 0], blocks.place[n, 1], blocks.place[n, 2]
+        near[0, listed], near[1, listed], near[2, listed], names[listed] = x, y, z, n
+        dx = max(low[0] - x, x - high[0], 0.0)
+        dy = max(low[1] - y, y - high[1], 0.0)
+        dz = max(low[2] - z, z - high[2], 0.0)
+        listed += int(dx * dx + dy * dy + dz * dz <= far)
+    return listed
 
 
 @inner_kernel
-def _measure(near: Doubles, here: Vector, away: Doubles) -> None:
-    """Squares of distances of some places (3, BLOCK) from another."""
-    for j in range(BLOCK):
-        x, y, z = near[0, j] - here[0], near[1, j] - here[1], near[2, j] - here[2]
-        away[j] = x * x + y * y + z * z
+def _measure(near: Doubles, here: Vector, count: int, gap: Doubles) -> None:
+    """Squares of distances of listed points from another."""
+    for n in range(count):
+        x, y, z = near[0, n] - here[0], near[1, n] - here[1], near[2, n] - here[2]
+        gap[n] = x * x + y * y + z * z
 
 
 @inner_kernel
-def _insert(square: Doubles, found: Numbers, row: int, d: float, n: int) -> None:
-    """Put a point in its place among the nearest, whose last one is lost."""
-    k = square.shape[1] - 1
-    while k > 0 and (square[row, k - 1] > d or (square[row, k - 1] == d and found[row, k - 1] > n)):
-        square[row, k], found[row, k] = square[row, k - 1], found[row, k - 1]
-        k -= 1
-    square[row, k], found[row, k] = d, n
+def _within(gap: Doubles, count: int, bound: float) -> int:
+    """How many of some squares are not above a bound."""
+    total = 0
+    for n in range(count):
+        total += int(gap[n] <= bound)
+    return total
+
+
+@inner_kernel
+def _bounded(gap: Doubles, count: int, wanted: int, guess: float, far: float) -> float:
+    """A bound that enough squares are within, and not many more; `far` if that has too few."""
+    low, few, high, many = 0.0, 0, far, count
+    bound = guess
+    for _ in range(NARROWED):
+        inside = _within(gap, count, bound)
+        if inside < wanted:
+            low, few = bound, inside
+        else:
+            high, many = bound, inside
+            if many <= wanted + SPARE:
+                break
+        bound = low + (high - low) * (wanted + 0.5 * SPARE - few) / max(1, many - few)
+        if not low < bound < high:
+            break
+    return high
 
 
 @inner_kernel
@@ -121,62 +156,107 @@ def _place(looking: Search, row: int) -> Vector:
 
 
 @inner_kernel
-def _begin(blocks: PointBlocks, block: int, count: int, looking: Search) -> tuple[Vector, Vector]:
-    """Find the nearest points in the own block; gives the corners of the box around `which`.
+def _rank(away: Doubles, held: Numbers, row: int, many: int, rank: Numbers) -> None:
+    """Count how many of the points that are held are nearer than each, or as near and before it."""
+    lanes = (many + LANES - 1) // LANES * LANES
+    for n in range(many, lanes):
+        away[row, n] = np.inf
+    for n in range(many):
+        d, nearer = away[row, n], 0
+        for m in range(lanes):
+            nearer += int(away[row, m] < d)
+        rank[n] = nearer
+    total = 0
+    for n in range(many):
+        total += rank[n]
+    if 2 * total == many * (many - 1):
+        return  # none are equally far
+    for n in range(many):
+        d, who = away[row, n], held[row, n]
+        for m in range(many):
+            rank[m] += int((d == away[row, m]) & (who < held[row, m]))
 
-    The place of each is how many are nearer, or as near and before it.
-    """
-    low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
-    many, away = _take(blocks, block, looking), looking.away
-    square, found, wanted = looking.square, looking.found, looking.square.shape[1]
+
+@inner_kernel
+def _settle(looking: Search, row: int) -> None:
+    """Put the nearest of the points that are held in order."""
+    wanted = looking.found.shape[1]
+    _rank(looking.away, looking.held, row, looking.many[row], looking.rank)
+    for n in range(looking.many[row]):
+        rank = looking.rank[n]
+        if rank < wanted:
+            looking.found[row, rank] = looking.held[row, n]
+            looking.square[rank] = looking.away[row, n]
+
+
+@inner_kernel
+def _let_go(looking: Search, row: int) -> None:
+    """Hold no points but the nearest."""
+    wanted = looking.found.shape[1]
+    _settle(looking, row)
+    for n in range(wanted):
+        looking.held[row, n], looking.away[row, n] = looking.found[row, n], looking.square[n]
+    looking.many[row], looking.bound[row] = wanted, looking.square[wanted - 1]
+
+
+@inner_kernel
+def _begin(
+    blocks: PointBlocks, begin: int, end: int, count: int, looking: Search
+) -> tuple[Vector, Vector]:
+    """Bound how far neighbours are by some blocks; gives the corners of the box around `which`."""
+    low, high, far = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf), 0.0
+    listed, near, wanted = 0, looking.near, looking.found.shape[1]
+    for n in range(begin * BLOCK, min(end * BLOCK, blocks.place.shape[0])):
+        for c in range(3):
+            near[c, listed] = blocks.place[n, c]
+        listed += 1
     for row in range(count):
+        looking.many[row] = 0
         for c in range(3):
             looking.place[c, row] = blocks.place[looking.which[row], c]
         here = _place(looking, row)
-        low = (min(low[0], here[0]), min(low[1], here[1]), min(low[2], here[2]))
-        high = (max(high[0], here[0]), max(high[1], here[1]), max(high[2], here[2]))
-        _measure(looking.near, here, away)
-        for n in range(many, wanted):
-            square[row, n], found[row, n] = np.inf, NOBODY
-        for n in range(many):
-            before, d = 0, away[n]
-            for m in range(BLOCK):
-                before += int((away[m] < d) | ((away[m] == d) & (m < n)))
-            if before < wanted:
-                square[row, before], found[row, before] = d, block * BLOCK + n
+        low = min(low[0], here[0]), min(low[1], here[1]), min(low[2], here[2])
+        high = max(high[0], here[0]), max(high[1], here[1]), max(high[2], here[2])
+    for c in range(3):
+        least, most = low[c], high[c]
+        for block in range(begin, end):
+            least = min(least, float(blocks.low[block, c]))
+            most = max(most, float(blocks.high[block, c]))
+        far += (most - least) * (most - least)
+    guess = far
+    for row in range(count):
+        _measure(near, _place(looking, row), listed, looking.gap)
+        guess = _bounded(looking.gap, listed, wanted, guess, far)
+        looking.bound[row] = guess
     return low, high
 
 
 @inner_kernel
-def _scan(blocks: PointBlocks, block: int, count: int, looking: Search) -> None:
-    """Look at all points of a block for those of `looking.which` that may be near one of them."""
-    many, away, gap, at = _take(blocks, block, looking), looking.away, looking.gap, looking.place
-    last, start = looking.square.shape[1] - 1, block * BLOCK
-    for row in range(count):
-        gap[row] = 0.0
-    for c in range(3):
-        low, high = float(blocks.low[block, c]), float(blocks.high[block, c])
-        for row in range(count):
-            by = max(low - at[c, row], at[c, row] - high, 0.0)
-            gap[row] += by * by
-    for row in range(count):
-        worst = looking.square[row, last]
-        if gap[row] > worst:
-            continue
-        _measure(looking.near, _place(looking, row), away)
-        for j in range(many):
-            d = away[j]
-            if d <= worst and (d < worst or start + j < looking.found[row, last]):
-                _insert(looking.square, looking.found, row, d, start + j)
-                worst = looking.square[row, last]
+def _hold(looking: Search, row: int, listed: int) -> None:
+    """Hold those of the listed points that may be neighbours."""
+    gap, names, wanted = looking.gap, looking.listed, looking.found.shape[1]
+    _measure(looking.near, _place(looking, row), listed, gap)
+    bound, many = looking.bound[row], looking.many[row]
+    if _within(gap, listed, bound) > wanted + SPARE:
+        bound = _bounded(gap, listed, wanted, 0.9 * bound, bound)
+        looking.bound[row] = bound
+    for n in range(listed):
+        if many > HELD - 1:
+            looking.many[row] = many
+            _let_go(looking, row)
+            many, bound = looking.many[row], looking.bound[row]
+        looking.away[row, many], looking.held[row, many] = gap[n], names[n]
+        many += int(gap[n] <= bound)
+    looking.many[row] = many
 
 
 @inner_kernel
-def _farthest(count: int, looking: Search) -> float:
-    """Greatest square of a distance that neighbours of any point may have."""
-    last, most = looking.square.shape[1] - 1, 0.0
+def _look(count: int, listed: int, looking: Search) -> float:
+    """Look at the listed points; gives the square of a distance that all neighbours are within."""
+    most = 0.0
     for row in range(count):
-        most = max(most, looking.square[row, last])
+        _hold(looking, row, listed)
+        most = max(most, looking.bound[row])
     return most
 
 
@@ -193,26 +273,29 @@ def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) ->
     count
         How many of `looking.which` there are.
     looking
-        `square` and `found` are filled, (count, k). There are at least k points.
+        `found` is filled, (count, k). There are at least k points.
     """
-    low, high = _begin(blocks, block, count, looking)
-    beside = 1 + looking.square.shape[1] // (2 * BLOCK)
-    begin, end = max(0, block - beside), min(blocks.first[1], block + beside + 1)
-    for other in range(begin, end):
-        if other != block:
-            _scan(blocks, other, count, looking)
-    stack, farthest = looking.stack, _farthest(count, looking)
+    beside = 3 + looking.found.shape[1] // (2 * BLOCK)
+    begin = max(0, min(block - beside, blocks.first[1] - 2 * beside - 1))
+    end = min(blocks.first[1], begin + 2 * beside + 1)
+    low, high = _begin(blocks, begin, end, count, looking)
+    stack, farthest, listed = looking.stack, 0.0, 0
+    for row in range(count):
+        farthest = max(farthest, looking.bound[row])
     stack[0, 0], stack[0, 1], waiting = 0, blocks.first.size - 2, 1
     while waiting > 0:
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
         if size == 0:
-            if (node < begin or node >= end) and _apart(blocks, node, low, high) <= farthest:
-                _scan(blocks, node, count, looking)
-                farthest = _farthest(count, looking)
+            listed = _take(blocks, node, (low, high), farthest, listed, looking)
+            if listed > LISTED - BLOCK:
+                farthest, listed = _look(count, listed, looking), 0
             continue
         before = blocks.first[size - 1]
         for child in range(node * FAN, min(node * FAN + FAN, blocks.first[size] - before)):
             if _apart(blocks, before + child, low, high) <= farthest:
                 stack[waiting, 0], stack[waiting, 1] = child, size - 1
                 waiting += 1
+    _look(count, listed, looking)
+    for row in range(count):
+        _settle(looking, row)

@@ -1,0 +1,41 @@
+"""Places along a Morton curve: the bits of three coordinates, one of each in turn."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
+from resample.types import Floats
+
+Codes = NDArray[np.uint64]
+
+CHUNK = 16384  # points that a thread takes at a time
+
+
+@inner_kernel
+def _spaced(bits: int) -> int:
+    """The 21 bits of a number with two zeros after each of them."""
+    bits = (bits | bits << 32) & 0x1F00000000FFFF
+    bits = (bits | bits << 16) & 0x1F0000FF0000FF
+    bits = (bits | bits << 8) & 0x100F00F00F00F00F
+    bits = (bits | bits << 4) & 0x10C30C30C30C30C3
+    return (bits | bits << 2) & 0x1249249249249249
+
+
+@kernel
+def _codes(position: Floats, low: Floats, scale: float, code: Codes, chunk: int) -> None:
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, code.size)):
+        x = _spaced(int(float(position[n, 0] - low[0]) * scale))
+        y = _spaced(int(float(position[n, 1] - low[1]) * scale))
+        z = _spaced(int(float(position[n, 2] - low[2]) * scale))
+        code[n] = x | y << 1 | z << 2
+
+
+@parallel_kernel
+def codes(counter: Counter, position: Floats, low: Floats, scale: float, code: Codes) -> None:
+    """Fill in the places of points (N, 3) along the curve, (N,).
+
+    `low` (3,) are their least coordinates; the rest times `scale` is at most 2²¹ − 1.
+    """
+    for chunk in tasks(counter, (code.size + CHUNK - 1) // CHUNK):
+        _codes(position, low, scale, code, chunk)
