@@ -34,6 +34,7 @@ def ended(app, *words: object) -> object:
 
 def refused(app, capsys, *words: object) -> str:
     """The one line that a command says when it fails, having written nothing."""
+    assert not Path("pyproject.toml").exists(), "others write here: take a folder of its own"
     before = sorted(Path().rglob("*"))
     assert ended(app, *words) == 2
     out, error = capsys.readouterr()

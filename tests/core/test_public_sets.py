@@ -83,8 +83,12 @@ def test_another_file_is_refused(httpserver, tmp_path):
 
 @pytest.mark.usefixtures("listed")
 @pytest.mark.parametrize("package", PACKAGES)
-def test_the_command_lists_sets_and_says_their_terms(package, serving, tmp_path, capsys):
+def test_the_command_lists_sets_and_says_their_terms(
+    package, serving, tmp_path, capsys, monkeypatch
+):
     from importlib import import_module
+
+    monkeypatch.chdir(tmp_path)
 
     app = import_module(f"{package}.command.cli").app
     assert ended(app, "fetch") == 0

@@ -167,8 +167,12 @@ def test_the_exported_command_shows_the_page_s_mesh(
 
 
 def test_views_of_meshes_take_no_options_of_pictures(
-    model: Path, capsys: pytest.CaptureFixture[str]
+    model: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     assert suits([str(model)])
     said = refused(app, capsys, "view", model, "--method", "bilinear", "--no-browser")
     assert "method: of pictures; leave that out with a mesh" in said
