@@ -25,7 +25,9 @@ WINDOW = {"width": 1100, "height": 680}  # px
 SMALL = {"width": 900, "height": 480}  # px, of what moves
 TIME = 120_000  # ms; kernels may have to be compiled
 STEP = 60  # ms between pictures of a drag
-STILL = "() => document.querySelector('.canvas img').dataset.preview === 'false'"
+STILL = """() => document.querySelector('.canvas img').dataset.preview === 'false'
+    && document.querySelector('.canvas').getAttribute('aria-busy') === 'false'
+    && !document.querySelector('.notice')"""
 
 BLOCKS = "checker-box:size=96,block=4"
 FLICKER = 96  # px of a side
