@@ -34,7 +34,14 @@ from resample.painting.scene import (
     screen_of,
 )
 from resample.painting.slabs import paint_summed
-from resample.painting.splats import are_splats_exact, formula_of, paint_mixture, paint_splats
+from resample.painting.splats import (
+    are_splats_exact,
+    formula_of,
+    paint_mixture,
+    paint_splats,
+    spacings_of,
+)
+from resample.painting.steps import Source, bytes_kept, most_waiting, paint_in_steps
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
@@ -367,6 +374,109 @@ class Resampler:
             scene = self._scene(checked, camera.view(), plan.size, look, clip)
             scene = replace(scene, layers=plan.layers, plan=plan, window=(x0, y0, x1, y1))
             painted, statistics = self._painted(scene, checked, progress)
+        return self._cut_out(painted, statistics, (x0, y0, x1, y1))
+
+    def with_spacing(
+        self, plan: PicturePlan, samples: Samples, camera: AnyCamera, clip: ArrayLike | None = None
+    ) -> PicturePlan:
+        """Plan that knows how fine its tiles are, as far as some samples more say it.
+
+        Parameters
+        ----------
+        plan
+            Of all samples; or of others, if it turns out to have the same tiles.
+        samples, camera, clip
+            As of a call; samples of one part of the picture after the other.
+        """
+        checked, look = self._checked_for_windows(samples)
+        with _kernels(None):
+            scene = self._scene(checked, camera.view(), plan.size, look, clip)
+            scene = replace(scene, layers=plan.layers, plan=plan._replace(spacing=None))
+            found = spacings_of(scene, checked)
+        if plan.spacing is not None:
+            found = np.minimum(found, plan.spacing)
+        return plan._replace(spacing=found)
+
+    def paint_nearest_first(
+        self,
+        source: Source,
+        camera: AnyCamera,
+        plan: PicturePlan,
+        window: Window,
+        *,
+        step: int,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Frame:
+        """As `paint_window`, of samples that are loaded as they are needed, nearest parts first.
+
+        Parts that opaque ones hide are not loaded.
+
+        Parameters
+        ----------
+        source
+            All samples that are seen in the window, at least.
+        camera, window, threads, progress
+            As of `paint_window`.
+        plan
+            Of all samples, of splats that are composited one by one; unless it `is_even`,
+            `with_spacing` of them all.
+        step
+            Samples that are loaded together, or more where no part is that small.
+
+        Raises
+        ------
+        ValueError
+            As `paint_window` does; or samples are not painted one by one, as splats.
+        """
+        window = checked_window(window, *plan.size)
+        if not self.can_step(plan):
+            raise ValueError(
+                f"{plan.painter} in the order {self.order} are not painted step by step; splats of "
+                "exact footprint in the order every-sample are, of a plan with spacing"
+            )
+        with _kernels(threads):
+            scene = self._planned(source.lattice, camera, plan, window)
+            formula = formula_of(scene, self._profile, self._pieces)
+            painted = paint_in_steps(scene, source, formula, step, progress)
+        return self._cut_out(painted, Statistics(int(source.count.sum()), 0, 0, 0, 1, {}), window)
+
+    def is_even(self, plan: PicturePlan) -> bool:
+        """Whether all tiles of a picture are as fine."""
+        from resample.engine.grid import grid
+
+        style = self._style(np.eye(3), None)
+        return bool(grid(plan.least, style) == grid(plan.most, style))
+
+    def can_step(self, plan: PicturePlan) -> bool:
+        """Whether a picture of this plan can be painted nearest parts first."""
+        is_known = plan.spacing is not None or self.is_even(plan)
+        return is_known and plan.painter == SPLATS and self.order.summing is Summing.POINTS
+
+    def kept_between_steps(
+        self, source: Source, camera: AnyCamera, plan: PicturePlan, window: Window
+    ) -> tuple[int, int]:
+        """What `paint_nearest_first` keeps of a window besides its picture.
+
+        Returns
+        -------
+        Bytes, and samples that wait for nearer ones, at most.
+        """
+        scene = self._planned(source.lattice, camera, plan, window)
+        return bytes_kept(scene), most_waiting(scene, source)
+
+    def _planned(
+        self, lattice: Doubles, camera: AnyCamera, plan: PicturePlan, window: Window
+    ) -> Scene:
+        """Scene of a picture that was planned."""
+        none = np.zeros((0, 3), np.float32)
+        nothing = Samples(none, none, none[:, 0], lattice)
+        scene = self._scene(nothing, camera.view(), plan.size, None, None)
+        return replace(scene, layers=plan.layers, plan=plan, window=window)
+
+    def _cut_out(self, painted: Painted, statistics: Statistics, window: Window) -> Frame:
+        """Frame of a window of a picture."""
+        x0, y0, x1, y1 = window
         part = slice(y0, y1), slice(x0, x1)
         film = Film(*(np.ascontiguousarray(layer[part]) for layer in painted.film))
         value = painted.value[part].copy() if painted.value.size else painted.value

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.types import Layers, Single
+from resample.types import Floats, Layers, Single
 
 SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # painters
 
@@ -41,6 +41,7 @@ class PicturePlan(NamedTuple):
     layers: Layers
     bounds: tuple[float, float, float, float]  # left, top, right, bottom of samples, px
     seen: int  # samples that can be seen
+    spacing: Floats | None = None  # (T,) as fine as what each tile shows; None: windows find it
 
     def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
         """Plan of a picture whose samples were looked at part by part.
@@ -67,6 +68,7 @@ class PicturePlan(NamedTuple):
             strongest=max(plan.strongest for plan in plans),
             bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
             seen=sum(plan.seen for plan in plans),
+            spacing=None,
         )
 
 

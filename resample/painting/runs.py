@@ -101,6 +101,8 @@ def dealt(
     spacing = np.full(count.size, least, np.float32)
     tiles = Tiles(start, np.zeros(start[-1], np.int32), spacing, size, columns)
     deal_runs(known, screen, tiles, load)
+    if plan.spacing is not None:
+        return tiles._replace(spacing=plan.spacing), load
     if grid(most, style) < grid(least, style) and scene.window != NOTHING:
         find_spacings(tiles)
     return tiles, load
@@ -114,9 +116,8 @@ def paint_tiles(
 ) -> Painted:
     """Tiles that have members, most of them first; `paint` paints those of some numbers."""
     tiles, load = deal
-    painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=_film(scene, tiles))
-    turn = np.argsort(-load, kind="stable")
-    turn = turn[(load[turn] > 0) & _shown(scene, tiles)[turn]]
+    painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=film_of(scene, tiles))
+    turn = turn_of(load, shown(scene, tiles))
     if turn.size:
         done = np.cumsum(load[turn])
         with told(progress, done / done[-1]):
@@ -124,7 +125,13 @@ def paint_tiles(
     return painted
 
 
-def _film(scene: Scene, tiles: Tiles) -> Film:
+def turn_of(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
+    """Tiles (T,) in which they are painted, those that have members and are to be painted."""
+    turn: Indices = np.argsort(-load, kind="stable")
+    return turn[(load[turn] > 0) & are_painted[turn]]
+
+
+def film_of(scene: Scene, tiles: Tiles) -> Film:
     """Film of a picture, of which memory is taken for the rows of the window's tiles alone."""
     height, width = scene.screen.height, scene.screen.width
     if scene.window is None or scene.window == NOTHING:
@@ -139,7 +146,7 @@ def _film(scene: Scene, tiles: Tiles) -> Film:
     return Film(rgba, depth, first_depth, coverage)
 
 
-def _shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
+def shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
     """Which tiles (T,) have pixels in the scene's window."""
     rows, columns = tiles_along(scene.screen, tiles.size)
     is_shown = np.ones((rows, columns), bool)

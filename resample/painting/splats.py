@@ -26,6 +26,7 @@ from resample.types import (
     RUN,
     Absorbing,
     Film,
+    Floats,
     Formula,
     Indices,
     Linear,
@@ -134,6 +135,17 @@ def paint_splats(
     return _painted(scene, runs, formula, None, clock, progress)
 
 
+def spacings_of(scene: Scene, samples: Samples) -> Floats:
+    """As fine as the samples that each tile (T,) shows, of a scene that was planned; inf if none.
+
+    They are splats of exact footprint.
+    """
+    from resample.engine.ellipsoids.deferred import find_spacings
+
+    runs = runs_of(scene, samples, are_mixed=False)
+    return dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, None))[0].spacing
+
+
 def paint_mixture(
     scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
 ) -> tuple[Painted, Statistics]:
@@ -168,7 +180,7 @@ def _painted(
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_runs(turn, deal[0], runs, stage, formula, mixture, output)
+        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, None))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")

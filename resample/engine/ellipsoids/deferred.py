@@ -64,6 +64,7 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS
 from resample.engine.ellipsoids.sizes import gather_sizes, resize, stand_alone
+from resample.engine.ellipsoids.steps import Carried, lay_down, leave_out, take_up
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind
@@ -272,9 +273,13 @@ def _paint_tile(
     formula: Formula,
     mixture: Mixture | None,
     ground: Ground,
-    tally: Tally,
-) -> None:
-    """Paint what a tile's runs show of their samples, nearest first, until all is opaque."""
+    output: tuple[Tally, Carried | None],
+) -> bool:
+    """Paint what a tile's runs show of their samples, nearest first, until all is opaque.
+
+    Gives whether something is not.
+    """
+    tally, carried = output
     sight = sight_of(stage, beyond_of(mixture, stage))
     rows, open_groups, sheet, limits = ground
     in_order(runs.known, members)
@@ -282,7 +287,9 @@ def _paint_tile(
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
         pool = enlarged(pool, queue[0])
+        before = queue[0]
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
+        queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
         queue, count = make_ready(pool, queue, members, runs.known)
         form(pool, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
@@ -292,6 +299,7 @@ def _paint_tile(
         is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
     if mixture is not None:
         put_behind(sheet, rows, limits.opaque)
+    return is_any_open
 
 
 @parallel_kernel
@@ -303,7 +311,7 @@ def paint_runs(
     stage: Stage,
     formula: Formula,
     mixture: Mixture | None,
-    output: tuple[Film, Tally],
+    output: tuple[Film, Tally, Carried | None],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 
@@ -322,11 +330,12 @@ def paint_runs(
     mixture
         None: all samples are splats of exact footprint, and nothing else is compiled.
     output
-        Film (H, W) written to, and a tally (T, 4): numbers of points and of splats painted by the
-        tiles that hold their centers, 0, and grids.
+        Film (H, W) written to; a tally (T, 4): numbers of points and of splats painted by the
+        tiles that hold their centers, 0, and grids; and what tiles were before and are kept as, if
+        they are painted step by step, which no mixture is.
     """
     eye, shape, _ = optics_of(stage)
-    beyond, (film, tally) = beyond_of(mixture, stage), output
+    beyond, (film, tally, carried) = beyond_of(mixture, stage), output
     style, tables = stage.style, stage.tables
     for number in tasks(counter, turn.size):
         tile = turn[number]
@@ -346,7 +355,11 @@ def paint_runs(
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
         ground = Ground(rows, open_rows(height, width), sheet, limits)
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        _paint_tile(members, runs, window, stage, formula, mixture, ground, tally[tile])
+        take_up(rows, height, width, tile, carried)
+        kept = (tally[tile], carried)
+        is_open = _paint_tile(members, runs, window, stage, formula, mixture, ground, kept)
+        canvas = (n, tables.pixel_margin)
+        lay_down(rows, (height, width), canvas, limits.opaque, tile, is_open, carried)
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
 
 

@@ -36,6 +36,12 @@ class Lattice(NamedTuple):
         found, count = np.unique(np.ravel_multi_index((z, y, x), self.blocks), return_counts=True)
         return found, count
 
+    def asked(self, number: Indices) -> Asked:
+        """Some of the blocks, as bricks know what is asked of them."""
+        is_asked = np.zeros(self.blocks, bool)
+        is_asked.reshape(-1)[number] = True
+        return Asked(self.side, is_asked)
+
 
 class Blocks(NamedTuple):
     """Blocks of a volume that have visible voxels."""
@@ -56,12 +62,6 @@ class Blocks(NamedTuple):
         """Without what is known of each, which windows do not need."""
         return Blocks(self.lattice, self.number[:0], self.seen[:0], self.bounds[:0])
 
-    def asked(self, are_asked: NDArray[np.bool_]) -> Asked:
-        """Some of the blocks (N,), as bricks know what is asked of them."""
-        is_asked = np.zeros(self.lattice.blocks, bool)
-        is_asked.reshape(-1)[self.number[are_asked]] = True
-        return Asked(self.lattice.side, is_asked)
-
 
 def lattice_for(size: Step) -> Lattice:
     """Blocks of a volume (Z, Y, X), not too many."""
@@ -69,6 +69,13 @@ def lattice_for(size: Step) -> Lattice:
     while np.prod(lattice.blocks, dtype=float) > MOST:
         lattice = Lattice(size, 2 * lattice.side)
     return lattice
+
+
+def ends_of(lattice: Lattice, index: Indices) -> tuple[Doubles, Doubles]:
+    """First and last voxels (N, 3) of blocks (N,), along x, y and z."""
+    at = np.stack(np.unravel_index(index, lattice.blocks)[::-1], axis=1)
+    low = (at * lattice.side).astype(np.float64)
+    return low, np.minimum(low + lattice.side, lattice.size[::-1]) - 1
 
 
 def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, view: View) -> Floats:
@@ -91,10 +98,8 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
     which are convex: their corners' projections bound them. Without bounds where a box reaches
     the near plane.
     """
-    at = np.stack(np.unravel_index(index, lattice.blocks)[::-1], axis=1)
-    size = np.array(lattice.size[::-1])
-    low = at * lattice.side - reach
-    high = np.minimum((at + 1) * lattice.side, size) - 1 + reach
+    low, high = ends_of(lattice, index)
+    low, high = low - reach, high + reach
     steps = view.rotation @ lattice_of(volume)
     start = view.rotation @ volume.origin + view.translation
     least, most = np.full((2, index.size, 2), np.inf) * [[[1.0]], [[-1.0]]]

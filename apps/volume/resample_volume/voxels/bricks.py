@@ -77,6 +77,32 @@ class Keeper(Protocol):
         ...
 
 
+class Recent:
+    """Bricks that were read last, as many as so many bytes hold."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._size = most, 0
+        self._kept: dict[Step, NDArray[Any]] = {}
+        self._lock = Lock()
+
+    def found(self, index: Step) -> NDArray[Any] | None:
+        """A brick, if it is kept; it is the last one then."""
+        with self._lock:
+            values = self._kept.pop(index, None)
+            if values is not None:
+                self._kept[index] = values
+            return values
+
+    def keep(self, index: Step, values: NDArray[Any]) -> None:
+        """Keep a brick in place of those that were read or found before all others."""
+        with self._lock:
+            if index not in self._kept and values.nbytes <= self._most:
+                self._kept[index] = values
+                self._size += values.nbytes
+            while self._size > self._most:
+                self._size -= self._kept.pop(next(iter(self._kept))).nbytes
+
+
 @dataclass(eq=False)
 class Bricks:
     """Values (Z, Y, X) of a volume in a file, in place of an array of NumPy's.
@@ -95,6 +121,7 @@ class Bricks:
     most_held: int = 0  # bytes of bricks that were in memory together, at most
     asked: Asked | None = None  # blocks whose voxels are asked for; None: all
     keeper: "Keeper | None" = None  # of what is known of all values
+    recent: Recent | None = None  # that need not be read again
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -128,6 +155,15 @@ class Bricks:
                 return np.full(
                     [part.stop - part.start for part in self.box(index)], least, self.dtype
                 )
+        values = None if self.recent is None else self.recent.found(index)
+        if values is None:
+            values = self._read(index)
+            if self.recent is not None:
+                self.recent.keep(index, values)
+        return values
+
+    def _read(self, index: Step) -> NDArray[Any]:
+        """Values of a brick, from the file."""
         values = self.read(self.box(index))
         with self._lock:
             self.reads += 1
@@ -139,9 +175,9 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def within(self, asked: Asked | None) -> "Bricks":
+    def within(self, asked: Asked | None, recent: Recent | None = None) -> "Bricks":
         """The same, of which voxels of some blocks are asked for; it counts its own reads."""
-        part = replace(self, asked=asked, reads=0, most_held=0, _lock=Lock())
+        part = replace(self, asked=asked, recent=recent, reads=0, most_held=0, _lock=Lock())
         part.__dict__["ends"] = self.ends  # of the whole
         return part
 
@@ -149,7 +185,7 @@ class Bricks:
         """What another process needs, of what was found the ends of bricks alone."""
         known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
         left = {name: part for name, part in self.__dict__.items() if name != "glance"}
-        return left | known | {"found": {}, "_lock": None}
+        return left | known | {"found": {}, "recent": None, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())

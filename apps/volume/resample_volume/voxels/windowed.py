@@ -1,10 +1,11 @@
-"""Dense volumes in bricks, painted window by window: what one window shows is in memory.
+"""Dense volumes in bricks, painted window by window, and in each from the nearest blocks on.
 
 Each visible voxel is looked at once for what the picture has in common (`surveyed`), then once for
-each window that it may be seen in (`_painted`). Parts of both can be done by several processes:
-they depend on nothing but the work, and may be done again.
+each window that it may be seen in (`_painted`), unless others hide it there. Parts of both can be
+done by several processes: they depend on nothing but the work, and may be done again.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise, product
@@ -16,20 +17,26 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
-from resample.painting.plans import PicturePlan, Window
+from resample.painting.plans import SPLATS, PicturePlan, Window
+from resample.painting.steps import Source
 from resample.resampler import Resampler
 from resample.types import Film, Floats, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, lattice_for
-from resample_volume.voxels.bricks import Asked, Bricks
+from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
+from resample_volume.voxels.bricks import Asked, Bricks, Recent
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
-from resample_volume.voxels.visible import Voxels
+from resample_volume.voxels.visible import Voxels, lattice_of
 
 LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
 PARTS = 8  # in which several processes do so
+WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
+RECENT = 4  # share of memory, inverted, that takes bricks which were read lately
+STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
+LEAST = 1 << 19  # voxels of a step, at least
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
+BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
 Finish = Callable[[Indices, Voxels], Any]
@@ -65,6 +72,7 @@ class FoundInLayers(NamedTuple):
     plans: list[PicturePlan]
     ends: list[Floats]  # (3,) components of gradients, among them the extreme ones
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
+    spaced: PicturePlan | None  # that knows how fine the tiles are which show them
     reads: int  # of bricks
 
 
@@ -72,8 +80,14 @@ class Task(NamedTuple):
     """A window that is to be painted."""
 
     window: Window
-    asked: NDArray[np.uint8]  # bits of the blocks that have part in it
-    voxels: int  # visible ones in these
+    number: NDArray[np.int32]  # (N,) blocks that have part in it, by flat indices
+    seen: NDArray[np.int32]  # (N,) visible voxels of each
+    step: int  # of these that are loaded together; 0: all of them
+
+    @property
+    def voxels(self) -> int:
+        """Visible voxels of all its blocks."""
+        return int(self.seen.sum(dtype=np.int64))
 
 
 class PaintedWindow(NamedTuple):
@@ -108,7 +122,7 @@ def painted_in_windows(
         A window cannot be written or read.
     """
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    tasks = tasks_of(work, known)
+    tasks = tasks_of(work, known, 1 if executor is None else WINDOWS)
     common = partial(_painted, work, known._replace(blocks=known.blocks.bare()))
     done = np.cumsum([0] + [task.voxels for task in tasks])
     shares = done / max(1, done[-1])
@@ -136,7 +150,8 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
     lattice = lattice_for(bricks.shape)
     layers = _layers(bricks, lattice, 1 if executor is None else PARTS)
-    found, parts = [], shared_out(executor, partial(_look, work, lattice), layers)
+    guess = _guessed(work)
+    found, parts = [], shared_out(executor, partial(_look, work, lattice, guess), layers)
     for n in range(len(layers)):
         first, last = (LOOKING * at / len(layers) for at in (n, n + 1))
         with told(_between(tell, first, last)):
@@ -154,7 +169,29 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     ends = [end for part in found for end in part.ends]
     steepest = np.array([np.min(ends, axis=0), np.max(ends, axis=0)]) if ends else np.zeros((0, 3))
     blocks = Blocks(lattice, index, seen[index], bounds)
-    return Surveyed(plans[0].merged(plans[1:]), steepest.astype(np.float32), blocks)
+    plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
+    return Surveyed(plan, steepest.astype(np.float32), blocks)
+
+
+def _guessed(work: Work) -> PicturePlan | None:
+    """Plan of the volume's corners, between which most often all spacings lie; None: not seen."""
+    scene = work.volume
+    size = np.array(scene.values.shape[::-1]) - 1
+    corner = np.array(list(product((0, 1), repeat=3))) * size @ lattice_of(scene).T + scene.origin
+    alike = np.ones(len(corner), np.float32)
+    samples = Samples(corner.astype(np.float32), np.ones_like(corner), alike, lattice_of(scene))
+    height, width = work.size
+    plan = work.resampler.plan(samples, work.camera, height=height, width=width)
+    is_uneven = plan.painter == SPLATS and plan.seen > 0 and not work.resampler.is_even(plan)
+    return plan if is_uneven else None
+
+
+def _spaced(plan: PicturePlan, parts: list[PicturePlan | None]) -> PicturePlan:
+    """Plan that knows how fine its tiles are, if those of its parts are of that size."""
+    known = [part for part in parts if part is not None and part.spacing is not None]
+    if not known or known[0].tile != plan.tile:
+        return plan
+    return plan._replace(spacing=np.minimum.reduce([part.spacing for part in known]))
 
 
 def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int]]:
@@ -165,7 +202,9 @@ def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int
     return [(first, last) for first, last in pairwise(ends) if first < last]
 
 
-def _look(work: Work, lattice: Lattice, layers: tuple[int, int]) -> FoundInLayers:
+def _look(
+    work: Work, lattice: Lattice, spaced: PicturePlan | None, layers: tuple[int, int]
+) -> FoundInLayers:
     """What is found of a picture in some layers of blocks."""
     from resample.engine.jit import threads
 
@@ -173,7 +212,7 @@ def _look(work: Work, lattice: Lattice, layers: tuple[int, int]) -> FoundInLayer
     is_asked[layers[0] : layers[1]] = True
     values: Bricks = work.volume.values  # type: ignore[assignment]
     bricks: Any = values.within(Asked(lattice.side, is_asked))
-    found = FoundInLayers([], [], [], 0)
+    found = FoundInLayers([], [], [], None, 0)
 
     def counted(place: Indices, voxels: Voxels) -> tuple[tuple[Indices, Indices], Voxels]:
         return lattice.counted(place), voxels
@@ -189,12 +228,16 @@ def _look(work: Work, lattice: Lattice, layers: tuple[int, int]) -> FoundInLayer
             plan = work.resampler.plan(samples, work.camera, height=height, width=width)
             if plan.seen:
                 found.plans.append(plan)
+            if plan.seen and spaced is not None:
+                spaced = work.resampler.with_spacing(spaced, samples, work.camera)
             found.seen.append(seen)
-    return found._replace(reads=bricks.reads)
+    return found._replace(spaced=spaced, reads=bricks.reads)
 
 
-def tasks_of(work: Work, known: Surveyed) -> list[Task]:
+def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
     """Windows of whole tiles, each of which takes no more memory than is allowed.
+
+    Where not all of the picture fits in memory at once, there are so many at least.
 
     Raises
     ------
@@ -202,21 +245,19 @@ def tasks_of(work: Work, known: Surveyed) -> list[Task]:
         One tile takes more.
     """
     (height, width), tile = known.plan.size, known.plan.tile
-    found, waiting = [], [(0, 0, width, height)]
+    found, waiting = [], deque([(0, 0, width, height)])
     while waiting:
-        window = x0, y0, x1, y1 = waiting.pop()
-        are_asked = known.blocks.within(window, known.plan.margin + 1)
-        voxels = int(known.blocks.seen[are_asked].sum())
-        most = (work.memory - _bytes_of_bricks(work, known.blocks, are_asked)) // BYTES_PER_SAMPLE
-        if voxels <= most:
-            asked = known.blocks.asked(are_asked)
-            found.append(Task(window, np.packbits(asked.is_asked), voxels))
-            continue
+        window = x0, y0, x1, y1 = waiting.popleft()
+        task, fits = _task(work, known, window)
         columns, rows = -(-(x1 - x0) // tile), -(-(y1 - y0) // tile)
-        if max(columns, rows) == 1:
+        is_tile = max(columns, rows) == 1
+        if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
+            found.append(task)
+            continue
+        if is_tile:
             raise ValueError(
-                f"a window of {tile} x {tile} px shows {voxels} visible voxels, and "
-                f"{max(0, most)} fit in the memory that is allowed; {REMEDY}"
+                f"a window of {tile} x {tile} px shows {task.voxels} visible voxels, more than fit "
+                f"in the memory that is allowed; {REMEDY}"
             )
         if columns >= rows:
             middle = x0 + columns // 2 * tile
@@ -225,6 +266,21 @@ def tasks_of(work: Work, known: Surveyed) -> list[Task]:
             middle = y0 + rows // 2 * tile
             waiting += [(x0, y0, x1, middle), (x0, middle, x1, y1)]
     return found
+
+
+def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
+    """A window, and whether the memory that is allowed is enough for it."""
+    blocks = known.blocks
+    are_asked = blocks.within(window, known.plan.margin + 1)
+    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
+    task = Task(window, number, seen, 0)
+    free = work.memory - _bytes_of_bricks(work, blocks, are_asked)
+    if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
+        return task, task.voxels * BYTES_PER_SAMPLE <= free
+    source = _source(work, known, task, work.volume.values)
+    kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
+    most = (free - kept - work.memory // RECENT) // BYTES_IN_STEPS - waiting
+    return task._replace(step=min(most, max(LEAST, task.voxels // STEPS))), most >= LEAST
 
 
 def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
@@ -258,18 +314,41 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
             return PaintedWindow(task.window, None, stored[1]["reads"])
     from resample.engine.jit import threads
 
-    lattice = known.blocks.lattice
-    asked = np.unpackbits(task.asked, count=int(np.prod(lattice.blocks))).view(bool)
     values: Bricks = work.volume.values  # type: ignore[assignment]
-    bricks = values.within(Asked(lattice.side, asked.reshape(lattice.blocks)))
+    bricks = values.within(None, Recent(work.memory // RECENT) if task.step else None)
     with threads(work.threads):
-        samples = _samples(work, bricks, known, task.voxels)
-        frame = work.resampler.paint_window(samples, work.camera, known.plan, task.window)
+        source = _source(work, known, task, bricks)
+        by = (work.camera, known.plan, task.window)
+        if task.step:
+            frame = work.resampler.paint_nearest_first(source, *by, step=task.step)
+        else:
+            frame = work.resampler.paint_window(source.load(np.arange(task.number.size)), *by)
     film = Film(frame.rgba, frame.depth, frame.first_depth, frame.coverage)
     if work.folder is None:
         return PaintedWindow(task.window, film, bricks.reads)
     keep_tile(work.folder, task.window, film, {"reads": bricks.reads})
     return PaintedWindow(task.window, None, bricks.reads)
+
+
+def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> Source:
+    """Blocks of a window, of bricks that count what is read of them."""
+    volume, lattice, number = work.volume, known.blocks.lattice, task.number.astype(np.int64)
+    reach, steps = work.resampler.reconstruction.radius, lattice_of(volume)
+    low, high = ends_of(lattice, number)
+    center = 0.5 * (low + high) @ steps.T + volume.origin
+    corner = np.array(list(product((-0.5, 0.5), repeat=3)))
+    half = (high - low)[:, np.newaxis] * corner @ steps.T
+    bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+
+    def load(parts: Indices) -> Samples:
+        asked = lattice.asked(number[parts])
+        part = bricks.within(asked, bricks.recent)
+        samples = _samples(work, part, known, int(task.seen[parts].sum(dtype=np.int64)))
+        bricks.reads += part.reads
+        return samples
+
+    radius = np.sqrt((half * half).sum(axis=2).max(axis=1))
+    return Source(center, radius, bounds, task.seen.astype(np.int64), steps, load)
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:

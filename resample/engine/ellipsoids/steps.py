@@ -1,0 +1,108 @@
+"""Paint tiles step by step: what they are by now is kept until more samples are at hand.
+
+Samples are composited from the nearest on, one after the other, so a tile may stop before any of
+them and go on later. Each step paints those whose keys lie within its limits.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.canvas import laid_out
+from resample.engine.ellipsoids.rows import (
+    ALPHA,
+    BLUE,
+    DEPTH,
+    FIRST,
+    GREEN,
+    RED,
+    WEIGHT,
+    index_of,
+)
+from resample.engine.jit import kernel
+from resample.engine.sorting import HALF, Pairs, bits_of
+from resample.types import Floats, Indices, Single, Stage, Tiles
+
+KEPT = (RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST)  # numbers of a sub-pixel
+NEW, OPEN, OPAQUE = 0, 1, 2  # what a tile is by now
+
+
+class Carried(NamedTuple):
+    """What tiles keep from step to step, and which samples a step paints."""
+
+    number: Floats  # (len(KEPT) S,) of S sub-pixels, tile after tile
+    start: Indices  # (T + 1,) sub-pixels before those of a tile
+    state: NDArray[np.uint8]  # (T,) NEW, OPEN or OPAQUE
+    is_open: NDArray[np.bool_]  # (T, S, S) pixels of tiles of S px, which something may still reach
+    first: Single  # least key of a sample that is painted now
+    last: Single  # key of those that are not any more
+
+
+@kernel
+def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count: Indices) -> None:
+    """Sub-pixels of the canvas of each tile (T,) that is shown."""
+    for tile in range(count.size):
+        _, _, height, width = laid_out(tile, tiles, stage)
+        count[tile] = height * width if shown[tile] else 0
+
+
+@kernel
+def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried | None) -> None:
+    """Put sub-pixels that were kept into rows that are new."""
+    if carried is not None and carried.state[tile] != NEW:
+        place = len(KEPT) * carried.start[tile]
+        for row in range(height):
+            for column in range(width):
+                k = index_of(row, column)
+                for n, name in enumerate(KEPT):
+                    rows[k + name] = carried.number[place + n]
+                place += len(KEPT)
+
+
+@kernel
+def lay_down(
+    rows: Floats,
+    size: tuple[int, int],
+    grid: tuple[int, int],
+    opaque: Single,
+    tile: int,
+    is_open: bool,
+    carried: Carried | None,
+) -> None:
+    """Keep sub-pixels until the next step, unless all are opaque: these never change.
+
+    Of a canvas of a size, rows and columns, in which a pixel has so many per side, and which goes
+    so many pixels beyond its tile. Those are reached by what reaches so far beyond the tile, so
+    that its pixels stand for those next to them.
+    """
+    if carried is not None:
+        (height, width), (n, margin), side = size, grid, carried.is_open.shape[1]
+        carried.state[tile] = OPEN if is_open else OPAQUE
+        carried.is_open[tile] = False
+        place, one = len(KEPT) * carried.start[tile], np.float32(1.0)
+        for row in range(height if is_open else 0):
+            y = min(max(row // n - margin, 0), side - 1)
+            for column in range(width):
+                k = index_of(row, column)
+                if one - rows[k + ALPHA] > opaque:
+                    x = min(max(column // n - margin, 0), side - 1)
+                    carried.is_open[tile, y, x] = True
+                for at, name in enumerate(KEPT):
+                    carried.number[place + at] = rows[k + name]
+                place += len(KEPT)
+
+
+@kernel
+def leave_out(line: Pairs, first: int, last: int, carried: Carried | None) -> int:
+    """Of pairs from one to before another, keep those of this step; gives where they end."""
+    if carried is None:
+        return last
+    least = np.uint64(bits_of(carried.first)) << HALF
+    behind = np.uint64(bits_of(carried.last)) << HALF
+    stay = first
+    for n in range(first, last):
+        found = line[np.uint64(n)]
+        line[np.uint64(stay)] = found
+        stay += 1 if least <= found < behind else 0
+    return stay
