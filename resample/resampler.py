@@ -41,7 +41,7 @@ from resample.painting.splats import (
     paint_splats,
     spacings_of,
 )
-from resample.painting.steps import Source, bytes_kept, most_waiting, paint_in_steps
+from resample.painting.steps import SamplesInParts, bytes_kept, most_waiting, paint_in_steps
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
@@ -399,7 +399,7 @@ class Resampler:
 
     def paint_nearest_first(
         self,
-        source: Source,
+        source: SamplesInParts,
         camera: AnyCamera,
         plan: PicturePlan,
         window: Window,
@@ -439,7 +439,7 @@ class Resampler:
             scene = self._planned(source.lattice, camera, plan, window)
             formula = formula_of(scene, self._profile, self._pieces)
             painted = paint_in_steps(scene, source, formula, step, progress)
-        return self._cut_out(painted, Statistics(int(source.count.sum()), 0, 0, 0, 1, {}), window)
+        return self._cut_out(painted, Statistics(int(source.sizes.sum()), 0, 0, 0, 1, {}), window)
 
     def is_even(self, plan: PicturePlan) -> bool:
         """Whether all tiles of a picture are as fine."""
@@ -454,7 +454,7 @@ class Resampler:
         return is_known and plan.painter == SPLATS and self.order.summing is Summing.POINTS
 
     def kept_between_steps(
-        self, source: Source, camera: AnyCamera, plan: PicturePlan, window: Window
+        self, source: SamplesInParts, camera: AnyCamera, plan: PicturePlan, window: Window
     ) -> tuple[int, int]:
         """What `paint_nearest_first` keeps of a window besides its picture.
 

@@ -143,7 +143,8 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
     from resample.engine.ellipsoids.deferred import find_spacings
 
     runs = runs_of(scene, samples, are_mixed=False)
-    return dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, None))[0].spacing
+    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, None))
+    return tiles.spacing
 
 
 def paint_mixture(

@@ -26,13 +26,13 @@ BORDER = 1.0  # px, likewise of bounds
 Flags = NDArray[np.bool_]
 
 
-class Source(NamedTuple):
+class SamplesInParts(NamedTuple):
     """Samples in parts that are loaded when it is their turn; none of them is in two."""
 
     center: Doubles  # (P, 3) of balls around the places of each part's samples, scene units
     radius: Doubles  # (P,) of the same
     bounds: Floats  # (P, 4) left, top, right and bottom of their footprints, px
-    count: Indices  # (P,) samples of each, at most
+    sizes: Indices  # (P,) samples of each, at most
     lattice: Doubles  # (3, 3) as of `Samples`
     load: Callable[[Indices], Samples]  # gives those of some parts, in any order
 
@@ -44,18 +44,18 @@ def bytes_kept(scene: Scene) -> int:
     return 4 * len(KEPT) * int(_subpixels(scene, _tiles_of(scene)).sum())
 
 
-def most_waiting(scene: Scene, source: Source) -> int:
+def most_waiting(scene: Scene, source: SamplesInParts) -> int:
     """Samples that are in memory because parts may be nearer that are not loaded yet, at most."""
     near, far, _ = keys_of(scene, source)
     behind, order = np.argsort(far), np.argsort(near)
-    begun = np.append(0, source.count[order].cumsum())[:-1]
-    ended = np.append(0, source.count[behind].cumsum())
+    begun = np.append(0, source.sizes[order].cumsum())[:-1]
+    ended = np.append(0, source.sizes[behind].cumsum())
     ended = ended[np.searchsorted(far[behind], near[order], "left")]
     return int((begun - ended).max(initial=0))
 
 
 def paint_in_steps(
-    scene: Scene, source: Source, formula: Formula, step: int, progress: Progress | None
+    scene: Scene, source: SamplesInParts, formula: Formula, step: int, progress: Progress | None
 ) -> Painted:
     """Window of a picture of splats of exact footprint.
 
@@ -79,7 +79,7 @@ def paint_in_steps(
     painted = nothing_painted(0, 0, tiles.spacing.size)
     painted = painted._replace(plan=scene.plan, film=film_of(scene, tiles))
     near, _, slack = keys_of(scene, source)
-    left, total, waiting = np.argsort(near, kind="stable"), int(source.count.sum()), None
+    left, total, waiting = np.argsort(near, kind="stable"), int(source.sizes.sum()), None
     while left.size or waiting is not None:
         with told(None):
             are_open = are_shown & (carried.state < OPAQUE)
@@ -91,14 +91,14 @@ def paint_in_steps(
             if samples is not None:
                 _paint_step(scene, samples, formula, carried, are_open, painted)
                 waiting = _behind(scene, samples, last - slack)
-        done = total - int(source.count[left].sum())
+        done = total - int(source.sizes[left].sum())
         look(done, total)
         if progress is not None:
             progress(done / max(1, total))
     return painted
 
 
-def keys_of(scene: Scene, source: Source) -> tuple[Floats, Floats, Single]:
+def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Single]:
     """What no key of a part (P,) is below, nor above, and how wrong single keys may be."""
     layers, view = scene.layers, scene.view
     eye = -view.rotation.T @ view.translation
@@ -173,10 +173,10 @@ def _are_met(scene: Scene, tiles: Tiles, carried: "Carried", bounds: Floats) -> 
 
 
 def _with_next(
-    source: Source, left: Indices, step: int, waiting: Samples | None
+    source: SamplesInParts, left: Indices, step: int, waiting: Samples | None
 ) -> tuple[Samples | None, Indices]:
     """Samples that wait and those of the next parts, one at least; and the parts after them."""
-    taken = max(1, int(np.searchsorted(source.count[left].cumsum(), step, "right")))
+    taken = max(1, int(np.searchsorted(source.sizes[left].cumsum(), step, "right")))
     found = [waiting] if waiting is not None else []
     if left.size:
         found.append(check_samples(source.load(left[:taken])))
@@ -188,8 +188,10 @@ def _together(parts: list[Samples]) -> Samples | None:
     some = [part for part in parts if len(part.extinction)]
     if len(some) < 2:
         return some[0] if some else None
-    columns = zip(*(part[:3] for part in some), strict=True)
-    return Samples(*(np.concatenate(column) for column in columns), some[0].lattice)
+    position, color, extinction = (
+        np.concatenate(column) for column in zip(*(part[:3] for part in some), strict=True)
+    )
+    return Samples(position, color, extinction, some[0].lattice)
 
 
 def _paint_step(

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Primitive, Resampler
-from resample.painting.steps import Source
+from resample.painting.steps import SamplesInParts
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample
 from tests.core.test_windows import (
@@ -19,6 +19,7 @@ from tests.core.test_windows import (
 )
 
 EVEN, UNEVEN, AROUND = 20.0, 46.0, -4.0  # where the cloud begins; the last one is around the eye
+KEYS = ("depth", "distance")
 
 
 class Parts:
@@ -42,7 +43,7 @@ class Parts:
             ends = [record[side].min() for side in ("left", "top")]
             bounds.append([*ends, *(record[side].max() for side in ("right", "bottom"))])
         own = np.array(center), np.array(radius), np.array(bounds, np.float32)
-        self.source = Source(*own, np.bincount(self.part), samples.lattice, self.load)
+        self.source = SamplesInParts(*own, np.bincount(self.part), samples.lattice, self.load)
 
     def load(self, parts):
         self.loaded += parts.tolist()
@@ -68,15 +69,14 @@ def planned(paint, samples, parts=1):
     st.sampled_from([2.0, 5.0, 40.0]),
     st.sampled_from([1, 60, 400, 5000]),
     st.sampled_from([(0, 0, WIDTH, HEIGHT), (9, 3, 40, 41), (69, 49, 70, 50)]),
-    st.sampled_from(["depth", "distance"]),
-    st.sampled_from([None, Gaussian(0.5, 1.5)]),
+    st.sampled_from([(key, seen) for key in KEYS for seen in (None, Gaussian(0.5, 1.5))]),
     st.integers(1, 2),
 )
 def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
-    near, dense, side, step, window, key, seen_by, threads
+    near, dense, side, step, window, choice, threads
 ):
     samples = cloud(1500, near)
-    paint = Resampler(order=EverySample(key=key), pixel_filter=seen_by)
+    paint = Resampler(order=EverySample(key=choice[0]), pixel_filter=choice[1])
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
     whole, parts = paint(samples, camera(), **PICTURE), Parts(samples, paint, side)
     plan = planned(paint, samples, 3)
@@ -100,7 +100,7 @@ def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():
     )
     depth = parts.source.center[parts.loaded, 2]
     assert depth.max() < EVEN + 6  # of 14
-    assert 0 < len(parts.loaded) < 0.25 * len(parts.source.count)
+    assert 0 < len(parts.loaded) < 0.25 * len(parts.source.sizes)
     assert told == sorted(told)
     assert told[-1] == 1.0
 
@@ -126,5 +126,5 @@ def test_no_more_samples_wait_than_is_said():
     near = parts.source.center[:, 2] - parts.source.radius
     far = parts.source.center[:, 2] + parts.source.radius
     for limit in near:
-        waited.append(parts.source.count[(near < limit) & (far >= limit)].sum())
+        waited.append(parts.source.sizes[(near < limit) & (far >= limit)].sum())
     assert max(waited) <= most < 1.1 * max(waited) + 50

@@ -12,18 +12,20 @@ from resample import Resampler
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Sharing
 from resample.command.workers import at_work
+from resample_volume import windows
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import Appearance, Subject
 from resample_volume.types import Recording, Volume
+from resample_volume.voxels import blocks, windowed
 from resample_volume.voxels.blocks import Lattice, bounds_of
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import lattice_of
-from resample_volume.windows import Spent, render_in_windows
+from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
 
 SIZE = (120, 150)
@@ -162,3 +164,74 @@ def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path
         assert killing.redone(number)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+FEW = (60, 75)  # px
+
+
+def in_small_steps(monkeypatch):
+    monkeypatch.setattr(windowed, "LEAST", 1000)
+    monkeypatch.setattr(blocks, "SIDE", 4)
+
+
+def counted(volume, side):
+    """Volume in bricks, and those that are read of it."""
+    read, values = [], volume.values
+
+    def at(box):
+        read.append(tuple(part.start for part in box))
+        return np.ascontiguousarray(values[box])
+
+    bricks = Bricks(at, values.shape, values.dtype, side)
+    return volume._replace(values=bricks), read
+
+
+@pytest.mark.parametrize("eye", [EYE, Orbit(30, 20, 0.45), Orbit(200, -40, fov=0)])
+@pytest.mark.parametrize("workers", [None, 2])
+def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, monkeypatch):
+    in_small_steps(monkeypatch)
+    steps, look = [], Appearance("5..190")
+    values = rng.integers(0, 200, (60, 60, 60)).astype(np.uint8)
+    volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
+    whole_task = windowed._task
+
+    def noted(*given):
+        task, fits = whole_task(*given)
+        steps.append(task.step * fits)
+        return task, fits
+
+    monkeypatch.setattr(windowed, "_task", noted)
+    subject = Subject.of(volume, look, around=volume)
+    camera = subject.camera(eye, *FEW)
+    whole = Resampler()(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
+    with ThreadPoolExecutor(workers or 1) as executor:
+        spent = Spent(6_500_000, executor=executor if workers else None)
+        found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
+    assert max(steps) > 0
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
+    in_small_steps(monkeypatch)
+    values = rng.integers(200, 255, (64, 64, 64)).astype(np.uint8)
+    volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
+    look, bricks = Appearance("100/white/0,180/white/0.95", light=None), 8**3
+    in_file, read = counted(volume, (8, 8, 8))
+    camera = unseen(in_file, look).camera(EYE, *SIZE)
+    by = [camera, SIZE, Spent(9_000_000)]
+    surveyed, before = windowed.surveyed, []
+
+    def then(*given):
+        known = surveyed(*given)
+        before.append(len(read))
+        return known
+
+    monkeypatch.setattr(windows, "surveyed", then)
+    found, _ = paint_in_windows(in_file, look, *by)
+    painting = read[before[0] :]
+    whole = whole_of(volume, look)
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+    assert len(set(painting)) < 0.8 * bricks
+    assert len(painting) < 1.2 * len(set(painting))

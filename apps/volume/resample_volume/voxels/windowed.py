@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
 from resample.painting.plans import SPLATS, PicturePlan, Window
-from resample.painting.steps import Source
+from resample.painting.steps import SamplesInParts
 from resample.resampler import Resampler
 from resample.types import Film, Floats, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
@@ -188,10 +188,9 @@ def _guessed(work: Work) -> PicturePlan | None:
 
 def _spaced(plan: PicturePlan, parts: list[PicturePlan | None]) -> PicturePlan:
     """Plan that knows how fine its tiles are, if those of its parts are of that size."""
-    known = [part for part in parts if part is not None and part.spacing is not None]
-    if not known or known[0].tile != plan.tile:
-        return plan
-    return plan._replace(spacing=np.minimum.reduce([part.spacing for part in known]))
+    known = [part for part in parts if part is not None and part.tile == plan.tile]
+    spacings = [part.spacing for part in known if part.spacing is not None]
+    return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
 def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int]]:
@@ -245,7 +244,8 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
         One tile takes more.
     """
     (height, width), tile = known.plan.size, known.plan.tile
-    found, waiting = [], deque([(0, 0, width, height)])
+    found: list[Task] = []
+    waiting: deque[Window] = deque([(0, 0, width, height)])
     while waiting:
         window = x0, y0, x1, y1 = waiting.popleft()
         task, fits = _task(work, known, window)
@@ -277,10 +277,13 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     free = work.memory - _bytes_of_bricks(work, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
-    source = _source(work, known, task, work.volume.values)
+    values: Bricks = work.volume.values  # type: ignore[assignment]
+    source = _source(work, known, task, values)
     kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
+    # What waits is looked at again in each step.
     most = (free - kept - work.memory // RECENT) // BYTES_IN_STEPS - waiting
-    return task._replace(step=min(most, max(LEAST, task.voxels // STEPS))), most >= LEAST
+    step = min(most, max(LEAST, task.voxels // STEPS))
+    return task._replace(step=step), most >= max(LEAST, waiting)
 
 
 def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
@@ -330,7 +333,7 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
     return PaintedWindow(task.window, None, bricks.reads)
 
 
-def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> Source:
+def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
     """Blocks of a window, of bricks that count what is read of them."""
     volume, lattice, number = work.volume, known.blocks.lattice, task.number.astype(np.int64)
     reach, steps = work.resampler.reconstruction.radius, lattice_of(volume)
@@ -348,7 +351,7 @@ def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> Source:
         return samples
 
     radius = np.sqrt((half * half).sum(axis=2).max(axis=1))
-    return Source(center, radius, bounds, task.seen.astype(np.int64), steps, load)
+    return SamplesInParts(center, radius, bounds, task.seen.astype(np.int64), steps, load)
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
