@@ -404,9 +404,9 @@ class Resampler:
         plan: PicturePlan,
         window: Window,
         *,
-        step: int,
         threads: int | None = None,
         progress: Progress | None = None,
+        clip: ArrayLike | None = None,
     ) -> Frame:
         """As `paint_window`, of samples that are loaded as they are needed, nearest parts first.
 
@@ -416,13 +416,11 @@ class Resampler:
         ----------
         source
             All samples that are seen in the window, at least.
-        camera, window, threads, progress
+        camera, window, threads, progress, clip
             As of `paint_window`.
         plan
             Of all samples, of splats that are composited one by one; unless it `is_even`,
             `with_spacing` of them all.
-        step
-            Samples that are loaded together, or more where no part is that small.
 
         Raises
         ------
@@ -436,9 +434,9 @@ class Resampler:
                 "exact footprint in the order every-sample are, of a plan with spacing"
             )
         with _kernels(threads):
-            scene = self._planned(source.lattice, camera, plan, window)
+            scene = self._planned(source.lattice, camera, plan, window, clip)
             formula = formula_of(scene, self._profile, self._pieces)
-            painted = paint_in_steps(scene, source, formula, step, progress)
+            painted = paint_in_steps(scene, source, formula, progress)
         return self._cut_out(painted, Statistics(int(source.sizes.sum()), 0, 0, 0, 1, {}), window)
 
     def is_even(self, plan: PicturePlan) -> bool:
@@ -466,12 +464,17 @@ class Resampler:
         return bytes_kept(scene), most_waiting(scene, source)
 
     def _planned(
-        self, lattice: Doubles, camera: AnyCamera, plan: PicturePlan, window: Window
+        self,
+        lattice: Doubles,
+        camera: AnyCamera,
+        plan: PicturePlan,
+        window: Window,
+        clip: ArrayLike | None = None,
     ) -> Scene:
         """Scene of a picture that was planned."""
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], lattice)
-        scene = self._scene(nothing, camera.view(), plan.size, None, None)
+        scene = self._scene(nothing, camera.view(), plan.size, None, clip)
         return replace(scene, layers=plan.layers, plan=plan, window=window)
 
     def _cut_out(self, painted: Painted, statistics: Statistics, window: Window) -> Frame:

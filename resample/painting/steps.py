@@ -35,6 +35,7 @@ class SamplesInParts(NamedTuple):
     sizes: Indices  # (P,) samples of each, at most
     lattice: Doubles  # (3, 3) as of `Samples`
     load: Callable[[Indices], Samples]  # gives those of some parts, in any order
+    step: int  # samples that are loaded together, or more where no part is that small
 
 
 def bytes_kept(scene: Scene) -> int:
@@ -55,7 +56,7 @@ def most_waiting(scene: Scene, source: SamplesInParts) -> int:
 
 
 def paint_in_steps(
-    scene: Scene, source: SamplesInParts, formula: Formula, step: int, progress: Progress | None
+    scene: Scene, source: SamplesInParts, formula: Formula, progress: Progress | None
 ) -> Painted:
     """Window of a picture of splats of exact footprint.
 
@@ -67,8 +68,6 @@ def paint_in_steps(
         What the window may show, at least.
     formula
         Line integrals of the scene's kernel, and opacities.
-    step
-        Samples that are loaded together, or more if no part is that small.
     progress
         Called with the share of the samples that were painted or are hidden.
     """
@@ -84,7 +83,7 @@ def paint_in_steps(
         with told(None):
             are_open = are_shown & (carried.state < OPAQUE)
             left = left[_are_met(scene, tiles, carried, source.bounds[left])]
-            samples, left = _with_next(source, left, step, waiting)
+            samples, left = _with_next(source, left, waiting)
             last = near[left[0]] if left.size else np.float32(np.inf)
             carried = carried._replace(first=carried.last, last=last)
             waiting = None
@@ -173,10 +172,10 @@ def _are_met(scene: Scene, tiles: Tiles, carried: "Carried", bounds: Floats) -> 
 
 
 def _with_next(
-    source: SamplesInParts, left: Indices, step: int, waiting: Samples | None
+    source: SamplesInParts, left: Indices, waiting: Samples | None
 ) -> tuple[Samples | None, Indices]:
     """Samples that wait and those of the next parts, one at least; and the parts after them."""
-    taken = max(1, int(np.searchsorted(source.sizes[left].cumsum(), step, "right")))
+    taken = max(1, int(np.searchsorted(source.sizes[left].cumsum(), source.step, "right")))
     found = [waiting] if waiting is not None else []
     if left.size:
         found.append(check_samples(source.load(left[:taken])))

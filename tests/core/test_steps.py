@@ -25,7 +25,7 @@ KEYS = ("depth", "distance")
 class Parts:
     """Samples in boxes of so many units per side, which counts those that are loaded."""
 
-    def __init__(self, samples, paint, side):
+    def __init__(self, samples, paint, side, step=9):
         at = (samples.position // side).astype(int)
         at -= at.min(axis=0)
         box, self.part = np.unique(
@@ -43,7 +43,7 @@ class Parts:
             ends = [record[side].min() for side in ("left", "top")]
             bounds.append([*ends, *(record[side].max() for side in ("right", "bottom"))])
         own = np.array(center), np.array(radius), np.array(bounds, np.float32)
-        self.source = SamplesInParts(*own, np.bincount(self.part), samples.lattice, self.load)
+        self.source = SamplesInParts(*own, np.bincount(self.part), samples.lattice, self.load, step)
 
     def load(self, parts):
         self.loaded += parts.tolist()
@@ -78,12 +78,10 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
     samples = cloud(1500, near)
     paint = Resampler(order=EverySample(key=choice[0]), pixel_filter=choice[1])
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
-    whole, parts = paint(samples, camera(), **PICTURE), Parts(samples, paint, side)
+    whole, parts = paint(samples, camera(), **PICTURE), Parts(samples, paint, side, step)
     plan = planned(paint, samples, 3)
     assert paint.is_even(plan) == (near != UNEVEN)
-    part = paint.paint_nearest_first(
-        parts.source, camera(), plan, window, step=step, threads=threads
-    )
+    part = paint.paint_nearest_first(parts.source, camera(), plan, window, threads=threads)
     assert_same(part, whole, window)
     assert len(set(parts.loaded)) == len(parts.loaded)
 
@@ -91,10 +89,10 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
 def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():
     samples, paint = cloud(14**3, EVEN), Resampler()
     samples = samples._replace(extinction=np.full_like(samples.extinction, 50.0))
-    parts, told = Parts(samples, paint, 2.0), []
+    parts, told = Parts(samples, paint, 2.0, 100), []
     plan, window = planned(paint, samples), (30, 20, 40, 30)  # in the middle of it
     whole = paint(samples, camera(), **PICTURE)
-    by = {"step": 100, "progress": told.append}
+    by = {"progress": told.append}
     assert_same(
         paint.paint_nearest_first(parts.source, camera(), plan, window, **by), whole, window
     )
@@ -111,10 +109,10 @@ def test_what_is_not_composited_splat_by_splat_is_refused():
         plan = paint.plan(samples, camera(), **PICTURE)
         parts = Parts(samples, paint, 5.0)
         with pytest.raises(ValueError, match="are not painted step by step"):
-            paint.paint_nearest_first(parts.source, camera(), plan, (0, 0, 4, 4), step=9)
+            paint.paint_nearest_first(parts.source, camera(), plan, (0, 0, 4, 4))
     uneven = Resampler().plan(samples, camera(), **PICTURE)
     with pytest.raises(ValueError, match="of a plan with spacing"):
-        Resampler().paint_nearest_first(parts.source, camera(), uneven, (0, 0, 4, 4), step=9)
+        Resampler().paint_nearest_first(parts.source, camera(), uneven, (0, 0, 4, 4))
 
 
 def test_no_more_samples_wait_than_is_said():

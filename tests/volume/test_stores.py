@@ -577,9 +577,17 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert int(found[1]) > 1
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     assert json.loads(Path("b.json").read_text())["seconds"]["paint"] > 0
+    cuts = [*common, "--crop", "2:,:,9:300", "--clip", "1/1/0", "--depth-cue", ".7"]
+    assert ended(app, "render", "a.npy", *cuts, "-o", "a.exr") == 0
+    assert ended(app, "render", "b.zarr", *cuts, *few, "-o", "b.exr") == 0
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+    capsys.readouterr()
     for choices, complaint in (
         ([*common[:-2]], "with --fit volume it is painted window by window"),
-        ([*common, "--crop", "2:38,:,:"], "crop cannot be painted window by window; leave"),
+        (
+            [*common, "--ambient-occlusion"],
+            "occlusion cannot be painted window by window; leave",
+        ),
         ([*common, "--deep", "4"], "slabs of depth cannot be painted window by window; leave"),
     ):
         assert ended(app, "render", "b.zarr", *choices, *few, "-o", "c.exr") == 2
@@ -633,7 +641,11 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
         ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
         ("a.zarr", [], "workers paint windows, for which cameras are placed by --fit volume"),
         ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
-        ("a.zarr", ["--fit", "volume", "--crop", "2:8,:,:"], "crop cannot be painted window"),
+        (
+            "a.zarr",
+            ["--fit", "volume", "--ambient-occlusion"],
+            "shadows or occlusion cannot be painted window",
+        ),
     ):
         assert ended(app, "render", name, *words, *more) == 2
         assert message in capsys.readouterr().err

@@ -17,19 +17,26 @@ from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.media.recordings import volume_at
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.rendering import Appearance, Classification, Subject
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed
 from resample_volume.voxels.blocks import Lattice, bounds_of
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.shading import Light
+from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import lattice_of
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
 
 SIZE = (120, 150)
 EYE = Orbit(30, 20, 1.3)
+
+
+LOOKS = [
+    Appearance("60..190"),
+    Appearance("60..190", light=None),
+    Appearance("60..190", crop="2:29,:,:36", clip=("1/0.3/-0.5/-9",), cue=DepthCue(0.6)),
+]
 
 
 def smoke(rng):
@@ -47,13 +54,14 @@ def in_bricks(volume, side):
 
 
 @pytest.mark.parametrize("side", [(8, 8, 8), (5, 7, 9)])
-@pytest.mark.parametrize("look", [Appearance("60..190"), Appearance("60..190", light=None)])
+@pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("memory", [700_000, 1 << 30])
 def test_windows_have_the_bits_of_a_volume_in_memory(side, look, memory, rng):
     volume = smoke(rng)
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(EYE, *SIZE)
-    whole = Resampler()(subject.seen_by(camera), camera, height=SIZE[0], width=SIZE[1])
+    by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
+    whole = Resampler()(subject.seen_by(camera), camera, **by)
     found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Spent(memory))
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
@@ -62,7 +70,10 @@ def test_windows_have_the_bits_of_a_volume_in_memory(side, look, memory, rng):
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
-    for look in (Appearance("60..190", clip=("1/0/0",)), Appearance(light=Light(occlusion=True))):
+    for look in (
+        Appearance("60..190", classification=Classification.POST),
+        Appearance(light=Light(occlusion=True)),
+    ):
         with pytest.raises(ValueError, match="window by window; leave it out"):
             render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):

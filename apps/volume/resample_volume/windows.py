@@ -10,7 +10,7 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
 from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
-from resample.types import Floats, Frame, Samples, Statistics
+from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.rendering import (
     BY_DEFAULT,
@@ -23,9 +23,10 @@ from resample_volume.rendering import (
 )
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.cropping import planes
+from resample_volume.voxels.cropping import Steep, faced, kept_index, planes
+from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.framing import ball_around, centered
-from resample_volume.voxels.shading import Light
+from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
 from resample_volume.voxels.windowed import Finish, Work, painted_in_windows, surveyed
 
@@ -44,6 +45,14 @@ class Spent(NamedTuple):
     threads: int | None = None  # of each process; None: all
     folder: Path | None = None  # windows are written there by whoever paints them
     executor: Executor | None = None  # of threads or processes; None: this one
+
+
+class Sighting(NamedTuple):
+    """How a picture sees its volume."""
+
+    camera: AnyCamera
+    clip: Doubles  # (M, 4) planes
+    cue: tuple[float, float]  # depths between which light fades, scene units
 
 
 def render_in_windows(
@@ -105,13 +114,16 @@ def paint_in_windows(
     """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
     scene, _ = centered(volume)
     chosen = replace(appearance, transfer=transfer_of(scene, appearance))
+    clip, painter = planes(scene, appearance.crop, appearance.clip), resampler or BY_DEFAULT
+    shown = Sighting(camera, clip, cue_range(camera, ball_around(scene)))
     work = Work(
         scene,
-        partial(_by_bricks, chosen),
-        partial(_lit, appearance.light, camera),
-        resampler or BY_DEFAULT,
+        partial(_by_bricks, chosen, clip, painter.reconstruction.radius),
+        partial(_lit, appearance, shown),
+        painter,
         camera,
         size,
+        clip,
         *spent[:3],
     )
     whole, count, tell = nothing_painted(*size).film, 0, progress or _unheard
@@ -126,16 +138,30 @@ def paint_in_windows(
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
-def _by_bricks(look: Appearance, volume: Volume, finish: Finish) -> Iterator[Any]:
-    """What a job makes of a look's visible voxels, brick by brick."""
+def _by_bricks(
+    look: Appearance, clip: Doubles, radius: float, volume: Volume, finish: Finish
+) -> Iterator[Any]:
+    """What a job makes of a look's voxels that are not cut away, brick by brick."""
+
+    def cut(place: Indices, voxels: Voxels) -> Any:
+        if not len(clip):
+            return finish(place, voxels)
+        index = kept_index(voxels, clip, radius)
+        return finish(place[index], chosen_of(voxels, index))
+
     transfer = transfer_of(volume, look)
-    return classified_by_bricks(volume, transfer, look.needed_gradient, finish)
+    return classified_by_bricks(volume, transfer, look.needed_gradient, cut)
 
 
-def _lit(
-    light: Light | None, camera: AnyCamera, voxels: Voxels, steepest: Floats | None
-) -> Samples:
-    return lit_samples(voxels, light, camera, steepest)
+def _lit(look: Appearance, shown: Sighting, voxels: Voxels, steep: Steep | None) -> Samples:
+    """Voxels with their light, of which all together have these gradients."""
+    camera, clip, (near, far) = shown
+    if steep is None:
+        samples = lit_samples(voxels, look.light, camera)
+    else:
+        across = faced(voxels, clip, steep.longest)
+        samples = lit_samples(across, look.light, camera, steep.components(clip))
+    return samples if look.cue is None else cued(samples, camera, look.cue, near, far)
 
 
 def _unheard(share: float) -> None:
@@ -153,13 +179,13 @@ def unseen(volume: Volume, appearance: Appearance) -> "Subject":
     scene, middle = centered(volume)
     _check_windows(scene, appearance)
     nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
-    return Subject(nothing, appearance, ball_around(scene), middle, planes(scene, None, ()))
+    clip = planes(scene, appearance.crop, appearance.clip)
+    return Subject(nothing, appearance, ball_around(scene), middle, clip)
 
 
 def _check_windows(volume: Volume, look: Appearance) -> None:
     """Refuse what depends on all visible voxels together."""
-    needs = [name for name in look.extras if name != "mesh"]
-    needs += ["crop"] * (look.crop is not None) + ["clip"] * bool(look.clip)
+    needs = [name for name in look.extras if name not in {"mesh", "depth-cue"}]
     needs += ["mesh"] * bool(look.meshes)
     if look.light is not None and look.light.is_blocked:
         needs.append("shadows or occlusion")

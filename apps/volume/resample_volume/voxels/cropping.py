@@ -1,13 +1,14 @@
 """What of a volume is shown: planes from a box of voxels and from planes through its middle."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.types import Volume
+from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -
     for plane in planes:
         normal = plane[:3]
         reach = radius * np.linalg.norm(normal @ lattice)  # of an ellipsoid along the normal
-        is_near &= position @ normal + plane[3] > -reach
+        is_near &= along(position, normal) + plane[3] > -reach
     return is_near
 
 
@@ -90,7 +91,56 @@ def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
     return those
 
 
-def faced(voxels: Kept, planes: Doubles) -> Kept:
+def kept_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
+    """Which voxels `keep` keeps."""
+    return np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
+
+
+class Steep(NamedTuple):
+    """Extreme gradients of voxels that planes cut, or of some of them."""
+
+    least: Floats  # (3,) components of those that are near no plane; inf if there are none
+    greatest: Floats  # (3,) likewise; -inf
+    near: Floats  # (M, 2) least and greatest length near each plane; inf and -inf
+    longest: np.float32  # length
+
+    @classmethod
+    def of(cls, voxels: Voxels, planes: Doubles) -> "Steep":
+        """Those of voxels with gradients."""
+        gradient, nothing = voxels.gradient, np.array([np.inf, -np.inf], np.float32)
+        near = np.tile(nothing, (len(planes), 1))
+        if not len(planes):
+            ends = gradient.min(0, initial=np.inf), gradient.max(0, initial=-np.inf)
+            return cls(*ends, near, np.float32(0.0))
+        at, nearest = _near(voxels, planes)
+        length = np.linalg.norm(gradient, axis=1)
+        np.minimum.at(near[:, 0], nearest[at], length[at])
+        np.maximum.at(near[:, 1], nearest[at], length[at])
+        away = np.delete(gradient, at, axis=0)
+        ends = away.min(0, initial=np.inf), away.max(0, initial=-np.inf)
+        return cls(*ends, near, length.max(initial=np.float32(0.0)))
+
+    def merged(self, other: "Steep") -> "Steep":
+        """Those of both."""
+        near = [np.minimum(self.near[:, 0], other.near[:, 0])]
+        near += [np.maximum(self.near[:, 1], other.near[:, 1])]
+        return Steep(
+            np.minimum(self.least, other.least),
+            np.maximum(self.greatest, other.greatest),
+            np.stack(near, axis=1),
+            max(self.longest, other.longest),
+        )
+
+    def components(self, planes: Doubles) -> Floats:
+        """Gradients (N, 3), among them all extreme components of what `faced` makes of them."""
+        away = np.array([self.least, self.greatest])
+        along = np.repeat(planes[:, :3], 2, axis=0)
+        length = np.maximum(self.near.reshape(-1), np.float32(STEEPER) * self.longest)
+        facing = (along * length[:, np.newaxis])[np.isfinite(self.near.reshape(-1))]
+        return np.concatenate([away[np.isfinite(away).all(axis=1)], facing]).astype(np.float32)
+
+
+def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> Kept:
     """Voxels whose gradients lead across a cut where they are near one; their lengths stay.
 
     A cut through even tissue meets noise alone, whose gradients would make it look rough. So it is
@@ -103,20 +153,30 @@ def faced(voxels: Kept, planes: Doubles) -> Kept:
         With gradients or without.
     planes
         (M, 4) as from `planes`.
+    longest
+        Length of a gradient, where these voxels are not all.
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
-    normal = planes[:, :3]
-    away = voxels.position @ normal.T + planes[:, 3]
-    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
-    nearest = away.argmin(axis=1)
-    near = np.flatnonzero(away.min(axis=1) < CUT)
+    normal, (near, nearest) = planes[:, :3], _near(voxels, planes)
     length = np.linalg.norm(voxels.gradient, axis=1)
-    least = STEEPER * length.max()  # what is even has no normal of its own
+    # What is even has no normal of its own.
+    least = np.float32(STEEPER) * (length.max() if longest is None else longest)
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
     across: Kept = voxels._replace(gradient=gradient)  # type: ignore[assignment]
     return across
+
+
+def _near(
+    voxels: "Voxels | FieldVoxels", planes: Doubles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Voxels that are near a plane, and of all of them (N,) the nearest one."""
+    normal = planes[:, :3]
+    away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
+    away += planes[:, 3]
+    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
+    return np.flatnonzero(away.min(axis=1) < CUT), away.argmin(axis=1)
 
 
 def _box(volume: Volume, text: str) -> list[Doubles]:

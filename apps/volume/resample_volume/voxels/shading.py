@@ -91,6 +91,12 @@ def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
     return near, max(depth, near) + sphere.radius
 
 
+def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
+    """Products (N,) of positions (N, 3) and an axis, rounded alike however many there are."""
+    x, y, z = position.T
+    return np.asarray(x * axis[0] + y * axis[1] + z * axis[2])
+
+
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
     """Samples whose light fades evenly with their depth.
 
@@ -107,7 +113,7 @@ def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far:
     """
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
-    depth = (samples.position @ forward + ahead) / np.float32(far - near)
+    depth = (along(samples.position, forward) + ahead) / np.float32(far - near)
     light = 1 - np.float32(cue.share) * np.clip(depth, 0, 1)
     return samples._replace(color=samples.color * light[:, np.newaxis])
 

@@ -7,7 +7,7 @@ done by several processes: they depend on nothing but the work, and may be done 
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import partial, reduce
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -20,11 +20,12 @@ from resample.files.tiles import keep_tile, kept_tile
 from resample.painting.plans import SPLATS, PicturePlan, Window
 from resample.painting.steps import SamplesInParts
 from resample.resampler import Resampler
-from resample.types import Film, Floats, Samples
+from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
 from resample_volume.voxels.bricks import Asked, Bricks, Recent
+from resample_volume.voxels.cropping import Steep
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import Voxels, lattice_of
@@ -41,7 +42,7 @@ BYTES_IN_STEPS = 72  # likewise where some wait for others
 R = TypeVar("R")
 Finish = Callable[[Indices, Voxels], Any]
 Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
-Lit = Callable[[Voxels, Floats], Samples]  # of voxels, and of extreme gradients of all (2, 3)
+Lit = Callable[[Voxels, Steep | None], Samples]  # of voxels, and of extreme gradients of all
 
 
 class Work(NamedTuple):
@@ -53,6 +54,7 @@ class Work(NamedTuple):
     resampler: Resampler
     camera: AnyCamera
     size: tuple[int, int]  # height and width, px
+    clip: Doubles  # (M, 4) planes, for the resampler
     memory: int  # bytes that a process may take for voxels and bricks
     threads: int | None = None  # that a process takes
     folder: Path | None = None  # windows are written there; None: they are in memory
@@ -62,7 +64,7 @@ class Surveyed(NamedTuple):
     """What is known of a picture after each visible voxel was looked at once."""
 
     plan: PicturePlan
-    steepest: Floats  # (2, 3) least and greatest components of gradients; or (0, 3)
+    steep: Steep | None  # if voxels have gradients
     blocks: Blocks
 
 
@@ -70,7 +72,7 @@ class FoundInLayers(NamedTuple):
     """What was found in some layers of blocks."""
 
     plans: list[PicturePlan]
-    ends: list[Floats]  # (3,) components of gradients, among them the extreme ones
+    steep: list[Steep]  # of bricks whose voxels have gradients
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
     spaced: PicturePlan | None  # that knows how fine the tiles are which show them
     reads: int  # of bricks
@@ -166,11 +168,10 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     index = np.flatnonzero(seen)
     reach, view = work.resampler.reconstruction.radius, work.camera.view()
     bounds = bounds_of(work.volume, lattice, index, reach, view)
-    ends = [end for part in found for end in part.ends]
-    steepest = np.array([np.min(ends, axis=0), np.max(ends, axis=0)]) if ends else np.zeros((0, 3))
+    steep = [one for part in found for one in part.steep]
     blocks = Blocks(lattice, index, seen[index], bounds)
     plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
-    return Surveyed(plan, steepest.astype(np.float32), blocks)
+    return Surveyed(plan, reduce(Steep.merged, steep) if steep else None, blocks)
 
 
 def _guessed(work: Work) -> PicturePlan | None:
@@ -222,13 +223,15 @@ def _look(
             if not len(voxels.position):
                 continue
             if len(voxels.gradient):
-                found.ends.extend([voxels.gradient.min(axis=0), voxels.gradient.max(axis=0)])
+                found.steep.append(Steep.of(voxels, work.clip))
             samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
-            plan = work.resampler.plan(samples, work.camera, height=height, width=width)
+            plan = work.resampler.plan(
+                samples, work.camera, height=height, width=width, clip=work.clip
+            )
             if plan.seen:
                 found.plans.append(plan)
             if plan.seen and spaced is not None:
-                spaced = work.resampler.with_spacing(spaced, samples, work.camera)
+                spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
             found.seen.append(seen)
     return found._replace(spaced=spaced, reads=bricks.reads)
 
@@ -323,9 +326,10 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
         source = _source(work, known, task, bricks)
         by = (work.camera, known.plan, task.window)
         if task.step:
-            frame = work.resampler.paint_nearest_first(source, *by, step=task.step)
+            frame = work.resampler.paint_nearest_first(source, *by, clip=work.clip)
         else:
-            frame = work.resampler.paint_window(source.load(np.arange(task.number.size)), *by)
+            samples = source.load(np.arange(task.number.size))
+            frame = work.resampler.paint_window(samples, *by, clip=work.clip)
     film = Film(frame.rgba, frame.depth, frame.first_depth, frame.coverage)
     if work.folder is None:
         return PaintedWindow(task.window, film, bricks.reads)
@@ -351,7 +355,9 @@ def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesI
         return samples
 
     radius = np.sqrt((half * half).sum(axis=2).max(axis=1))
-    return SamplesInParts(center, radius, bounds, task.seen.astype(np.int64), steps, load)
+    return SamplesInParts(
+        center, radius, bounds, task.seen.astype(np.int64), steps, load, task.step
+    )
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
@@ -362,7 +368,7 @@ def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples
     volume = work.volume._replace(values=values)
 
     def lit(_: Indices, voxels: Voxels) -> Samples:
-        return work.lit(voxels, known.steepest)
+        return work.lit(voxels, known.steep)
 
     lattice = np.eye(3)
     for part in work.classified(volume, lit):
