@@ -41,7 +41,13 @@ from resample.painting.splats import (
     paint_splats,
     spacings_of,
 )
-from resample.painting.steps import SamplesInParts, bytes_kept, most_waiting, paint_in_steps
+from resample.painting.steps import (
+    SamplesInParts,
+    bytes_kept,
+    most_waiting,
+    paint_in_steps,
+    plan_of_parts,
+)
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
@@ -396,6 +402,21 @@ class Resampler:
         if plan.spacing is not None:
             found = np.minimum(found, plan.spacing)
         return plan._replace(spacing=found)
+
+    def plan_of_parts(
+        self, source: SamplesInParts, camera: AnyCamera, *, height: int, width: int
+    ) -> PicturePlan | None:
+        """Plan of a picture of samples that are not loaded for it; None: that needs them.
+
+        It may stand for `plan` of them all: windows have the same bits.
+        """
+        check_size(height, width)
+        nobody = np.zeros((0, 3), np.float32)
+        nothing = Samples(nobody, nobody, nobody[:, 0], source.lattice)
+        with _kernels(None):
+            scene = self._scene(nothing, camera.view(), (height, width), None, None)
+            is_apt = are_splats_exact(scene) and self.order.summing is Summing.POINTS
+            return plan_of_parts(scene, source) if is_apt and len(source.sizes) else None
 
     def paint_nearest_first(
         self,

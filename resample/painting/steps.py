@@ -11,8 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.layers import sheets_of
+from resample.painting.plans import SPLATS, PicturePlan
 from resample.painting.runs import dealt, film_of, plan_of, shown, turn_of
-from resample.painting.scene import Painted, Scene, check_samples, nothing_painted, tiles_along
+from resample.painting.scene import (
+    Painted,
+    Scene,
+    check_samples,
+    nothing_painted,
+    size_of_tiles,
+    tiles_along,
+)
 from resample.painting.splats import runs_of
 from resample.types import Doubles, Floats, Formula, Indices, Samples, Single, Tiles
 from resample.watching import Progress, look, told
@@ -36,6 +44,61 @@ class SamplesInParts(NamedTuple):
     lattice: Doubles  # (3, 3) as of `Samples`
     load: Callable[[Indices], Samples]  # gives those of some parts, in any order
     step: int  # samples that are loaded together, or more where no part is that small
+
+
+def plan_of_parts(scene: Scene, source: SamplesInParts) -> PicturePlan | None:
+    """Plan of splats of exact footprint, if places of parts say enough; None: they do not.
+
+    They do where sub-pixels of the whole picture are as fine, and no sample may be a point.
+    """
+    from resample.engine.grid import grid
+
+    least, most = _spacings(scene, source)
+    finest = grid(least, scene.style)
+    if finest != grid(most, scene.style) or least * finest <= scene.style.threshold:
+        return None
+    low, high = source.bounds[:, :2].min(axis=0), source.bounds[:, 2:].max(axis=0)
+    return PicturePlan(
+        SPLATS,
+        (scene.screen.height, scene.screen.width),
+        size_of_tiles(finest, scene.tables.pixel_margin),
+        scene.screen.margin,
+        np.float32(least),
+        np.float32(most),
+        np.inf,
+        np.inf,
+        scene.layers,
+        (float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+        int(source.sizes.sum()),
+    )
+
+
+def _spacings(scene: Scene, source: SamplesInParts) -> tuple[float, float]:
+    """No less and no more are spacings of samples, px; 0 where one may be cut by the near plane.
+
+    As `_spacings_of` of `resample.engine.ellipsoids.run_bounds`, of balls.
+    """
+    view, ellipsoid = scene.view, scene.ellipsoid
+    center = source.center @ view.rotation.T + view.translation
+    half = source.radius + SLACK * (np.abs(center).sum(axis=1) + np.abs(view.translation).sum())
+    v, (fx, fy), z = ellipsoid.covariance, view.focal, center[:, 2]
+    near = z - half
+    front = near.min() - np.sqrt(v[2, 2])
+    if front <= view.near or (view.perspective and front <= 0):
+        return 0.0, np.inf
+    x, y = center[:, :2].T / z if view.perspective else np.zeros((2, len(z)))
+    xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
+    yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
+    xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
+    mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
+    largest = np.sqrt(mean + np.sqrt(np.maximum(0.0, mean * mean - determinant)))
+    largest /= ellipsoid.radius
+    if not view.perspective:
+        return (1 - SLACK) * float(largest.min()), (1 + SLACK) * float(largest.max())
+    turn = np.hypot(half + np.abs(x) * half, half + np.abs(y) * half) / near
+    change = max(fx, fy) * turn * np.sqrt(v[2, 2]) / ellipsoid.radius
+    least, most = (largest - change) / (z + half), (largest + change) / near
+    return (1 - SLACK) * float(least.min()), (1 + SLACK) * float(most.max())
 
 
 def bytes_kept(scene: Scene) -> int:

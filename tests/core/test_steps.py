@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resample import Primitive, Resampler
+from resample import Orthographic, Primitive, Resampler
 from resample.painting.steps import SamplesInParts
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample
@@ -84,6 +84,27 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
     part = paint.paint_nearest_first(parts.source, camera(), plan, window, threads=threads)
     assert_same(part, whole, window)
     assert len(set(parts.loaded)) == len(parts.loaded)
+    blind = paint.plan_of_parts(parts.source, camera(), **PICTURE)
+    assert blind is None or near == EVEN
+    if blind is not None:
+        again = paint.paint_nearest_first(parts.source, camera(), blind, window)
+        assert_same(again, whole, window)
+
+
+@pytest.mark.parametrize("is_parallel", [False, True])
+@pytest.mark.parametrize("near", [EVEN, 35.0, UNEVEN, 60.0, AROUND])
+def test_what_places_of_parts_say_of_spacings_holds(near, is_parallel):
+    samples, paint, eye = cloud(1500, near), Resampler(), camera()
+    if is_parallel:
+        eye = Orthographic(1.3, 1.2, 0.5 * WIDTH, 0.5 * HEIGHT)
+    plan, parts = paint.plan(samples, eye, **PICTURE), Parts(samples, paint, 3.0)
+    blind = paint.plan_of_parts(parts.source, eye, **PICTURE)
+    if blind is None:
+        assert near in {UNEVEN, AROUND}
+        return
+    spacing = paint.footprints(samples, eye, **PICTURE)["spacing"]
+    assert blind.least <= spacing.min() <= spacing.max() <= blind.most
+    assert (blind.tile, blind.margin, blind.layers) == (plan.tile, plan.margin, plan.layers)
 
 
 def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():

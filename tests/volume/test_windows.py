@@ -246,3 +246,19 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
     assert len(set(painting)) < 0.8 * bricks
     assert len(painting) < 1.2 * len(set(painting))
+
+
+def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
+    in_small_steps(monkeypatch)
+    values = rng.integers(200, 255, (64, 64, 64)).astype(np.uint8)
+    volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
+    look = Appearance("100/white/0,180/white/0.95", light=None)
+    in_file, read = counted(volume, (8, 8, 8))
+    render_in_windows(in_file, look, EYE, SIZE, Spent(9_000_000))
+    read.clear()
+    other = Orbit(200, -30, 1.5)
+    found, _ = render_in_windows(in_file, look, other, SIZE, Spent(9_000_000))
+    again, _ = render_in_windows(counted(volume, (8, 8, 8))[0], look, other, SIZE, Spent(9_000_000))
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(again, name).tobytes(), name
+    assert len(set(read)) < 0.9 * 8**3

@@ -5,6 +5,7 @@ each window that it may be seen in (`_painted`), unless others hide it there. Pa
 done by several processes: they depend on nothing but the work, and may be done again.
 """
 
+import pickle
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
@@ -66,6 +67,14 @@ class Surveyed(NamedTuple):
     plan: PicturePlan
     steep: Steep | None  # if voxels have gradients
     blocks: Blocks
+
+
+class LookedAt(NamedTuple):
+    """What any picture of the same look depends on."""
+
+    steep: Steep | None
+    number: Indices  # (N,) blocks with visible voxels, by flat indices
+    seen: Indices  # (N,) how many these are
 
 
 class FoundInLayers(NamedTuple):
@@ -150,7 +159,10 @@ def _between(tell: Progress, first: float, last: float) -> Progress:
 def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """What a picture depends on, found a brick at a time; None if nothing is seen."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    lattice = lattice_for(bricks.shape)
+    lattice, name = lattice_for(bricks.shape), _name_of(work)
+    before = _known_before(work, lattice, bricks.found.get(name))
+    if before is not None:
+        return before
     layers = _layers(bricks, lattice, 1 if executor is None else PARTS)
     guess = _guessed(work)
     found, parts = [], shared_out(executor, partial(_look, work, lattice, guess), layers)
@@ -166,12 +178,34 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     for index, count in (counted for part in found for counted in part.seen):
         seen[index] += count
     index = np.flatnonzero(seen)
-    reach, view = work.resampler.reconstruction.radius, work.camera.view()
-    bounds = bounds_of(work.volume, lattice, index, reach, view)
-    steep = [one for part in found for one in part.steep]
-    blocks = Blocks(lattice, index, seen[index], bounds)
+    every = [one for part in found for one in part.steep]
+    steep = reduce(Steep.merged, every) if every else None
+    if name is not None:
+        bricks.found[name] = LookedAt(steep, index, seen[index])
+    bounds = _in_parts(work, lattice, index, seen[index]).bounds
     plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
-    return Surveyed(plan, reduce(Steep.merged, steep) if steep else None, blocks)
+    return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
+
+
+def _name_of(work: Work) -> bytes | None:
+    """What is the same for pictures of which the same is visible; None: that cannot be said."""
+    try:
+        return pickle.dumps((work.classified, work.volume[1:4]))
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return None
+
+
+def _known_before(work: Work, lattice: Lattice, looked: LookedAt | None) -> Surveyed | None:
+    """What is known of a picture because all voxels were looked at for another, if that will do."""
+    if looked is None:
+        return None
+    height, width = work.size
+    source = _in_parts(work, lattice, looked.number, looked.seen)
+    plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
+    if plan is None:
+        return None
+    blocks = Blocks(lattice, looked.number, looked.seen, source.bounds)
+    return Surveyed(plan, looked.steep, blocks)
 
 
 def _guessed(work: Work) -> PicturePlan | None:
@@ -339,25 +373,32 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
 
 def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
     """Blocks of a window, of bricks that count what is read of them."""
-    volume, lattice, number = work.volume, known.blocks.lattice, task.number.astype(np.int64)
-    reach, steps = work.resampler.reconstruction.radius, lattice_of(volume)
-    low, high = ends_of(lattice, number)
-    center = 0.5 * (low + high) @ steps.T + volume.origin
-    corner = np.array(list(product((-0.5, 0.5), repeat=3)))
-    half = (high - low)[:, np.newaxis] * corner @ steps.T
-    bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+    lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 
     def load(parts: Indices) -> Samples:
-        asked = lattice.asked(number[parts])
-        part = bricks.within(asked, bricks.recent)
+        part = bricks.within(lattice.asked(number[parts]), bricks.recent)
         samples = _samples(work, part, known, int(task.seen[parts].sum(dtype=np.int64)))
         bricks.reads += part.reads
         return samples
 
-    radius = np.sqrt((half * half).sum(axis=2).max(axis=1))
-    return SamplesInParts(
-        center, radius, bounds, task.seen.astype(np.int64), steps, load, task.step
-    )
+    parts = _in_parts(work, lattice, number, task.seen.astype(np.int64))
+    return parts._replace(load=load, step=task.step)
+
+
+def _in_parts(work: Work, lattice: Lattice, number: Indices, seen: Indices) -> SamplesInParts:
+    """Where blocks are, of which none can be loaded."""
+    volume, reach = work.volume, work.resampler.reconstruction.radius
+    steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
+    center = 0.5 * (low + high) @ steps.T + volume.origin
+    corner = np.array(list(product((-0.5, 0.5), repeat=3)))
+    away = (high - low)[:, np.newaxis] * corner @ steps.T
+    radius = np.sqrt((away * away).sum(axis=2).max(axis=1))
+    bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+    return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
+
+
+def _load_nothing(_: Indices) -> Samples:
+    raise RuntimeError("parts of a picture that is planned are not loaded")
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
