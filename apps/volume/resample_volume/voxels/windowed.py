@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
 from resample.painting.plans import SPLATS, PicturePlan, Window
-from resample.painting.steps import SamplesInParts
+from resample.painting.steps.parts import SamplesInParts
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
