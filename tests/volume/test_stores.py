@@ -581,7 +581,12 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert ended(app, "render", "a.npy", *cuts, "-o", "a.exr") == 0
     assert ended(app, "render", "b.zarr", *cuts, *few, "-o", "b.exr") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
-    capsys.readouterr()
+    walls = ["--gradient-opacity", ".1/.6", "--threads", "1"]
+    surfaces = [*common[:3], "20..190", *common[4:], *walls]
+    assert ended(app, "render", "a.npy", *surfaces, "-o", "a.exr") == 0
+    assert ended(app, "render", "b.zarr", *surfaces, "--memory", "60MB", "-o", "b.exr") == 0
+    assert capsys.readouterr().err.count("not all that is seen fits in memory") == 2
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     for choices, complaint in (
         ([*common[:-2]], "with --fit volume it is painted window by window"),
         (

@@ -1,7 +1,6 @@
 """Pictures of volumes in bricks, window by window: by this process, or by several."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
+from resample_volume.looks.regions import Faded
 from resample_volume.rendering import (
     BY_DEFAULT,
     NO_VOXELS,
@@ -25,10 +25,13 @@ from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steep, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
+from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
+from resample_volume.voxels.dense.passes import Looking
+from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import ball_around, centered
 from resample_volume.voxels.shading import cue_range, cued
-from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
-from resample_volume.voxels.windowed import Finish, Work, painted_in_windows, surveyed
+from resample_volume.voxels.visible import Voxels, check_gradient, lattice_of
+from resample_volume.voxels.windowed import Finish, Work, known_of, painted_in_windows, surveyed
 
 
 class Spent(NamedTuple):
@@ -113,20 +116,22 @@ def paint_in_windows(
 ) -> tuple[Frame, int]:
     """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
     scene, _ = centered(volume)
-    chosen = replace(appearance, transfer=transfer_of(scene, appearance))
+    tell = progress or _unheard
     clip, painter = planes(scene, appearance.crop, appearance.clip), resampler or BY_DEFAULT
+    by = _classifying(scene, appearance, Looking(spent.executor, spent.threads, tell))
     shown = Sighting(camera, clip, cue_range(camera, ball_around(scene)))
     work = Work(
         scene,
-        partial(_by_bricks, chosen, clip, painter.reconstruction.radius),
+        partial(_by_bricks, by, clip, painter.reconstruction.radius),
         partial(_lit, appearance, shown),
         painter,
         camera,
         size,
         clip,
         *spent[:3],
+        sifts=by.sifts,
     )
-    whole, count, tell = nothing_painted(*size).film, 0, progress or _unheard
+    whole, count = nothing_painted(*size).film, 0
     known = surveyed(work, tell, spent.executor)
     if known is None:
         return Frame(*whole, Statistics(0, 0, 0, 0, 1, {})), 0
@@ -138,10 +143,24 @@ def paint_in_windows(
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
+def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
+    """What voxels get their looks by; slopes of all of them are looked at once, if need be."""
+    transfer = transfer_of(volume, look)
+    if look.gradient_opacity is not None:
+        transfer = Faded(transfer, look.gradient_opacity)
+    gradient = look.gradient if transfer.needs_gradient else look.needed_gradient
+    check_gradient(transfer, gradient)
+    steep = 0.0
+    if transfer.needs_gradient:
+        slopes = Slopes(volume, transfer, look.gradient)
+        steep = known_of(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
+    return Classifying(transfer, gradient, steep, look.labels)
+
+
 def _by_bricks(
-    look: Appearance, clip: Doubles, radius: float, volume: Volume, finish: Finish
+    by: Classifying, clip: Doubles, radius: float, volume: Volume, finish: Finish
 ) -> Iterator[Any]:
-    """What a job makes of a look's voxels that are not cut away, brick by brick."""
+    """What a job makes of visible voxels that are not cut away, brick by brick."""
 
     def cut(place: Indices, voxels: Voxels) -> Any:
         if not len(clip):
@@ -149,8 +168,7 @@ def _by_bricks(
         index = kept_index(voxels, clip, radius)
         return finish(place[index], chosen_of(voxels, index))
 
-    transfer = transfer_of(volume, look)
-    return classified_by_bricks(volume, transfer, look.needed_gradient, cut)
+    return classified_by_bricks(volume, by, cut)
 
 
 def _lit(look: Appearance, shown: Sighting, voxels: Voxels, steep: Steep | None) -> Samples:
@@ -185,12 +203,10 @@ def unseen(volume: Volume, appearance: Appearance) -> "Subject":
 
 def _check_windows(volume: Volume, look: Appearance) -> None:
     """Refuse what depends on all visible voxels together."""
-    needs = [name for name in look.extras if name not in {"mesh", "depth-cue"}]
+    needs = [name for name in look.extras if name == "labels"]
     needs += ["mesh"] * bool(look.meshes)
     if look.light is not None and look.light.is_blocked:
         needs.append("shadows or occlusion")
-    if transfer_of(volume, look).needs_gradient:
-        needs.append("a transfer function of gradients")
     if look.classification is not Classification.PRE:
         needs.append("the classification post")
     if needs or not isinstance(volume.values, Bricks):
