@@ -16,6 +16,7 @@ from resample_volume import windows
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
+from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import places_seen
@@ -45,6 +46,8 @@ WALLS = RegionTransfer(
     normalized=True,
 )
 STEPS = RegionTransfer((Region((10, 190), (1, 0.5, 0), 0.5, (15, 90), (0, 5)),))
+RULES = {1: Rule((1, 0, 0)), 2: Rule(opacity=0.0), 3: Rule((0, 1, 1), 2.5)}
+TISSUE = Labels(np.random.default_rng(3).integers(0, 5, (37, 26, 31)).astype(np.uint8), RULES)
 CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
 
 LOOKS = [
@@ -54,6 +57,8 @@ LOOKS = [
     Appearance(WALLS, **CUT),
     Appearance(STEPS, light=None, gradient="sobel"),
     Appearance("60..190", gradient_opacity=(0.2, 0.8)),
+    Appearance("20..190", labels=TISSUE),
+    Appearance(WALLS, labels=TISSUE, **CUT),
 ]
 
 
@@ -84,6 +89,31 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+@pytest.mark.parametrize("side", [(8, 8, 8), (37, 3, 31)])
+@pytest.mark.parametrize("kind", [np.uint8, np.int32])
+def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
+    volume, label = smoke(rng), TISSUE.values.astype(kind)
+    label[8:24, :8] = 1
+    bricks = in_bricks(volume._replace(values=label), side).values
+    whole = whole_of(volume, Appearance("20..190", labels=Labels(label, RULES)))
+    look = Appearance("20..190", labels=Labels(bricks, RULES))
+    for spent in (Spent(850_000), Spent(1 << 30)):
+        found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
+        for name in LAYERS:
+            assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+    whole = Subject.of(in_bricks(volume, (8, 8, 8)), look, around=volume)
+    other = Subject.of(volume, replace(look, labels=Labels(label, RULES)), around=volume)
+    assert whole.facts() == other.facts()
+
+
+def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
+    volume, read = counted(smoke(rng), (8, 8, 8))
+    look = Appearance("60..190", labels=Labels(TISSUE.values[1:], RULES))
+    with pytest.raises(ValueError, match="labels of 31 x 26 x 36 voxels do not fit a volume of"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    assert not read
 
 
 @pytest.mark.parametrize("workers", [None, 2])

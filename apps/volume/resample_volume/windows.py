@@ -1,6 +1,7 @@
 """Pictures of volumes in bricks, window by window: by this process, or by several."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
+from resample_volume.looks.labels import Labels
 from resample_volume.looks.regions import Faded
 from resample_volume.rendering import (
     BY_DEFAULT,
@@ -22,7 +24,7 @@ from resample_volume.rendering import (
     transfer_of,
 )
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.bricks import Bricks, Recent
 from resample_volume.voxels.cropping import Steep, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
@@ -32,6 +34,8 @@ from resample_volume.voxels.framing import ball_around, centered
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, check_gradient, lattice_of
 from resample_volume.voxels.windowed import Finish, Work, known_of, painted_in_windows, surveyed
+
+OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
 
 
 class Spent(NamedTuple):
@@ -116,13 +120,15 @@ def paint_in_windows(
 ) -> tuple[Frame, int]:
     """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
     scene, _ = centered(volume)
+    check_windows(scene, appearance)
     tell = progress or _unheard
     clip, painter = planes(scene, appearance.crop, appearance.clip), resampler or BY_DEFAULT
     by = _classifying(scene, appearance, Looking(spent.executor, spent.threads, tell))
     shown = Sighting(camera, clip, cue_range(camera, ball_around(scene)))
+    beside = spent.memory // OF_LABELS if is_in_store(appearance.labels) else 0
     work = Work(
         scene,
-        partial(_by_bricks, by, clip, painter.reconstruction.radius),
+        partial(_by_bricks, by, clip, painter.reconstruction.radius, beside),
         partial(_lit, appearance, shown),
         painter,
         camera,
@@ -130,6 +136,7 @@ def paint_in_windows(
         clip,
         *spent[:3],
         sifts=by.sifts,
+        beside=beside,
     )
     whole, count = nothing_painted(*size).film, 0
     known = surveyed(work, tell, spent.executor)
@@ -157,10 +164,21 @@ def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classify
     return Classifying(transfer, gradient, steep, look.labels)
 
 
+def is_in_store(labels: Labels | None) -> bool:
+    """Whether labels stay in their file."""
+    return labels is not None and isinstance(labels.values, Bricks)
+
+
 def _by_bricks(
-    by: Classifying, clip: Doubles, radius: float, volume: Volume, finish: Finish
+    by: Classifying, clip: Doubles, radius: float, beside: int, volume: Volume, finish: Finish
 ) -> Iterator[Any]:
-    """What a job makes of visible voxels that are not cut away, brick by brick."""
+    """What a job makes of visible voxels that are not cut away, brick by brick.
+
+    Labels that were read last take so many bytes `beside`.
+    """
+    if by.labels is not None and isinstance(by.labels.values, Bricks):
+        labels: Any = by.labels.values.within(None, Recent(beside))
+        by = by._replace(labels=replace(by.labels, values=labels))
 
     def cut(place: Indices, voxels: Voxels) -> Any:
         if not len(clip):
@@ -195,16 +213,15 @@ def unseen(volume: Volume, appearance: Appearance) -> "Subject":
         It cannot be painted window by window.
     """
     scene, middle = centered(volume)
-    _check_windows(scene, appearance)
+    check_windows(scene, appearance)
     nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
     clip = planes(scene, appearance.crop, appearance.clip)
     return Subject(nothing, appearance, ball_around(scene), middle, clip)
 
 
-def _check_windows(volume: Volume, look: Appearance) -> None:
+def check_windows(volume: Volume, look: Appearance) -> None:
     """Refuse what depends on all visible voxels together."""
-    needs = [name for name in look.extras if name == "labels"]
-    needs += ["mesh"] * bool(look.meshes)
+    needs = ["mesh"] * bool(look.meshes)
     if look.light is not None and look.light.is_blocked:
         needs.append("shadows or occlusion")
     if look.classification is not Classification.PRE:
@@ -212,3 +229,5 @@ def _check_windows(volume: Volume, look: Appearance) -> None:
     if needs or not isinstance(volume.values, Bricks):
         what = ", ".join(needs) or "a volume in memory"
         raise ValueError(f"{what} cannot be painted window by window; leave it out")
+    if look.labels is not None:
+        look.labels.check(volume)

@@ -30,7 +30,7 @@ from resample_volume.command.choices import Added, Beside, Look, Source
 from resample_volume.command.media import filmed, media, series_of, with_meshes
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import scene_of
-from resample_volume.rendering import Medium, Subject
+from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
@@ -38,6 +38,7 @@ from resample_volume.voxels.visible import finite_range
 from resample_volume.windows import Spent, paint_in_windows, unseen
 
 Size = tuple[int, int]  # height and width, px
+ROWS, SLOPES = 64, 1.25  # slopes that tell looks of gradients apart, up to so many times the last
 
 
 class Script(NamedTuple):
@@ -169,15 +170,29 @@ def _shots(
     return made._replace(frame=lambda n: frame_of(scene, cameras[n], paint))
 
 
-def _mark(volume: Volume, look: Any) -> str:
+def _mark(volume: Volume, look: Appearance) -> str:
     """Text that tells a volume in bricks and its look from others."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         raise TypeError("volumes in memory have voxels")
-    known, (low, high) = values.glance, finite_range(values)
+    low, high = finite_range(values)
+    transfer = transfer_of(volume, look)
+    slopes = np.linspace(0, SLOPES * transfer.steepest(1.0), ROWS if transfer.needs_gradient else 1)
     some = np.linspace(low, high, 1 << 12).astype(values.dtype)
-    looks = look.transfer.looks(some, None, (low, high), 0.0)
-    return fingerprint(known.least, known.greatest, known.some, known.rim, *looks)
+    every, of_each = np.tile(some, slopes.size), np.repeat(slopes.astype(np.float32), some.size)
+    looks = transfer.looks(every, of_each, (low, high), 1.0)
+    marks = [_mark_of(values), fingerprint(*looks), look.gradient, repr(look.gradient_opacity)]
+    if look.labels is not None:
+        marks += [_mark_of(look.labels.values), repr(sorted(look.labels.rules.items()))]
+    return " ".join(marks)
+
+
+def _mark_of(values: Values) -> str:
+    """Text that tells values from others."""
+    if not isinstance(values, Bricks):
+        return fingerprint(values)
+    known = values.glance
+    return fingerprint(known.least, known.greatest, known.some, known.rim)
 
 
 def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:

@@ -28,7 +28,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, render_in_windows, unseen
+from resample_volume.windows import Spent, is_in_store, render_in_windows, unseen
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -111,7 +111,7 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if doing.sharing.is_asked:
-        _check_bricks(media[0][0], fit)
+        _check_bricks(*media[0], fit)
         return _in_windows(session, media, resampler, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
@@ -128,13 +128,18 @@ def to_paint(
     return Painting(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume, fit: Fit) -> None:
+def _check_bricks(volume: Volume, look: Appearance, fit: Fit) -> None:
     """Refuse to share out a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         raise ValueError(
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
             "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
+        )
+    if look.labels is not None and not is_in_store(look.labels):
+        raise ValueError(
+            "workers read labels from a store, and these are in memory as a whole; convert them to "
+            "OME-Zarr, or leave workers out"
         )
     if fit != "volume":
         raise ValueError("workers paint windows, for which cameras are placed by --fit volume")

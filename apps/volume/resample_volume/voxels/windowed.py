@@ -9,6 +9,7 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
+from io import BytesIO
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -38,6 +39,7 @@ WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in me
 RECENT = 4  # share of memory, inverted, that takes bricks which were read lately
 STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
 LEAST = 1 << 19  # voxels of a step, at least
+LARGE = 1 << 16  # bytes of an array that is told by where it is
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
@@ -61,6 +63,7 @@ class Work(NamedTuple):
     threads: int | None = None  # that a process takes
     folder: Path | None = None  # windows are written there; None: they are in memory
     sifts: bool = False  # whether voxels that may be seen turn out to be transparent
+    beside: int = 0  # bytes of the memory that something else takes
 
 
 class Surveyed(NamedTuple):
@@ -172,7 +175,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     every = [one for part in found for one in part.steep]
     steep = reduce(Steep.merged, every) if every else None
     if name is not None:
-        bricks.found[name] = LookedAt(steep, index, seen[index])
+        bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.classified)
     bounds = _in_parts(work, lattice, index, seen[index]).bounds
     plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
@@ -195,23 +198,41 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R]) -> R:
     if name is None:
         return find()
     if name not in bricks.found:
-        bricks.found[name] = find()
-    known: R = bricks.found[name]
+        bricks.found[name] = _Found(find(), depends)
+    known: R = bricks.found[name].result
     return known
+
+
+class _Found(NamedTuple):
+    """What was found."""
+
+    result: Any
+    depends: Any  # on what: as long as it is here, no other has its place in memory
+
+
+class _Pickler(pickle.Pickler):
+    """Tells large arrays and bricks by where they are in memory."""
+
+    def persistent_id(self, thing: Any) -> int | None:
+        is_large = isinstance(thing, np.ndarray) and thing.nbytes > LARGE
+        return id(thing) if is_large or isinstance(thing, Bricks) else None
 
 
 def _name_of(volume: Volume, depends: Any) -> bytes | None:
     """What is the same where the same is found of a volume; None: that cannot be said."""
+    name = BytesIO()
     try:
-        return pickle.dumps((depends, volume[1:4]))
+        _Pickler(name).dump((depends, volume[1:4]))
+        return name.getvalue()
     except (pickle.PicklingError, TypeError, AttributeError):
         return None
 
 
-def _known_before(work: Work, lattice: Lattice, looked: LookedAt | None) -> Surveyed | None:
+def _known_before(work: Work, lattice: Lattice, found: _Found | None) -> Surveyed | None:
     """What is known of a picture because all voxels were looked at for another, if that will do."""
-    if looked is None:
+    if found is None:
         return None
+    looked: LookedAt = found.result
     height, width = work.size
     source = _in_parts(work, lattice, looked.number, looked.seen)
     plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
@@ -308,7 +329,7 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
     task = Task(window, number, seen, 0)
-    free = work.memory - _bytes_of_bricks(work, blocks, are_asked)
+    free = work.memory - work.beside - _bytes_of_bricks(work, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     values: Bricks = work.volume.values  # type: ignore[assignment]
