@@ -1,7 +1,7 @@
 """Pictures of volumes in bricks, window by window: by this process, or by several."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,18 +14,23 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.regions import Faded
+from resample_volume.media.lattices import Lattice, first_in
+from resample_volume.media.mixing import Mixed, added
+from resample_volume.media.together import Member, Together, in_grid, mixed_by_bricks
 from resample_volume.rendering import (
     BY_DEFAULT,
     NO_VOXELS,
     Appearance,
     Classification,
+    Medium,
     Subject,
     lit_samples,
+    placement,
     transfer_of,
 )
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Recent
-from resample_volume.voxels.cropping import Steep, faced, kept_index, planes
+from resample_volume.voxels.bricks import Bricks, Recent, Step
+from resample_volume.voxels.cropping import Steeps, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
 from resample_volume.voxels.dense.passes import Looking
@@ -55,11 +60,59 @@ class Spent(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """How a picture sees its volume."""
+    """How a picture sees its volumes."""
 
+    look: Appearance  # of the first, whose light is that of all
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
+
+
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """What of voxels is left."""
+
+    clip: Doubles  # (M, 4) planes
+    radius: float  # of the kernels around voxels, voxels
+
+    def __call__(self, place: Indices, voxels: Voxels) -> tuple[Indices, Voxels]:
+        """Voxels and their places, without those that are wholly cut away."""
+        if not len(self.clip):
+            return place, voxels
+        index = kept_index(voxels, self.clip, self.radius)
+        return place[index], chosen_of(voxels, index)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """Volumes in bricks, whose voxels are seen brick by brick."""
+
+    members: tuple[Member, ...]
+    lattice: Lattice | None  # of several together
+    cut: Cutting
+    beside: int  # bytes that bricks of labels take which were read last
+
+    @property
+    def sifts(self) -> bool:
+        """Whether voxels that may be seen turn out to be transparent."""
+        return any(member.by.sifts for member in self.members)
+
+    def __call__(self, volume: Volume, finish: Finish) -> Iterator[Any]:
+        """What a job makes of visible voxels of a volume of bricks, brick by brick."""
+        members = [self._with_labels(member) for member in self.members]
+        if self.lattice is None:
+            (member,) = members
+            return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
+        together: Any = volume.values
+        return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
+
+    def _with_labels(self, member: Member) -> Member:
+        """Volume whose bricks of labels are kept for a while."""
+        labels = member.by.labels
+        if labels is None or not isinstance(labels.values, Bricks):
+            return member
+        values = labels.values.within(None, Recent(self.beside // len(self.members)))
+        return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 
 def render_in_windows(
@@ -105,8 +158,11 @@ def render_in_windows(
     OSError
         Windows cannot be written or read.
     """
-    camera = unseen(volume, appearance).camera(viewpoint, *size)
-    return paint_in_windows(volume, appearance, camera, size, spent, resampler, progress)
+    media = [(volume, appearance)]
+    subject = unseen_together(media)
+    return paint_unseen(
+        media, subject, subject.camera(viewpoint, *size), size, spent, resampler, progress
+    )
 
 
 def paint_in_windows(
@@ -119,24 +175,53 @@ def paint_in_windows(
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
     """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
-    scene, _ = centered(volume)
-    check_windows(scene, appearance)
-    tell = progress or _unheard
-    clip, painter = planes(scene, appearance.crop, appearance.clip), resampler or BY_DEFAULT
-    by = _classifying(scene, appearance, Looking(spent.executor, spent.threads, tell))
-    shown = Sighting(camera, clip, cue_range(camera, ball_around(scene)))
-    beside = spent.memory // OF_LABELS if is_in_store(appearance.labels) else 0
+    media = [(volume, appearance)]
+    return paint_unseen(media, unseen_together(media), camera, size, spent, resampler, progress)
+
+
+def paint_unseen(
+    media: Sequence[Medium],
+    subject: Subject,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    spent: Spent,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+) -> tuple[Frame, int]:
+    """As `render_in_windows`, of one volume or of several that are seen together.
+
+    Parameters
+    ----------
+    media
+        Volumes in bricks, each with its look.
+    subject
+        What `unseen_together` gives for them.
+    camera
+        One of the subject's.
+    size, spent, resampler, progress
+        As of `render_in_windows`.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `render_in_windows`.
+    """
+    painter, tell = resampler or BY_DEFAULT, progress or _unheard
+    looking = Looking(spent.executor, spent.threads, tell)
+    scene, dense = _dense(media, painter, spent.memory, looking)
+    shown = Sighting(media[0][1], camera, subject.clip, cue_range(camera, subject.sphere))
     work = Work(
         scene,
-        partial(_by_bricks, by, clip, painter.reconstruction.radius, beside),
-        partial(_lit, appearance, shown),
+        dense,
+        partial(_lit, shown),
         painter,
         camera,
         size,
-        clip,
+        subject.clip,
         *spent[:3],
-        sifts=by.sifts,
-        beside=beside,
+        sifts=dense.sifts,
+        beside=dense.beside,
+        volumes=len(media),
     )
     whole, count = nothing_painted(*size).film, 0
     known = surveyed(work, tell, spent.executor)
@@ -148,6 +233,56 @@ def paint_in_windows(
         count += 1
     samples = int(known.blocks.seen.sum())
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+
+
+def _dense(
+    media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
+) -> tuple[Volume, Dense]:
+    """Volumes as they are seen brick by brick, and the scene that they make up."""
+    check_windows(media)
+    light, beside = media[0][1].light, 0
+    if any(is_in_store(look.labels) for _, look in media):
+        beside = memory // OF_LABELS
+    if len(media) == 1:
+        scene, _ = centered(media[0][0])
+        lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].clip)
+        placed: list[Medium] = [(scene, media[0][1])]
+    else:
+        placed, lattice, _, clip = placement(media)
+        scene = _together(placed, lattice)
+    members = []
+    for volume, look in placed:
+        by = _classifying(volume, replace(look, light=light), looking)
+        first = (0, 0, 0) if lattice is None else _first(volume, lattice)
+        members.append(Member(volume, by, first))
+    cut = Cutting(clip, painter.reconstruction.radius)
+    return scene, Dense(tuple(members), lattice, cut, beside)
+
+
+def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
+    """Volumes in bricks as one on the lattice of all, which is made once."""
+    x, y, z = map(int, lattice.size)
+    bricks: list[Any] = [volume.values for volume, _ in placed]
+    firsts = [_first(volume, lattice) for volume, _ in placed]
+
+    def make() -> Together:
+        pairs = zip(bricks, firsts, strict=True)
+        parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
+        return Together(parts, bricks[0].found)
+
+    values: Any = known_of(placed[0][0], ("together", bricks, firsts, lattice), make)
+    return lattice.volume()._replace(values=values)
+
+
+def _first(volume: Volume, lattice: Lattice) -> Step:
+    """Place of the lattice of all that a volume's first voxel is at."""
+    first = first_in(volume, lattice)
+    if first is None:
+        raise ValueError(
+            f"{volume.name} has voxels beside those of the finest volume; several are painted "
+            "window by window where they share a lattice: resample it, or give more memory"
+        )
+    return first
 
 
 def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
@@ -169,34 +304,18 @@ def is_in_store(labels: Labels | None) -> bool:
     return labels is not None and isinstance(labels.values, Bricks)
 
 
-def _by_bricks(
-    by: Classifying, clip: Doubles, radius: float, beside: int, volume: Volume, finish: Finish
-) -> Iterator[Any]:
-    """What a job makes of visible voxels that are not cut away, brick by brick.
-
-    Labels that were read last take so many bytes `beside`.
-    """
-    if by.labels is not None and isinstance(by.labels.values, Bricks):
-        labels: Any = by.labels.values.within(None, Recent(beside))
-        by = by._replace(labels=replace(by.labels, values=labels))
-
-    def cut(place: Indices, voxels: Voxels) -> Any:
-        if not len(clip):
-            return finish(place, voxels)
-        index = kept_index(voxels, clip, radius)
-        return finish(place[index], chosen_of(voxels, index))
-
-    return classified_by_bricks(volume, by, cut)
-
-
-def _lit(look: Appearance, shown: Sighting, voxels: Voxels, steep: Steep | None) -> Samples:
+def _lit(shown: Sighting, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
     """Voxels with their light, of which all together have these gradients."""
-    camera, clip, (near, far) = shown
-    if steep is None:
-        samples = lit_samples(voxels, look.light, camera)
+    look, camera, clip, (near, far) = shown
+    lit = []
+    for part, steep in zip(voxels.parts, steeps, strict=True):
+        across = part if steep is None else faced(part, clip, steep.longest)
+        all_of_them = None if steep is None else steep.components(clip)
+        lit.append(lit_samples(across, look.light, camera, all_of_them))
+    if isinstance(voxels, Mixed):
+        samples = added(voxels, [part.color for part in lit])
     else:
-        across = faced(voxels, clip, steep.longest)
-        samples = lit_samples(across, look.light, camera, steep.components(clip))
+        (samples,) = lit
     return samples if look.cue is None else cued(samples, camera, look.cue, near, far)
 
 
@@ -204,30 +323,43 @@ def _unheard(share: float) -> None:
     """Progress that nobody wants to know."""
 
 
-def unseen(volume: Volume, appearance: Appearance) -> "Subject":
-    """Volume in bricks of which nothing is in memory: where it is, and cameras around it.
+def unseen(volume: Volume, appearance: Appearance) -> Subject:
+    """As `unseen_together`, of a single volume."""
+    return unseen_together([(volume, appearance)])
+
+
+def unseen_together(media: Sequence[Medium]) -> Subject:
+    """Volumes in bricks of which nothing is in memory: where they are, and cameras around them.
 
     Raises
     ------
     ValueError
-        It cannot be painted window by window.
+        They cannot be painted window by window.
     """
-    scene, middle = centered(volume)
-    check_windows(scene, appearance)
-    nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
-    clip = planes(scene, appearance.crop, appearance.clip)
-    return Subject(nothing, appearance, ball_around(scene), middle, clip)
+    check_windows(media)
+    look = media[0][1]
+    if len(media) == 1:
+        scene, middle = centered(media[0][0])
+        clip, steps = planes(scene, look.crop, look.clip), lattice_of(scene)
+    else:
+        placed, lattice, middle, clip = placement(media)
+        scene, steps = lattice.volume(), lattice.steps
+        for volume, _ in placed:
+            _first(volume, lattice)
+    nothing = NO_VOXELS._replace(lattice=steps)
+    return Subject(nothing, look, ball_around(scene), middle, clip)
 
 
-def check_windows(volume: Volume, look: Appearance) -> None:
-    """Refuse what depends on all visible voxels together."""
-    needs = ["mesh"] * bool(look.meshes)
-    if look.light is not None and look.light.is_blocked:
-        needs.append("shadows or occlusion")
-    if look.classification is not Classification.PRE:
-        needs.append("the classification post")
-    if needs or not isinstance(volume.values, Bricks):
-        what = ", ".join(needs) or "a volume in memory"
-        raise ValueError(f"{what} cannot be painted window by window; leave it out")
-    if look.labels is not None:
-        look.labels.check(volume)
+def check_windows(media: Sequence[Medium]) -> None:
+    """Refuse what depends on all visible voxels together, or is not in bricks."""
+    for volume, look in media:
+        needs = ["mesh"] * bool(look.meshes)
+        if look.light is not None and look.light.is_blocked:
+            needs.append("shadows or occlusion")
+        if look.classification is not Classification.PRE:
+            needs.append("the classification post")
+        if needs or not isinstance(volume.values, Bricks):
+            what = ", ".join(needs) or f"{volume.name}, which is in memory as a whole,"
+            raise ValueError(f"{what} cannot be painted window by window; leave it out")
+        if look.labels is not None:
+            look.labels.check(volume)

@@ -35,7 +35,7 @@ from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import finite_range
-from resample_volume.windows import Spent, paint_in_windows, unseen
+from resample_volume.windows import Spent, paint_unseen, unseen_together
 
 Size = tuple[int, int]  # height and width, px
 ROWS, SLOPES = 64, 1.25  # slopes that tell looks of gradients apart, up to so many times the last
@@ -138,7 +138,7 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
             raise ValueError(
                 f"{error}; with --fit volume frames are painted window by window"
             ) from None
-        return ReadScene(shown, unseen(*shown[0]), is_whole=False)
+        return ReadScene(shown, unseen_together(shown), is_whole=False)
 
 
 def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
@@ -153,10 +153,10 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
         from resample_volume.command.animation import frame
 
         return frame(scene.subject, camera, paint)
-    volume, look = scene.shown[0]
-    bricks: Any = volume.values
+    bricks: Any = scene.shown[0][0].values
     spent = Spent(bricks.memory or available_memory() or 0, paint.threads)
-    painted, _ = paint_in_windows(volume, look, camera, paint.size, spent, paint.resampler)
+    by = (camera, paint.size, spent, paint.resampler)
+    painted, _ = paint_unseen(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 
 
@@ -166,7 +166,8 @@ def _shots(
     """Frames of a scene, made here."""
     if scene.is_whole:
         return shots(scene.subject, cameras, paint, about)
-    made = shots(scene.subject, cameras, paint, {**about, "values": _mark(*scene.shown[0])})
+    marks = " and ".join(_mark(*medium) for medium in scene.shown)
+    made = shots(scene.subject, cameras, paint, {**about, "values": marks})
     return made._replace(frame=lambda n: frame_of(scene, cameras[n], paint))
 
 

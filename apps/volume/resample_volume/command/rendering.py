@@ -28,7 +28,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, is_in_store, render_in_windows, unseen
+from resample_volume.windows import Spent, is_in_store, paint_unseen, unseen_together
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -101,7 +101,7 @@ def to_paint(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """Volumes ready to be painted; window by window a single one in bricks, if that is too dense.
+    """Volumes ready to be painted; window by window those in bricks, if these are too dense.
 
     So it is where workers are asked for, too.
 
@@ -111,7 +111,8 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if doing.sharing.is_asked:
-        _check_bricks(*media[0], fit)
+        for medium in media:
+            _check_bricks(*medium, fit)
         return _in_windows(session, media, resampler, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
@@ -153,11 +154,8 @@ def _in_windows(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """A volume in bricks, of which one window's voxels are in memory at a time."""
-    (volume, look), *others = media
-    subject = unseen(volume, look)
-    if others:
-        raise ValueError("several volumes cannot be painted window by window; leave the others out")
+    """Volumes in bricks, of which one window's voxels are in memory at a time."""
+    subject = unseen_together(media)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
@@ -165,11 +163,9 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, volume) as spent,
+            shared(doing, media[0][0]) as spent,
         ):
-            frame, count = render_in_windows(
-                volume, look, viewpoint, size, spent, resampler, progress
-            )
+            frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
             say(f"not all that is seen fits in memory: painted in {count} windows")
         else:

@@ -53,6 +53,11 @@ class Voxels(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     reached: Floats = ALL_REACHED  # (N, 2) shares of light that gets there; see `reaching`
 
+    @property
+    def parts(self) -> tuple["Voxels", ...]:
+        """Those of each volume, of which there is one; as of `Mixed`."""
+        return (self,)
+
 
 def classify(
     volume: Volume,

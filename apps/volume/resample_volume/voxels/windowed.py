@@ -28,11 +28,11 @@ from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
 from resample_volume.voxels.bricks import Bricks, Recent
-from resample_volume.voxels.cropping import Steep
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.dense.passes import Looking, between, passed
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
-from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, Voxels, lattice_of
+from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
 LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
 WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
@@ -44,15 +44,15 @@ BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
-Finish = Callable[[Indices, Voxels], Any]
+Finish = Callable[[Indices, Any], Any]  # of places, and `Voxels` there or `Mixed` ones
 Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
-Lit = Callable[[Voxels, Steep | None], Samples]  # of voxels, and of extreme gradients of all
+Lit = Callable[[Any, Steeps], Samples]  # of voxels, and of extreme gradients of all
 
 
 class Work(NamedTuple):
     """How a volume in bricks is painted; for other processes all of it has to pickle."""
 
-    volume: Volume  # around the scene's origin
+    volume: Volume  # around the scene's origin; in `Bricks`, or several `Together`
     classified: Classified
     lit: Lit
     resampler: Resampler
@@ -64,20 +64,21 @@ class Work(NamedTuple):
     folder: Path | None = None  # windows are written there; None: they are in memory
     sifts: bool = False  # whether voxels that may be seen turn out to be transparent
     beside: int = 0  # bytes of the memory that something else takes
+    volumes: int = 1  # that are seen together
 
 
 class Surveyed(NamedTuple):
     """What is known of a picture after each visible voxel was looked at once."""
 
     plan: PicturePlan
-    steep: Steep | None  # if voxels have gradients
+    steep: Steeps  # of voxels that have gradients
     blocks: Blocks
 
 
 class LookedAt(NamedTuple):
     """What any picture of the same look depends on."""
 
-    steep: Steep | None
+    steep: Steeps
     number: Indices  # (N,) blocks with visible voxels, by flat indices
     seen: Indices  # (N,) how many these are
 
@@ -86,7 +87,7 @@ class FoundInLayers(NamedTuple):
     """What was found in some layers of blocks."""
 
     plans: list[PicturePlan]
-    steep: list[Steep]  # of bricks whose voxels have gradients
+    steep: list[Steeps]  # of bricks
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
     spaced: PicturePlan | None  # that knows how fine the tiles are which show them
 
@@ -172,8 +173,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     for index, count in (counted for part in found for counted in part.seen):
         seen[index] += count
     index = np.flatnonzero(seen)
-    every = [one for part in found for one in part.steep]
-    steep = reduce(Steep.merged, every) if every else None
+    steep = reduce(merged_steeps, [one for part in found for one in part.steep])
     if name is not None:
         bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.classified)
     bounds = _in_parts(work, lattice, index, seen[index]).bounds
@@ -269,15 +269,14 @@ def _look(
     values: Any = bricks
     found = FoundInLayers([], [], [], None)
 
-    def counted(place: Indices, voxels: Voxels) -> tuple[tuple[Indices, Indices], Voxels]:
+    def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
 
     height, width = work.size
     for seen, voxels in work.classified(work.volume._replace(values=values), counted):
         if not len(voxels.position):
             continue
-        if len(voxels.gradient):
-            found.steep.append(Steep.of(voxels, work.clip))
+        found.steep.append(steeps_of(voxels.parts, work.clip))
         samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
         plan = work.resampler.plan(samples, work.camera, height=height, width=width, clip=work.clip)
         if plan.seen:
@@ -364,7 +363,7 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
     if work.sifts:
         most = min(int(np.bincount(within).max()) * lattice.side**3, prod(bricks.side))
         each = max(each, most * BYTES_PER_CANDIDATE)
-    return (held + threads) * bricks.bytes_each + (threads + 1) * each
+    return (held + threads) * bricks.bytes_each + (threads + 1) * work.volumes * each
 
 
 def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
@@ -429,7 +428,7 @@ def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples
     values: Any = bricks
     volume = work.volume._replace(values=values)
 
-    def lit(_: Indices, voxels: Voxels) -> Samples:
+    def lit(_: Indices, voxels: Any) -> Samples:
         return work.lit(voxels, known.steep)
 
     lattice = np.eye(3)

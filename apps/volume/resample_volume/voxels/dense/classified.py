@@ -90,7 +90,7 @@ def classified_by_bricks(
     data_range = range_for(by.transfer, volume)
 
     def job(found: Candidates, box: Box) -> R:
-        return finish(*_classified(volume, by, data_range, found, box))
+        return finish(*classified(volume, by, data_range, found, box))
 
     return candidates_by_bricks(volume, by.transfer, by.gradient, job)
 
@@ -100,7 +100,7 @@ def range_for(transfer: Transfer, volume: Volume) -> DataRange:
     return finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
 
 
-def _classified(
+def classified(
     volume: Volume, by: Classifying, data_range: DataRange, found: Candidates, box: Box
 ) -> tuple[Indices, Voxels]:
     """Flat indices (N,) of a brick's visible voxels, and these, as `classify` makes them."""
