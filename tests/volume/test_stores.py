@@ -577,7 +577,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert int(found[1]) > 1
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     assert json.loads(Path("b.json").read_text())["seconds"]["paint"] > 0
-    cuts = [*common, "--crop", "2:,:,9:300", "--clip", "1/1/0", "--depth-cue", ".7"]
+    cuts = [*common[:-2], "--crop", "2:,:,9:300", "--clip", "1/1/0", "--depth-cue", ".7"]
     assert ended(app, "render", "a.npy", *cuts, "-o", "a.exr") == 0
     assert ended(app, "render", "b.zarr", *cuts, *few, "-o", "b.exr") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
@@ -593,7 +593,6 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert capsys.readouterr().err.count("not all that is seen fits in memory") == 2
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     for choices, complaint in (
-        ([*common[:-2]], "with --fit volume it is painted window by window"),
         (
             [*common, "--ambient-occlusion"],
             "occlusion cannot be painted window by window; leave",
@@ -612,7 +611,7 @@ def frames(folder):
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
-    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume", "--frames", "2"]
+    common = ["--size", "48", "--transfer", "150..190", "--crop", ":,20:,:", "--frames", "2"]
     few = ["--memory", "20MB"]
     assert ended(app, "animate", "a.npy", *common, "-o", "a") == 0
     assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b") == 0
@@ -654,7 +653,6 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     words = ["--size", "16", "-o", "a.png", "--workers", "2"]
     for name, more, message in (
         ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
-        ("a.zarr", [], "workers paint windows, for which cameras are placed by --fit volume"),
         ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
         (
             "a.zarr",

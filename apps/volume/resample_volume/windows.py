@@ -6,8 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
+from resample.memory import available_memory
 from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
@@ -22,6 +25,7 @@ from resample_volume.rendering import (
     NO_VOXELS,
     Appearance,
     Classification,
+    Fit,
     Medium,
     Subject,
     lit_samples,
@@ -32,13 +36,21 @@ from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Recent, Step
 from resample_volume.voxels.cropping import Steeps, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
+from resample_volume.voxels.dense.ball import ball_of
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
+from resample_volume.voxels.dense.looked import Finish, ToSee, outlined
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
-from resample_volume.voxels.framing import ball_around, centered
+from resample_volume.voxels.framing import ball_around, centered, sphere_around
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, check_gradient, lattice_of
-from resample_volume.voxels.windowed import Finish, Work, known_of, painted_in_windows, surveyed
+from resample_volume.voxels.windowed import (
+    Work,
+    keep_looked_at,
+    known_of,
+    painted_in_windows,
+    surveyed,
+)
 
 OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
 
@@ -91,6 +103,11 @@ class Dense:
     lattice: Lattice | None  # of several together
     cut: Cutting
     beside: int  # bytes that bricks of labels take which were read last
+
+    @property
+    def kind(self) -> "Dense":
+        """What is the same where the same is seen."""
+        return replace(self, beside=0)
 
     @property
     def sifts(self) -> bool:
@@ -222,6 +239,7 @@ def paint_unseen(
         sifts=dense.sifts,
         beside=dense.beside,
         volumes=len(media),
+        depends=dense.kind,
     )
     whole, count = nothing_painted(*size).film, 0
     known = surveyed(work, tell, spent.executor)
@@ -328,8 +346,24 @@ def unseen(volume: Volume, appearance: Appearance) -> Subject:
     return unseen_together([(volume, appearance)])
 
 
-def unseen_together(media: Sequence[Medium]) -> Subject:
+def unseen_together(
+    media: Sequence[Medium],
+    fit: Fit = "volume",
+    resampler: Resampler | None = None,
+    spent: Spent | None = None,
+    progress: Progress | None = None,
+) -> Subject:
     """Volumes in bricks of which nothing is in memory: where they are, and cameras around them.
+
+    Parameters
+    ----------
+    media
+        Volumes, each with its look.
+    fit
+        Cameras are placed around all of the volumes, or around what is visible, for which all
+        voxels are looked at.
+    resampler, spent, progress
+        As of `render_in_windows`: who looks at them, and how much memory that may take.
 
     Raises
     ------
@@ -337,17 +371,29 @@ def unseen_together(media: Sequence[Medium]) -> Subject:
         They cannot be painted window by window.
     """
     check_windows(media)
-    look = media[0][1]
+    look, painter = media[0][1], resampler or BY_DEFAULT
     if len(media) == 1:
-        scene, middle = centered(media[0][0])
-        clip, steps = planes(scene, look.crop, look.clip), lattice_of(scene)
+        whole, middle = centered(media[0][0])
+        clip, steps = planes(whole, look.crop, look.clip), lattice_of(whole)
     else:
         placed, lattice, middle, clip = placement(media)
-        scene, steps = lattice.volume(), lattice.steps
+        whole, steps = lattice.volume(), lattice.steps
         for volume, _ in placed:
             _first(volume, lattice)
     nothing = NO_VOXELS._replace(lattice=steps)
-    return Subject(nothing, look, ball_around(scene), middle, clip)
+    if fit == "volume":
+        return Subject(nothing, look, ball_around(whole), middle, clip)
+    allowed = Spent(available_memory() or 0) if spent is None else spent
+    looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
+    scene, dense = _dense(media, painter, allowed.memory, looking)
+    seen = ToSee(scene, dense, clip)
+    outline = known_of(scene, ("outline", dense.kind), lambda: outlined(seen, looking))
+    if not outline.total:
+        return Subject(nothing, look, sphere_around(nothing, whole), middle, clip)
+    keep_looked_at(scene, dense.kind, outline.looked)
+    voxel = float(np.linalg.norm(steps, axis=0).max())
+    ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
+    return Subject(nothing, look, ball, middle, clip)
 
 
 def check_windows(media: Sequence[Medium]) -> None:

@@ -29,13 +29,13 @@ from resample_volume.command.animation import (
 from resample_volume.command.choices import Added, Beside, Look, Source
 from resample_volume.command.media import filmed, media, series_of, with_meshes
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import scene_of
+from resample_volume.command.rendering import scene_of, spent_here
 from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import finite_range
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import paint_unseen, unseen_together
 
 Size = tuple[int, int]  # height and width, px
 ROWS, SLOPES = 64, 1.25  # slopes that tell looks of gradients apart, up to so many times the last
@@ -133,12 +133,9 @@ def scene_for(script: Script, size: Size, recording: Recording | None = None) ->
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
         )
-    except TooManyVoxelsError as error:
-        if look.fit != "volume":
-            raise ValueError(
-                f"{error}; with --fit volume frames are painted window by window"
-            ) from None
-        return ReadScene(shown, unseen_together(shown), is_whole=False)
+    except TooManyVoxelsError:
+        subject = unseen_together(shown, look.fit, resampler, spent_here(shown, None))
+        return ReadScene(shown, subject, is_whole=False)
 
 
 def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
@@ -153,9 +150,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
         from resample_volume.command.animation import frame
 
         return frame(scene.subject, camera, paint)
-    bricks: Any = scene.shown[0][0].values
-    spent = Spent(bricks.memory or available_memory() or 0, paint.threads)
-    by = (camera, paint.size, spent, paint.resampler)
+    by = (camera, paint.size, spent_here(scene.shown, paint.threads), paint.resampler)
     painted, _ = paint_unseen(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 

@@ -112,14 +112,12 @@ def to_paint(
     """
     if doing.sharing.is_asked:
         for medium in media:
-            _check_bricks(*medium, fit)
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+            _check_bricks(*medium)
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
-    except TooManyVoxelsError as error:
-        if fit != "volume":
-            raise ValueError(f"{error}; with --fit volume it is painted window by window") from None
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+    except TooManyVoxelsError:
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
@@ -129,7 +127,7 @@ def to_paint(
     return Painting(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume, look: Appearance, fit: Fit) -> None:
+def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Refuse to share out a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
@@ -142,20 +140,21 @@ def _check_bricks(volume: Volume, look: Appearance, fit: Fit) -> None:
             "workers read labels from a store, and these are in memory as a whole; convert them to "
             "OME-Zarr, or leave workers out"
         )
-    if fit != "volume":
-        raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
 
 
 def _in_windows(
     session: Session,
     media: Sequence[Medium],
     resampler: Resampler,
+    fit: Fit,
     viewpoint: Viewpoint,
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
     """Volumes in bricks, of which one window's voxels are in memory at a time."""
-    subject = unseen_together(media)
+    spent = spent_here(media, doing.threads)
+    with session.stage("classify", bar="looking at voxels") as progress:
+        subject = unseen_together(media, fit, resampler, spent, progress)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
@@ -173,6 +172,12 @@ def _in_windows(
         return frame
 
     return Painting(subject, camera, paint)
+
+
+def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
+    """What windows of volumes in bricks may take where this process paints them."""
+    bricks: Any = media[0][0].values
+    return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
 
 
 @contextmanager

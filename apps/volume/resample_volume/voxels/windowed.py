@@ -29,6 +29,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
 from resample_volume.voxels.bricks import Bricks, Recent
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.dense.looked import Classified, LookedAt
 from resample_volume.voxels.dense.passes import Looking, between, passed
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
@@ -44,8 +45,6 @@ BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
-Finish = Callable[[Indices, Any], Any]  # of places, and `Voxels` there or `Mixed` ones
-Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
 Lit = Callable[[Any, Steeps], Samples]  # of voxels, and of extreme gradients of all
 
 
@@ -65,6 +64,12 @@ class Work(NamedTuple):
     sifts: bool = False  # whether voxels that may be seen turn out to be transparent
     beside: int = 0  # bytes of the memory that something else takes
     volumes: int = 1  # that are seen together
+    depends: Any = None  # what is the same where the same is seen; None: what classifies voxels
+
+    @property
+    def kind(self) -> Any:
+        """What is the same where the same is seen."""
+        return self.depends or self.classified
 
 
 class Surveyed(NamedTuple):
@@ -73,14 +78,6 @@ class Surveyed(NamedTuple):
     plan: PicturePlan
     steep: Steeps  # of voxels that have gradients
     blocks: Blocks
-
-
-class LookedAt(NamedTuple):
-    """What any picture of the same look depends on."""
-
-    steep: Steeps
-    number: Indices  # (N,) blocks with visible voxels, by flat indices
-    seen: Indices  # (N,) how many these are
 
 
 class FoundInLayers(NamedTuple):
@@ -159,7 +156,10 @@ def painted_in_windows(
 def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """What a picture depends on, found a brick at a time; None if nothing is seen."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    lattice, name = lattice_for(bricks.shape), _name_of(work.volume, work.classified)
+    lattice, name = (
+        lattice_for(bricks.shape),
+        _name_of(work.volume, work.kind),
+    )
     before = _known_before(work, lattice, bricks.found.get(name))
     if before is not None:
         return before
@@ -175,7 +175,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     index = np.flatnonzero(seen)
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
     if name is not None:
-        bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.classified)
+        bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.kind)
     bounds = _in_parts(work, lattice, index, seen[index]).bounds
     plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
@@ -201,6 +201,14 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R]) -> R:
         bricks.found[name] = _Found(find(), depends)
     known: R = bricks.found[name].result
     return known
+
+
+def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
+    """Let pictures of a look do with what is known already; arguments as of `known_of`."""
+    bricks: Any = volume.values
+    name = _name_of(volume, depends)
+    if name is not None:
+        bricks.found[name] = _Found(looked, depends)
 
 
 class _Found(NamedTuple):
