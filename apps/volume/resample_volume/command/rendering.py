@@ -28,7 +28,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, render_in_windows, unseen
+from resample_volume.windows import Spent, is_in_store, paint_unseen, unseen_together
 
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
@@ -101,7 +101,7 @@ def to_paint(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """Volumes ready to be painted; window by window a single one in bricks, if that is too dense.
+    """Volumes ready to be painted; window by window those in bricks, if these are too dense.
 
     So it is where workers are asked for, too.
 
@@ -111,14 +111,13 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if doing.sharing.is_asked:
-        _check_bricks(media[0][0], fit)
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+        for medium in media:
+            _check_bricks(*medium)
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
-    except TooManyVoxelsError as error:
-        if fit != "volume":
-            raise ValueError(f"{error}; with --fit volume it is painted window by window") from None
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+    except TooManyVoxelsError:
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
@@ -128,7 +127,7 @@ def to_paint(
     return Painting(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume, fit: Fit) -> None:
+def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Refuse to share out a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
@@ -136,23 +135,26 @@ def _check_bricks(volume: Volume, fit: Fit) -> None:
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
             "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
         )
-    if fit != "volume":
-        raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
+    if look.labels is not None and not is_in_store(look.labels):
+        raise ValueError(
+            "workers read labels from a store, and these are in memory as a whole; convert them to "
+            "OME-Zarr, or leave workers out"
+        )
 
 
 def _in_windows(
     session: Session,
     media: Sequence[Medium],
     resampler: Resampler,
+    fit: Fit,
     viewpoint: Viewpoint,
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """A volume in bricks, of which one window's voxels are in memory at a time."""
-    (volume, look), *others = media
-    subject = unseen(volume, look)
-    if others:
-        raise ValueError("several volumes cannot be painted window by window; leave the others out")
+    """Volumes in bricks, of which one window's voxels are in memory at a time."""
+    spent = spent_here(media, doing.threads)
+    with session.stage("classify", bar="looking at voxels") as progress:
+        subject = unseen_together(media, fit, resampler, spent, progress)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
@@ -160,11 +162,9 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, volume) as spent,
+            shared(doing, media[0][0]) as spent,
         ):
-            frame, count = render_in_windows(
-                volume, look, viewpoint, size, spent, resampler, progress
-            )
+            frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
             say(f"not all that is seen fits in memory: painted in {count} windows")
         else:
@@ -172,6 +172,12 @@ def _in_windows(
         return frame
 
     return Painting(subject, camera, paint)
+
+
+def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
+    """What windows of volumes in bricks may take where this process paints them."""
+    bricks: Any = media[0][0].values
+    return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
 
 
 @contextmanager
