@@ -1,15 +1,16 @@
 """Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.addresses import Place
 from resample.files.stores.opening import reading
 from resample_volume.files.headers import WIDENED
 from resample_volume.files.stores.kept import Kept
+from resample_volume.files.stores.states import Portion
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels that are read together; None: as chunks lie
-    store: Path | None = None  # folder or zip file, where findings are to be kept
+    store: Place | None = None  # folder, zip file or address, of which findings are to be kept
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -108,7 +109,8 @@ class Chunked:
         """Volume of one time and channel."""
         shape = (self._along("z"), self._along("y"), self._along("x"))
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
-        keeper = None if self.store is None else Kept(self.store, self.array.path, boxes.at)
+        part = Portion(self.array, self.axes, boxes.at)
+        keeper = None if self.store is None else Kept(self.store, part)
         side = self.brick or self._side(shape)
         return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 
