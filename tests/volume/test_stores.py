@@ -638,7 +638,11 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     np.save("a.npy", values)
     words = ["--size", "16", "-o", "a.png", "--workers", "2"]
     for name, more, message in (
-        ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
+        (
+            "a.npy",
+            ["--fit", "volume"],
+            "workers paint windows of a volume in chunks, and a is in memory",
+        ),
         ("a.zarr", [], "workers paint windows, for which cameras are placed by --fit volume"),
         ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
         (

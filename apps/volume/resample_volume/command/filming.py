@@ -11,7 +11,7 @@ from resample.cameras.models import AnyCamera
 from resample.command.console import say
 from resample.command.session import Session
 from resample.command.settings import Resampling
-from resample.command.workers import Crew
+from resample.command.workers import Crew, Hire
 from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
 from resample.watching import Executor
@@ -76,6 +76,7 @@ def film_of(
     flight: Flight | Tour,
     paint: Paint,
     about: Mapping[str, Any],
+    hire: Hire | None = None,
 ) -> ReadyFilm:
     """A film, of which the scene is read and looked at.
 
@@ -91,6 +92,8 @@ def film_of(
         How frames are made.
     about
         Names of the above, see `animation.shots`.
+    hire
+        Starts workers to look at a store, if that was not done before.
 
     Raises
     ------
@@ -100,7 +103,7 @@ def film_of(
     given = script.beside.annotations(paint.background)
     series = None if recording is None else series_of(script.source, recording)
     if series is None:
-        scene = scene_for(script, paint.size, recording)
+        scene = scene_for(script, paint.size, recording, hire)
         if not scene.is_whole:
             say("not all that is seen fits in memory: frames are painted window by window")
         paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
@@ -122,11 +125,14 @@ def film_of(
     )
 
 
-def scene_for(script: Script, size: Size, recording: Recording | None = None) -> ReadScene:
+def scene_for(
+    script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
+) -> ReadScene:
     """What a script shows in frames (height, width); errors as of `film_of`."""
     look, resampler = script.look, script.look.renderer(script.resampling)
     meshes = script.beside.with_meshes(look, resampler)
-    given = media(script.source, script.volume, look, script.added, resampler, recording=recording)
+    words = (script.source, script.volume, look, script.added, resampler)
+    given = media(*words, recording=recording, hire=hire)
     shown = with_meshes(given, meshes)
     try:
         return ReadScene(

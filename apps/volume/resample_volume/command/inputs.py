@@ -1,6 +1,7 @@
 """Volumes as the command line's files and words give them."""
 
 from dataclasses import replace
+from functools import partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from resample import registry
 from resample.command.console import progress_bar, say
+from resample.command.workers import Hire
 from resample.memory import allow, amount, available_memory, bytes_of
 from resample.memory.mapped import is_in_file
 from resample.watching import told
@@ -21,15 +23,19 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
+from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
+from resample_volume.voxels.glances.looking import Helpers
 
 
-def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
+def opened(
+    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+) -> Volume:
     """Volume of that name, a file, a folder or what is generated.
 
     Parameters
@@ -40,6 +46,8 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
         What it is.
     streamed
         Values stay in their file, as bricks, where it has chunks.
+    hire
+        Starts workers to look at these, if that was not done before.
 
     Raises
     ------
@@ -52,7 +60,7 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(volume_at(held, source.time, source.channel), allowed)
+        volume = with_memory(volume_at(held, source.time, source.channel), allowed, hire)
         volume = volume if streamed else _as_array(volume)
     elif source.time is None and source.channel is None:
         volume = open_volume(place, reader)
@@ -78,13 +86,24 @@ def allowed_memory(source: Source) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None) -> Volume:
-    """Volume in chunks that may take so many bytes, or half of what is free."""
+def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -> Volume:
+    """Volume in chunks that may take so many bytes, or half of what is free.
+
+    Who can be hired looks at a large one, if that was not done before.
+    """
     values: Values = volume.values
     if isinstance(values, Bricks):
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
+        if hire is not None and values.size >= kept.LEAST:
+            values.helpers = partial(_helpers, hire)
     return volume
+
+
+def _helpers(hire: Hire) -> Helpers | None:
+    """Workers, to look at a volume in chunks; None if nobody asks for them."""
+    crew = hire()
+    return None if crew is None else Helpers(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:
@@ -158,12 +177,14 @@ def _changes(source: Source) -> dict[str, Any]:
     return changes
 
 
-def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
+def prepared(
+    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+) -> Volume:
     """Volume of that name without its padding; what was found in it is said.
 
     Parameters
     ----------
-    source, name, streamed
+    source, name, streamed, hire
         As of `opened`.
 
     Raises
@@ -171,7 +192,7 @@ def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(announced(opened(source, name, streamed=streamed)))
+    return said(announced(opened(source, name, streamed=streamed, hire=hire)))
 
 
 def said(volume: Volume) -> Volume:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from resample.command.console import progress_bar, say
+from resample.command.workers import Hire
 from resample.resampler import Projection, Resampler
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
@@ -58,8 +59,11 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
+    hire: Hire | None = None,
 ) -> list[Medium]:
     """Volumes of a scene with their looks; what is read already is not read again.
+
+    Workers are hired to look at a store of which nothing is known yet.
 
     Raises
     ------
@@ -69,7 +73,8 @@ def media(
     further = others(added.also)
     if added.channels is None:
         if recording is None:
-            volume = prepared(source, name, streamed=can_stream(look, added, resampler))
+            is_streamed = can_stream(look, added, resampler)
+            volume = prepared(source, name, streamed=is_streamed, hire=hire)
         else:
             volume = said(volume_at(recording, None, source.channel))
         first = [(volume, look.appearance(volume, resampler))]

@@ -11,7 +11,7 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Sharing
-from resample.command.workers import at_work, check_sharing
+from resample.command.workers import Hire, hiring
 from resample.files.writing import beside
 from resample.memory import available_memory
 from resample.resampler import Resampler
@@ -81,15 +81,27 @@ class Painting(NamedTuple):
 class Doing(NamedTuple):
     """Who paints a picture."""
 
-    threads: int | None = None
-    sharing: Sharing = Sharing()
-    output: Path | None = None  # beside which several processes may keep windows
+    threads: int | None
+    sharing: Sharing
+    hire: Hire
+    output: Path  # beside which several processes may keep windows
 
 
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Doing:
-    """Who paints a picture; errors as of `check_sharing`."""
-    check_sharing(sharing)
-    return Doing(threads, sharing, output)
+@contextmanager
+def doing_by(
+    threads: int | None, sharing: Sharing, output: Path, fit: Fit = "volume"
+) -> Iterator[Doing]:
+    """Who paints a picture, until the end of the block.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `hiring`; or cameras are placed where windows do not serve.
+    """
+    with hiring(sharing, threads) as hire:
+        if sharing.is_asked and fit != "volume":
+            raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
+        yield Doing(threads, sharing, hire, output)
 
 
 def to_paint(
@@ -111,7 +123,7 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if doing.sharing.is_asked:
-        _check_bricks(media[0][0], fit)
+        _check_bricks(media[0][0])
         return _in_windows(session, media, resampler, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
@@ -128,7 +140,7 @@ def to_paint(
     return Painting(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume, fit: Fit) -> None:
+def _check_bricks(volume: Volume) -> None:
     """Refuse to share out a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
@@ -136,8 +148,6 @@ def _check_bricks(volume: Volume, fit: Fit) -> None:
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
             "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
         )
-    if fit != "volume":
-        raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
 
 
 def _in_windows(
@@ -179,14 +189,14 @@ def shared(doing: Doing, volume: Volume) -> Iterator[Spent]:
     """What windows of a volume in bricks may take, and who paints them, while they do."""
     bricks: Any = volume.values
     allowed = bricks.memory or available_memory() or 0
-    with at_work(doing.sharing, doing.threads) as crew:
-        if crew is None or doing.output is None:
-            yield Spent(allowed, doing.threads)
-            return
-        each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
-        with beside(Path(os.path.realpath(doing.output))) as folder:
-            folder.mkdir()
-            yield Spent(each, crew.threads, folder, crew.executor)
+    crew = doing.hire()
+    if crew is None:
+        yield Spent(allowed, doing.threads)
+        return
+    each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
+    with beside(Path(os.path.realpath(doing.output))) as folder:
+        folder.mkdir()
+        yield Spent(each, crew.threads, folder, crew.executor)
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:

@@ -12,15 +12,8 @@ from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
 from resample_volume.looks.thresholds import Counts, Levels
 from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import (
-    Bricks,
-    Values,
-    are_few,
-    count_codes,
-    parts,
-    sampled,
-    step_of,
-)
+from resample_volume.voxels.bricks import Bricks, Values, parts, sampled
+from resample_volume.voxels.glances.looking import are_few, count_codes, step_of
 from resample_volume.voxels.parts import slabs
 
 STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays

@@ -25,8 +25,8 @@ from resample_volume.keeping import found_once
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import are_few
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
+from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
