@@ -28,6 +28,7 @@ from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
+from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.glances.looking import Helpers
@@ -122,11 +123,29 @@ def levels(source: Source, name: str) -> list[dict[str, Any]]:
 
 
 def over_time(source: Source, name: str) -> Recording | None:
-    """All times and channels of that name; None of a single volume in chunks."""
+    """All times and channels of that name; None of a single volume in chunks.
+
+    Those of a store stay in their file, unless channels are colors, which are read as a whole.
+    """
     found = open_streamed(*_named(source, name))
-    if found is not None and found.values.shape[:2] == (1, 1):
+    if found is None or (found.is_color and source.channel is None):
+        return held(source, name)
+    if found.values.shape[:2] == (1, 1):
         return None
-    return held(source, name)
+    return found._replace(**_changes(source))
+
+
+def read_as_whole(recording: Recording, source: Source) -> Recording:
+    """Times of a store as an array: in memory or, where that does not hold them, in a file.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `opened`.
+    """
+    shape = recording.values.shape
+    every = _as_array(with_memory(whole(recording), allowed_memory(source)))
+    return recording._replace(values=every.values.reshape(shape))
 
 
 def held(source: Source, name: str) -> Recording:

@@ -110,6 +110,7 @@ class Bricks:
     keeper: "Keeper | None" = None  # of what is known of all values
     recent: Recent | None = None  # that need not be read again
     helpers: Callable[[], Helpers | None] | None = None  # who look at all values, too
+    period: int | None = None  # voxels along z after which bricks begin anew; None: never
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -120,16 +121,30 @@ class Bricks:
     @property
     def count(self) -> Step:
         """Bricks along z, y and x."""
-        z, y, x = (-(-size // side) for size, side in zip(self.shape, self.side, strict=True))
-        return z, y, x
+        deep, down, across = self.shape
+        each = self.period or deep
+        z, y, x = (
+            -(-size // side) for size, side in zip((each, down, across), self.side, strict=True)
+        )
+        return z * (deep // each), y, x
 
     def box(self, index: Step) -> Box:
         """Voxels of a brick."""
+        each = self.period or self.shape[0]
+        period, n = divmod(index[0], -(-each // self.side[0]))
+        sizes, first = (each, *self.shape[1:]), period * each
         z, y, x = (
             slice(n * side, min((n + 1) * side, size))
-            for n, side, size in zip(index, self.side, self.shape, strict=True)
+            for n, side, size in zip((n, *index[1:]), self.side, sizes, strict=True)
         )
-        return z, y, x
+        return slice(first + z.start, first + z.stop), y, x
+
+    def one_of(self, values: "Bricks", number: int) -> "Bricks":
+        """Values of one period, that are read by themselves, with what is known of them here."""
+        layers = values.count[0]
+        own = slice(number * layers, (number + 1) * layers)
+        values.__dict__["ends"] = tuple(end[own] for end in self.ends)
+        return values
 
     def all(self) -> list[Step]:
         """Indices of all bricks, z slowest."""
@@ -222,9 +237,7 @@ class Bricks:
 
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
         """The same without values that stand for none, nor infinite ones."""
-        replaced = (np.array(padding), by)
-        own = (self.read, self.shape, self.dtype, self.side, replaced)
-        return Bricks(*own, memory=self.memory, keeper=self.keeper, helpers=self.helpers)
+        return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
     @cached_property
     def ends(self) -> tuple[Doubles, Doubles]:
@@ -242,6 +255,13 @@ class Bricks:
         found = looked_at(self, self._helped())
         keeper.keep(self, found, state)
         return found
+
+    def is_kept(self) -> bool:
+        """Whether all values need not be looked at, as what is known of them is kept."""
+        kept = None if self.keeper is None else self.keeper.load(self)
+        if kept is not None:
+            self.__dict__["glance"] = kept
+        return kept is not None
 
     def _helped(self) -> Helpers | None:
         return None if self.helpers is None else self.helpers()
