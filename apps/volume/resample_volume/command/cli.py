@@ -102,10 +102,10 @@ def render(
     beside.check(output, resampler, size[0])
     meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
-    check_targets(output, stats)
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
     with doing_by(picture.threads, sharing, output, look.fit) as doing:
+        check_targets(output, stats)
         with session.stage("read"):
             shown = media(source, volume, look, added, resampler, hire=doing.hire)
             shown = with_meshes(shown, meshes)

@@ -1,8 +1,11 @@
 """A volume made ready once and painted as often as is asked for."""
 
 import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +15,8 @@ from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import Hire, hiring
-from resample.files.writing import beside
+from resample.files.tiles import NAME
+from resample.files.writing import beside, inheriting
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
@@ -30,6 +34,7 @@ from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, render_in_windows, unseen
 
+MARK = "picture"  # file in a folder of windows, whose text says what they are of
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
 
@@ -85,6 +90,7 @@ class Doing(NamedTuple):
     sharing: Sharing
     hire: Hire
     output: Path  # beside which several processes may keep windows
+    left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
@@ -99,9 +105,13 @@ def doing_by(
         As of `hiring`; or cameras are placed where windows do not serve.
     """
     with hiring(sharing, threads) as hire:
-        if sharing.is_asked and fit != "volume":
+        if not sharing.is_asked:
+            yield Doing(threads, sharing, hire, output, [])
+            return
+        if fit != "volume":
             raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
-        yield Doing(threads, sharing, hire, output)
+        with inheriting(Path(os.path.realpath(output))) as left:
+            yield Doing(threads, sharing, hire, output, left)
 
 
 def to_paint(
@@ -170,7 +180,7 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, volume) as spent,
+            shared(doing, volume, (look, eye.view(), size, resampler)) as spent,
         ):
             frame, count = render_in_windows(
                 volume, look, viewpoint, size, spent, resampler, progress
@@ -184,9 +194,33 @@ def _in_windows(
     return Painting(subject, camera, paint)
 
 
+def _mark(volume: Volume, shown: tuple[Any, ...]) -> str | None:
+    """Text that pictures of equal pixels share; None where values may change unseen."""
+    bricks: Any = volume.values
+    state = None if bricks.keeper is None else bricks.keeper.state()
+    if state is None:
+        return None
+    values = (
+        str(bricks.keeper.store),
+        state,
+        bricks.shape,
+        bricks.dtype.str,
+        bricks.side,
+        bricks.replaced,
+    )
+    try:
+        whole = pickle.dumps((version("hybrid-resample"), values, volume[1:], shown))
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return None
+    return sha256(whole).hexdigest()
+
+
 @contextmanager
-def shared(doing: Doing, volume: Volume) -> Iterator[Spent]:
-    """What windows of a volume in bricks may take, and who paints them, while they do."""
+def shared(doing: Doing, volume: Volume, shown: tuple[Any, ...]) -> Iterator[Spent]:
+    """What windows of a volume in bricks may take, and who paints them, while they do.
+
+    Windows of what is shown by the same means, of a command that was killed, are taken.
+    """
     bricks: Any = volume.values
     allowed = bricks.memory or available_memory() or 0
     crew = doing.hire()
@@ -194,9 +228,24 @@ def shared(doing: Doing, volume: Volume) -> Iterator[Spent]:
         yield Spent(allowed, doing.threads)
         return
     each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
+    mark = _mark(volume, shown)
     with beside(Path(os.path.realpath(doing.output))) as folder:
-        folder.mkdir()
+        same = [left for left in doing.left if mark is not None and _mark_in(left) == mark]
+        if same:
+            same[0].rename(folder)
+            count = len(list(folder.glob(NAME.format(*"****"))))
+            say(f"{count} windows are there already, of a command that was killed")
+        else:
+            folder.mkdir()
+            (folder / MARK).write_text(mark or "", encoding="utf-8")
         yield Spent(each, crew.threads, folder, crew.executor)
+
+
+def _mark_in(folder: Path) -> str | None:
+    try:
+        return (folder / MARK).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return None
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:

@@ -51,6 +51,11 @@ class Asked(NamedTuple):
 class Keeper(Protocol):
     """Keeps what is known of values for others who ask for the same."""
 
+    @property
+    def store(self) -> object:
+        """Where values are."""
+        ...
+
     def load(self, bricks: "Bricks") -> Glance | None:
         """What is kept; None if nothing is that still holds."""
         ...

@@ -7,6 +7,7 @@ cache. What a disk or a server tells of the store's files says whether it still 
 import logging
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from resample.files.stores.addresses import Address, Place
 from resample.files.writing import replacing
 from resample.memory.mapped import folder
 from resample.reading.arrays import read_npz
-from resample_volume.files.stores.states import Portion, state_of_files, state_of_server
+from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.glances.looking import Glance, are_few, step_of
 
@@ -42,7 +43,7 @@ class Kept:
                 names = (*Glance._fields, "state")
                 held = read_npz(path, *names)
                 found = _glance(held, bricks)
-                if found is not None and str(held["state"]) == self._state(is_new=False):
+                if found is not None and str(held["state"]) == self._mark:
                     LOG.debug("%s: what was found in it is taken from %s", self.store.name, path)
                     return found
         return None
@@ -62,12 +63,18 @@ class Kept:
 
     def state(self) -> str | None:
         """State of the store; None where it may change unseen, as it has just been written."""
-        return self._state(is_new=True)
+        return self._mark if self._state is not None and self._state.is_settled else None
 
-    def _state(self, *, is_new: bool) -> str | None:
+    @cached_property
+    def _state(self) -> State | None:
+        """State when it was first asked for."""
         if isinstance(self.store, Address):
-            return state_of_server(self.portion, is_new=is_new)
-        return state_of_files(self.store, self.portion.array.path, is_new=is_new)
+            return state_of_server(self.portion)
+        return state_of_files(self.store, self.portion.array.path)
+
+    @property
+    def _mark(self) -> str | None:
+        return None if self._state is None else self._state.mark
 
     def _paths(self, bricks: Bricks) -> list[Path]:
         """Files that may hold what was found, the best place first."""

@@ -5,7 +5,6 @@ there is none.
 """
 
 import json
-import math
 import os
 import time
 from collections.abc import Iterator
@@ -35,6 +34,13 @@ class Portion(NamedTuple):
     at: tuple[tuple[str, int], ...]  # those that are chosen; of an axis that is not named, all
 
 
+class State(NamedTuple):
+    """Of chunks, as they were seen."""
+
+    mark: str  # which changes with every change, if it is settled
+    is_settled: bool  # whether a change can not happen unseen from now on
+
+
 class Told(NamedTuple):
     """What a server tells of a chunk."""
 
@@ -44,15 +50,15 @@ class Told(NamedTuple):
     changed: float  # seconds since 1970; none: 0
 
 
-def state_of_files(store: Path, array: str, *, is_new: bool) -> str | None:
+def state_of_files(store: Path, array: str) -> State | None:
     """State of an array of a folder or zip file, from names, sizes and times of its files.
+
+    It is settled where none of them was just written.
 
     Parameters
     ----------
     store, array
         Where it is.
-    is_new
-        The state is to be relied on later: none is given of files that were just written.
     """
     digest, newest = sha256(), 0.0
     before = time.time() - RECENT
@@ -61,23 +67,21 @@ def state_of_files(store: Path, array: str, *, is_new: bool) -> str | None:
             known, name = os.stat(path), os.path.relpath(path, store)
             newest = max(newest, known.st_mtime)
             digest.update(f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0".encode())
-        return digest.hexdigest() if not is_new or newest < before else None
+        return State(digest.hexdigest(), newest < before)
     return None
 
 
-def state_of_server(portion: Portion, *, is_new: bool) -> str | None:
-    """State of a part of an array at an address.
+def state_of_server(portion: Portion) -> State | None:
+    """State of a part of an array at an address; None if its server does not tell enough.
 
     Object stores list their chunks with tags, which are others after each writing. A web server is
     asked about every chunk of the part, without its content: it has to tell a strong tag or a time
-    of each, and where it tells times, the last has to be an hour ago.
+    of each, and where it tells times, the state is settled an hour after the last.
 
     Parameters
     ----------
     portion
         Of an array whose store is opened by its address.
-    is_new
-        As of `state_of_files`.
 
     Raises
     ------
@@ -88,32 +92,28 @@ def state_of_server(portion: Portion, *, is_new: bool) -> str | None:
 
     place = portion.array.store.within.store  # of a `GuardedStore`
     if isinstance(place, obstore.store.HTTPStore):
-        before = time.time() - SETTLED if is_new else math.inf
-        return _fingerprint(portion, _asked(place, portion), before)
-    return _fingerprint(portion, _listed(place, portion)) or _fingerprint(
-        portion, _asked(place, portion)
-    )
+        return _state(portion, _asked(place, portion), is_web=True)
+    listed = _state(portion, _listed(place, portion), is_web=False)
+    return listed or _state(portion, _asked(place, portion), is_web=False)
 
 
-def _fingerprint(
-    portion: Portion, chunks: Iterator[Told], before: float | None = None
-) -> str | None:
-    """Fingerprint of what is told of chunks, if that is a proof; times are none without a limit."""
+def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State | None:
+    """State by what is told of chunks, if that is a proof; times are one of web servers alone."""
     metadata: Any = portion.array.metadata
     digest = sha256(json.dumps(metadata.to_dict(), sort_keys=True, default=str).encode())
+    newest, before = 0.0, time.time() - SETTLED
     try:
         for told in chunks:
             is_tagged = bool(told.tag) and not told.tag.startswith("W/")
-            if before is not None and told.changed >= before:
+            if not (is_tagged or (is_web and told.changed > 0)):
                 return None
-            if not (is_tagged or (before is not None and told.changed > 0)):
-                return None
+            newest = max(newest, told.changed)
             digest.update(f"{told.name}\0{told.size}\0{told.tag}\0{told.changed}\0".encode())
     except Exception as error:
         if isinstance(error, OSError) or type(error).__module__.startswith("obstore"):
             return None  # the server does not tell
         raise
-    return digest.hexdigest()
+    return State(digest.hexdigest(), not is_web or newest < before)
 
 
 def _listed(place: Any, portion: Portion) -> Iterator[Told]:
