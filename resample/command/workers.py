@@ -3,8 +3,9 @@
 import logging
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -29,9 +30,24 @@ class Crew(NamedTuple):
     is_local: bool  # whether all are on this machine, and share its memory
 
 
+Hire = Callable[[], Crew | None]
+
+
 @contextmanager
 def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | None]:
     """Workers that a user asks for, until the end of the block; None if he asks for none.
+
+    Parameters and errors as of `hiring`.
+    """
+    with hiring(sharing, threads) as hire:
+        yield hire()
+
+
+@contextmanager
+def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
+    """Who starts the workers that a user asks for: when he is asked for them first.
+
+    They are the same ones each time, and end with the block; None if the user asks for none.
 
     Parameters
     ----------
@@ -49,21 +65,25 @@ def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | Non
     """
     check_sharing(sharing)
     if not sharing.is_asked:
-        yield None
+        yield _nobody
         return
     from distributed import KilledWorker
 
     with ExitStack() as held:
-        client = held.enter_context(_client(sharing, held))
+        client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
-            yield _crew(client, sharing, threads)
+            yield cache(lambda: _crew(client(), sharing, threads))
         except KilledWorker as error:
             with suppress(OSError, TimeoutError):  # those that begin cannot be ended well
-                client.wait_for_workers(sharing.workers or 1, timeout=5)
+                client().wait_for_workers(sharing.workers or 1, timeout=5)
             raise ChildProcessError(
                 f"a task was given up after {_attempts(error)} workers had ended over it, most "
                 "likely for want of memory; allow less --memory, or take fewer workers"
             ) from None
+
+
+def _nobody() -> None:
+    """Nobody is asked for."""
 
 
 def check_sharing(sharing: Sharing) -> None:

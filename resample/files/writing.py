@@ -72,14 +72,68 @@ def beside(target: Path) -> Iterator[Path]:
     if target.parent not in _tidied:
         _tidied.add(target.parent)
         remove_left(target.parent)
-    owner = f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
-    temporary = target.with_name(f".{target.stem[:MOST]}.tmp-{owner}{target.suffix}")
+    temporary = _named(target)
     _being_written.add(temporary.name)
     try:
         yield temporary
     finally:
         _remove(temporary)
         _being_written.discard(temporary.name)
+
+
+@contextmanager
+def inheriting(target: Path) -> Iterator[list[Path]]:
+    """Folders that killed processes of this machine left beside a target, in its place.
+
+    They are this process's from now on, to go on with what is in them.
+
+    Parameters
+    ----------
+    target
+        As of `beside`, before anything else is written there.
+
+    Yields
+    ------
+    The folders. Those that still are there in the end are removed.
+    """
+    start, found = f".{target.stem[:MOST]}.tmp-", []
+    with suppress(OSError):
+        for name in sorted(os.listdir(target.parent)):
+            path = target.parent / name
+            if name.startswith(start) and path.suffix == target.suffix and _is_left(name):
+                with suppress(OSError):  # another command has been quicker
+                    found.append(_taken_over(path, target))
+    try:
+        yield found
+    finally:
+        for path in found:
+            _remove(path)
+            _being_written.discard(path.name)
+
+
+def _taken_over(path: Path, target: Path) -> Path:
+    """Folder that a dead process has left, under a name of this one.
+
+    Raises
+    ------
+    OSError
+        It is no folder, or gone.
+    """
+    if not path.is_dir():
+        raise NotADirectoryError(path)
+    own = _named(target)
+    _being_written.add(own.name)
+    try:
+        return path.rename(own)
+    except OSError:
+        _being_written.discard(own.name)
+        raise
+
+
+def _named(target: Path) -> Path:
+    """Name beside a target that says which process writes there."""
+    owner = f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return target.with_name(f".{target.stem[:MOST]}.tmp-{owner}{target.suffix}")
 
 
 def leave_to_others(folder: Path) -> None:
@@ -94,9 +148,14 @@ def remove_left(folder: Path) -> None:
     """
     with suppress(OSError):
         for name in os.listdir(folder):
-            left = LEFT.fullmatch(name)
-            if left and left[1] == _machine() and not _is_at_work(int(left[2]), name):
+            if _is_left(name):
                 _remove(folder / name)
+
+
+def _is_left(name: str) -> bool:
+    """Whether a process of this machine that is no more was writing under a name."""
+    left = LEFT.fullmatch(name)
+    return bool(left and left[1] == _machine() and not _is_at_work(int(left[2]), name))
 
 
 def _remove(path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from resample.files import writing
-from resample.files.writing import beside, replacing
+from resample.files.writing import beside, inheriting, replacing
 
 KILLED = """
 import os, signal, sys
@@ -89,3 +89,29 @@ def test_names_as_long_as_file_systems_take_can_be_written():
     with replacing(name) as temporary:
         temporary.write_text("whole")
     assert names() == [name]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
+def test_folders_of_dead_processes_are_inherited_by_who_writes_the_same():
+    own = f".tmp-{writing._machine()}"
+    dead = [f".a{own}-99999999-01234567.png", f".a{own}-99999998-89abcdef.png"]
+    others = [
+        f".a{own}-99999999-01234567.exr",
+        f".b{own}-99999999-01234567.png",
+        f".a{own}-{os.getppid()}-01234567.png",
+        ".a.tmp-ffffff-99999999-01234567.png",
+    ]
+    for name in (*dead, *others):
+        Path(name).mkdir()
+        Path(name, "part").write_text(name)
+    Path(f".a{own}-99999997-01234567.png").write_text("a file")
+    target = Path("a.png").resolve()
+    with inheriting(target) as found:
+        assert sorted(Path(path, "part").read_text() for path in found) == sorted(dead)
+        with inheriting(target) as none:
+            assert none == []
+        with beside(target) as new:
+            assert all(path.is_dir() for path in found)
+            found[0].rename(new)
+            assert Path(new, "part").read_text() in dead
+    assert names() == sorted(others[2:])

@@ -1,5 +1,7 @@
 """Stores at addresses: pictures as of those on disk, whatever the server does."""
 
+import hashlib
+import os
 import re
 import shutil
 import socket
@@ -8,6 +10,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from werkzeug import Request, Response
 from resample.files.stores.addresses import Address
 from resample_volume.command.cli import app
 from resample_volume.files.source import open_streamed, open_volume
+from resample_volume.files.stores import kept
 from resample_volume.files.stores.reader import Zarr
 from tests.commands import ended, refused
 
@@ -38,6 +42,7 @@ class Server:
         self.folder, self.asked = folder, []
         self.busy = 0  # answers that are 503
         self.cut = ""  # end of names of files that arrive cut off
+        self.tells = ""  # of "tag", "weak" and "time", what it tells of files besides their size
         httpserver.expect_request(re.compile(".*")).respond_with_handler(self.answer)
         self.url = httpserver.url_for("/")
 
@@ -54,6 +59,10 @@ class Server:
         if self.cut and request.path.endswith(self.cut):
             data = data[: len(data) // 2]
         whole = Response(data, headers={"Accept-Ranges": "bytes"})
+        if "tag" in self.tells or "weak" in self.tells:
+            whole.set_etag(hashlib.sha256(data).hexdigest(), weak="weak" in self.tells)
+        if "time" in self.tells:
+            whole.last_modified = datetime.fromtimestamp(file.stat().st_mtime, UTC)
         return whole.make_conditional(request, accept_ranges=True, complete_length=len(data))
 
 
@@ -146,6 +155,96 @@ def test_a_wrong_checksum_is_damage(values, server):
         open_volume(f"{server.url}a.zarr")
 
 
+@pytest.fixture
+def keeping(monkeypatch, tmp_path):
+    """Volumes of any size are kept."""
+    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
+
+
+def aged(path, hours):
+    for file in path.rglob("*"):
+        known = file.stat()
+        os.utime(file, (known.st_atime, known.st_mtime - 3600 * hours))
+
+
+def looks(place, count=2):
+    """How many bricks each command reads that looks at a store; all find the same."""
+    every = [open_streamed(place).values[0, 0] for _ in range(count)]
+    first = every[0].glance
+    for found in every[1:]:
+        assert all(np.array_equal(a, b) for a, b in zip(found.glance, first, strict=True))
+    return [one.reads for one in every]
+
+
+@pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize(("form", "shards"), [(2, None), (3, None), (3, (16, 16, 16))])
+@pytest.mark.parametrize("tells", ["tag", "time", "tag time"])
+def test_what_was_found_at_an_address_is_kept_if_the_server_tells_of_each_chunk(
+    form, shards, tells, values, server
+):
+    path, _ = store(server.folder / "a.zarr", values, shards=shards, form=form)
+    aged(path, hours=2)
+    server.tells = tells
+    first, second = looks(f"{server.url}a.zarr")
+    assert first > 0
+    assert second == 0
+
+
+@pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize(("tells", "hours"), [("", 2), ("weak", 2), ("time", 0.5), ("time tag", 0)])
+def test_what_a_server_cannot_prove_is_not_kept(tells, hours, values, server, tmp_path):
+    path, _ = store(server.folder / "a.zarr", values)
+    aged(path, hours)
+    server.tells = tells
+    first, second = looks(f"{server.url}a.zarr")
+    assert first == second > 0
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.usefixtures("keeping")
+def test_a_server_that_tells_no_more_is_not_believed(values, server):
+    store(server.folder / "a.zarr", values)
+    server.tells = "tag"
+    first, second = looks(f"{server.url}a.zarr")
+    assert (first > 0, second) == (True, 0)
+    server.tells = ""
+    assert looks(f"{server.url}a.zarr", 1) == [first]
+
+
+@pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize("change", ["a chunk", "a chunk less", "a new chunk", "metadata"])
+def test_a_store_at_an_address_that_has_changed_is_looked_at_again(change, values, server):
+    path, array = store(server.folder / "a.zarr", values)
+    (path / "c/1/1/1").unlink()
+    server.tells = "tag"
+    before = looks(f"{server.url}a.zarr")
+    assert before[1] == 0
+    if change == "a chunk":
+        array[:8, :8, :8] = 1
+    elif change == "a chunk less":
+        (path / "c/0/0/0").unlink()
+    elif change == "a new chunk":
+        array[8:16, 8:16, 8:16] = 2
+    else:
+        meta = path / "zarr.json"
+        meta.write_text(meta.read_text().replace('"fill_value": 7', '"fill_value": 9'))
+    assert looks(f"{server.url}a.zarr") == before
+
+
+@pytest.mark.usefixtures("keeping")
+def test_of_times_and_channels_those_alone_are_asked_about_that_are_looked_at(rng, server):
+    several = rng.integers(0, 9, (2, 3, 8, 8, 8)).astype(np.uint8)
+    zarr.create_array(server.folder / "a.zarr", data=several, chunks=(1, 2, 8, 8, 8))
+    server.tells = "tag"
+    part = open_streamed(f"{server.url}a.zarr").values[1, 2]
+    assert part.glance.codes.sum() == 8**3
+    server.asked.clear()
+    again = open_streamed(f"{server.url}a.zarr").values[1, 2]
+    assert np.array_equal(again.glance.codes, part.glance.codes)
+    assert [name for name in server.asked if "/c/" in name] == ["/a.zarr/c/1/1/0/0/0"]
+
+
 def test_what_is_no_store_is_said(server):
     with pytest.raises(ValueError, match="is no zarr, or damaged"):
         open_volume(f"{server.url}gone.zarr")
@@ -222,3 +321,20 @@ def test_a_store_of_s3_is_read(values, s3):
     np.testing.assert_array_equal(open_volume(f"{s3}/a.zarr").values, values)
     with pytest.raises(ValueError, match="is no zarr, or damaged"):
         open_volume(f"{s3}/b.zarr")
+
+
+@pytest.mark.usefixtures("keeping")
+def test_of_s3_all_chunks_are_listed_to_know_whether_they_have_changed(values, s3):
+    from obstore.store import S3Store
+    from zarr.storage import ObjectStore
+
+    there = S3Store("bucket", prefix="a.zarr", client_options={"allow_http": True})
+    form = {"chunks": (8, 8, 8), "dtype": "u2", "shape": values.shape}
+    array = zarr.create_array(ObjectStore(there), **form)
+    array[...] = values
+    before = looks(f"{s3}/a.zarr")
+    assert (before[0] > 0, before[1]) == (True, 0)
+    array[:8, :8, :8] = 1
+    assert looks(f"{s3}/a.zarr") == before
+    there.delete("c/0/0/1")
+    assert looks(f"{s3}/a.zarr") == before

@@ -88,15 +88,22 @@ def test_a_scene_of_a_volume_in_a_file_is_that_of_one_in_memory(rng):
         assert np.array_equal(found.rgba, given.rgba)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("projection", ["composite", "maximum", "average"])
+def test_values_that_are_missing_are_filled_in_the_file(projection, kind, rng):
+    volume = blobs(kind, rng)
+    volume.values[:, :, :9] = np.nan
+    volume.values[20:24, 5:30, 12:33] = np.inf
+    volume.values[rng.random(volume.values.shape) < 0.01] = np.nan
+    is_post = projection == "composite"
+    look = Appearance(SOLID, classification=Classification.POST) if is_post else "50..150"
+    same(volume, look, replace(ALONG_RAYS, projection=Projection(projection)))
+
+
 def test_what_is_beside_the_file_has_to_fit(rng):
     volume = blobs(np.uint8, rng)
     with pytest.raises(ValueError, match=r"blobs is needed as a whole for this: .* MiB of memory"):
         as_array(in_bricks(volume, 100_000))
-    volume.values[3, 4, 5:] = 0
-    missing = volume._replace(values=np.where(volume.values == 0, np.nan, volume.values))
-    look = Appearance(SOLID, classification=Classification.POST)
-    with pytest.raises(ValueError, match="values are missing, and where they are, the field wants"):
-        render(in_bricks(missing, ENOUGH + missing.values.nbytes // 2), look)
 
 
 def test_a_disk_without_room_is_said_before_anything_is_read(rng, monkeypatch):

@@ -14,7 +14,7 @@ from resample_volume.command import cli
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Look, Source
 from resample_volume.command.inputs import held
-from resample_volume.command.media import look_over_time, series_of
+from resample_volume.command.media import labelled, look_over_time, times_of
 from resample_volume.looks.transfer import from_points
 from resample_volume.media.series import Series, around
 from resample_volume.rendering import Appearance, Subject
@@ -168,12 +168,12 @@ def test_a_channel_of_a_film_is_filmed():
     both = np.stack([BEATS.values[:, 0], 2 * BEATS.values[:, 0]], 1)
     np.save("both.npy", both)
     known = held(Source(), "both.npy")
-    series = series_of(Source(channel=1), known)
+    series = Series.of(times_of(Source(channel=1), known))
     assert np.array_equal(series[2].values, both[2, 1])
     with pytest.raises(ValueError, match=r"2 channels, 0 to 1; .* choose it by channel"):
-        series_of(Source(), known)
-    assert series_of(Source(channel=1), held(Source(), "beats.npy")) is None
-    assert series_of(Source(), known._replace(values=known.values[:1, :1])) is None
+        Series.of(times_of(Source(), known))
+    assert times_of(Source(channel=1), held(Source(), "beats.npy")) is None
+    assert times_of(Source(), known._replace(values=known.values[:1, :1])) is None
 
 
 def test_labels_are_of_the_voxels_of_each_time():
@@ -181,9 +181,8 @@ def test_labels_are_of_the_voxels_of_each_time():
     labels[:, :, 8:] = 1
     np.save("labels.npy", labels)
     series = Series.of(BEATS)
-    look = look_over_time(
-        series, Look(labels="labels.npy", label=("1:hidden",), shading=False), Resampler()
-    )
+    words = Look(labels="labels.npy", label=("1:hidden",), shading=False)
+    look = labelled(look_over_time(series, words, Resampler()), series, words)
     for volume in series:
         subject = Subject.of(volume, look)
         assert (subject.voxels.position + subject.middle)[:, 0].max() < 8

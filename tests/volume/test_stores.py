@@ -664,10 +664,6 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
         assert ended(app, "render", name, *words, *more) == 2
         assert message in capsys.readouterr().err
         assert not Path("a.png").exists()
-    np.save("b.npy", np.stack([values, values]))
-    film = ["animate", "b.npy", "--size", "16", "-o", "b", "--workers", "1"]
-    assert ended(app, *film) == 2
-    assert "is made by one process; leave workers out" in capsys.readouterr().err
 
 
 def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):

@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss", "http", "https")
 PATIENCE = timedelta(seconds=30)  # for an answer, and for all tries of a chunk
 TRIES = 4
+ACCOUNTS = ("AZURE_STORAGE_ACCOUNT_NAME", "AZURE_STORAGE_ENDPOINT", "GOOGLE_BASE_URL")
 ENDPOINTS = ("AWS_ENDPOINT", "AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")
 
 
@@ -40,6 +41,13 @@ class Address:
 
     def __str__(self) -> str:
         return self.url
+
+    @property
+    def identity(self) -> str:
+        """Text that is another one for the same words where these name another store."""
+        return "\n".join(
+            [self.url, *(os.environ.get(name, "") for name in (*ENDPOINTS, *ACCOUNTS))]
+        )
 
     def store(self) -> Any:
         """Store of zarr's, to be read.

@@ -22,6 +22,11 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
 
     most: int | None = None  # bytes that a chunk may take as it is stored; None: not known yet
 
+    @property
+    def within(self) -> Any:
+        """The store that is guarded."""
+        return self._store
+
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """Chunk or metadata of a key, see zarr."""
         return self._checked(key, await self._store.get(key, prototype, byte_range))

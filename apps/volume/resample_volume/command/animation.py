@@ -20,9 +20,16 @@ import numpy as np
 
 from resample.cameras.keyframes import Keyframes, keyframes_of, left_out_of
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Orbit, Viewpoint
+from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
 from resample.command.console import Progress, say
-from resample.files.animations import MOST_FRAMES, Levels, Shots, check_count, fingerprint
+from resample.files.animations import (
+    MOST_FRAMES,
+    Frames,
+    Levels,
+    Shots,
+    check_count,
+    fingerprint,
+)
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
@@ -177,15 +184,21 @@ class Course:
         What is seen at one of them.
     progress
         Told the share of the times that were looked at.
+    sphere
+        Around all that is seen, where that is known.
     """
 
     def __init__(
-        self, times: int, subject: Callable[[int], Subject], progress: Progress | None = None
+        self,
+        times: int,
+        subject: Callable[[int], Subject],
+        progress: Progress | None = None,
+        sphere: Sphere | None = None,
     ) -> None:
         self.times, self._subject = times, subject
         self._last: tuple[int, Subject] | None = None
         self.marks: list[str] = []
-        self.sphere = around(self._looked_at(progress))
+        self.sphere = around(self._looked_at(progress)) if sphere is None else sphere
 
     def __getitem__(self, time: int) -> Subject:
         """What is seen at a time; the one that was asked for last is kept."""
@@ -263,9 +276,14 @@ def shots_over_time(
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
     """Frames of a volume that changes, all its times spread evenly over them; see `shots`."""
-    total = len(cameras)
     job = _job(course[0].facts() | {"times": course.marks}, cameras, paint, about)
-    return Shots(total, lambda n: frame(course[n * course.times // total], cameras[n], paint), job)
+    return Shots(len(cameras), frames_over_time(course, cameras, paint), job)
+
+
+def frames_over_time(course: Course, cameras: Sequence[AnyCamera], paint: Paint) -> Frames:
+    """What makes frames of a volume that changes, by their number."""
+    total = len(cameras)
+    return lambda n: frame(course[n * course.times // total], cameras[n], paint)
 
 
 def _job(

@@ -102,26 +102,27 @@ def render(
     beside.check(output, resampler, size[0])
     meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
-    check_targets(output, stats)
-    doing = doing_by(picture.threads, sharing, output)
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with session.stage("read"):
-        shown = with_meshes(media(source, volume, look, added, resampler), meshes)
-        if beside.color_bar:
-            require_values(shown[0][0], "a color bar")
-    scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
-    subject, camera, paint = scene
-    frame = paint(camera)
-    with session.stage("write"):
-        if beside.deep is not None:
-            write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
-        else:
-            marks = beside.annotations(background)
-            drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
+    with doing_by(picture.threads, sharing, output) as doing:
+        check_targets(output, stats)
+        with session.stage("read"):
+            shown = media(source, volume, look, added, resampler, hire=doing.hire)
+            shown = with_meshes(shown, meshes)
             if beside.color_bar:
-                drawn = with_bar(drawn, *shown[0], resampler, background)
-            write_frame(output, drawn, picture.bits, background)
+                require_values(shown[0][0], "a color bar")
+        scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
+        subject, camera, paint = scene
+        frame = paint(camera)
+        with session.stage("write"):
+            if beside.deep is not None:
+                write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
+            else:
+                marks = beside.annotations(background)
+                drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
+                if beside.color_bar:
+                    drawn = with_bar(drawn, *shown[0], resampler, background)
+                write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame))
 
@@ -253,30 +254,30 @@ def animate(
     """
     from resample.command.console import progress_bar
     from resample.command.session import require_picture
-    from resample.command.workers import at_work, check_sharing
+    from resample.command.workers import hiring
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
     from resample_volume.command.rendering import BYTES_PER_PIXEL
 
     check_film(output, fps)
-    check_sharing(sharing)
     flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
     beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
-    recording = None
-    if source.time is None and not added.channels:
-        recording = over_time(source, volume)
     paint = animation.Paint(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    film = filming.film_of(script, recording, flight, paint, about)
-    with at_work(sharing, threads) as crew, progress_bar("filming") as progress:
-        made, executor = filming.shared_by(crew, script, film)
-        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
+    with hiring(sharing, threads) as hire:
+        recording = None
+        if source.time is None and not added.channels:
+            recording = over_time(source, volume)
+        film = filming.film_of(script, recording, flight, paint, about, hire)
+        made, executor = filming.shared_by(hire(), script, film)
+        with progress_bar("filming") as progress:
+            write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 
 
 @app.command

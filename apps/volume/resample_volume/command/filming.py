@@ -8,28 +8,46 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.command.console import say
+from resample.cameras.viewpoints import Sphere
+from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Resampling
-from resample.command.workers import Crew
+from resample.command.workers import Crew, Hire
 from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
-from resample.watching import Executor
+from resample.resampler import Resampler
+from resample.watching import Executor, told
 from resample_volume.command.animation import (
+    Course,
     Flight,
     Paint,
     Tour,
     cameras_of,
     drawing,
     finished,
+    frames_over_time,
     over_time,
     shots,
     shots_over_time,
 )
 from resample_volume.command.choices import Added, Beside, Look, Source
-from resample_volume.command.media import filmed, media, series_of, with_meshes
+from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
+from resample_volume.command.inputs import over_time as read_over_time
+from resample_volume.command.media import (
+    beside,
+    can_stream,
+    filmed,
+    labelled,
+    look_over_time,
+    media,
+    others,
+    times_of,
+    with_meshes,
+)
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import scene_of, spent_here
+from resample_volume.looks.surveys import NO_LEVELS, Survey
+from resample_volume.media.series import Ready, Series, is_chunked
 from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
@@ -61,6 +79,14 @@ class ReadScene(NamedTuple):
     is_whole: bool
 
 
+class KnownOfTimes(NamedTuple):
+    """What has been found in all times of a volume together."""
+
+    survey: Survey  # without its levels
+    look: Appearance  # without labels and meshes
+    sphere: Sphere
+
+
 class ReadyFilm(NamedTuple):
     """A film that is ready to be made."""
 
@@ -68,7 +94,7 @@ class ReadyFilm(NamedTuple):
     cameras: Sequence[AnyCamera]
     paint: Paint
     is_in_bricks: bool  # whether the volume's values stay in their file
-    is_of_times: bool = False  # whether the volume changes
+    known: KnownOfTimes | None = None  # if the volume changes
 
 
 def film_of(
@@ -77,6 +103,7 @@ def film_of(
     flight: Flight | Tour,
     paint: Paint,
     about: Mapping[str, Any],
+    hire: Hire | None = None,
 ) -> ReadyFilm:
     """A film, of which the scene is read and looked at.
 
@@ -92,42 +119,90 @@ def film_of(
         How frames are made.
     about
         Names of the above, see `animation.shots`.
+    hire
+        Starts workers to look at a store, if that was not done before.
 
     Raises
     ------
     ValueError, LookupError, OSError
         Something cannot be read, does not fit in memory, or is not allowed.
     """
+    times = None if recording is None else times_of(script.source, recording)
+    if times is not None:
+        return _film_of_times(script, times, flight, paint, about, hire)
+    if recording is not None and is_chunked(recording):
+        recording = None  # one of its volumes is read by itself
     given = script.beside.annotations(paint.background)
-    series = None if recording is None else series_of(script.source, recording)
-    if series is None:
-        scene = scene_for(script, paint.size, recording)
-        if not scene.is_whole:
-            say("not all that is seen fits in memory: frames are painted window by window")
-        paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
-        cameras = cameras_of(scene.subject, flight, paint.size)
-        in_bricks = is_in_bricks(scene.shown[0][0])
-        return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
-    resampler = paint.resampler
-    meshes = script.beside.with_meshes(script.look, resampler)
-    course = filmed(series, script.look, script.added, resampler, meshes)
+    scene = scene_for(script, paint.size, recording, hire)
+    if not scene.is_whole:
+        say("not all that is seen fits in memory: frames are painted window by window")
+    paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
+    cameras = cameras_of(scene.subject, flight, paint.size)
+    in_bricks = is_in_bricks(scene.shown[0][0])
+    return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
+
+
+def _film_of_times(
+    script: Script,
+    times: Recording,
+    flight: Flight | Tour,
+    paint: Paint,
+    about: Mapping[str, Any],
+    hire: Hire | None,
+) -> ReadyFilm:
+    """A film of a volume that changes; see `film_of`."""
+    times, ready = _read(script, times, hire)
+    with progress_bar("looking at bricks") as progress, told(progress):
+        series = Series.of(times, ready)
+    look = look_over_time(series, script.look, paint.resampler)
+    course = _course(script, series, look, paint.resampler)
+    known = KnownOfTimes(series.known._replace(levels=NO_LEVELS), look, course.sphere)
+    given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
-    flight = over_time(flight, script.frames, course.times)
-    cameras = cameras_of(course[0], flight, paint.size)
-    return ReadyFilm(
-        shots_over_time(course, cameras, paint, about),
-        cameras,
-        paint,
-        is_in_bricks=False,
-        is_of_times=True,
-    )
+    cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
+    made = shots_over_time(course, cameras, paint, about)
+    return ReadyFilm(made, cameras, paint, is_chunked(times), known)
 
 
-def scene_for(script: Script, size: Size, recording: Recording | None = None) -> ReadScene:
+def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recording, Ready]:
+    """Times as they are looked at, one after the other or as a whole; and how, in the former case.
+
+    Fields want arrays, and so do several volumes.
+    """
+    resampler = script.look.renderer(script.resampling)
+    is_alone = not script.added.also and script.added.channels is None
+    if is_chunked(times) and not (is_alone and can_stream(script.look, resampler)):
+        times = read_as_whole(times, script.source)
+    if is_chunked(times):
+        count, *_, deep, down, across = times.values.shape
+        size = f"{count} times of {across} x {down} x {deep} voxels"
+        say(f"{times.name}: {size} are read one after the other, brick by brick")
+    allowed = allowed_memory(script.source)
+    return times, partial(with_memory, allowed=allowed, hire=hire)
+
+
+def _course(
+    script: Script,
+    series: Series,
+    look: Appearance,
+    resampler: Resampler,
+    sphere: Sphere | None = None,
+) -> Course:
+    """What is seen at each time of a script."""
+    meshes = script.beside.with_meshes(script.look, resampler)
+    own = replace(labelled(look, series, script.look), meshes=meshes)
+    further = beside(others(script.added.also, script.source), script.look, resampler)
+    return filmed(series, own, further, resampler, script.look.fit, sphere)
+
+
+def scene_for(
+    script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
+) -> ReadScene:
     """What a script shows in frames (height, width); errors as of `film_of`."""
     look, resampler = script.look, script.look.renderer(script.resampling)
     meshes = script.beside.with_meshes(look, resampler)
-    given = media(script.source, script.volume, look, script.added, resampler, recording=recording)
+    words = (script.source, script.volume, look, script.added, resampler)
+    given = media(*words, recording=recording, hire=hire)
     shown = with_meshes(given, meshes)
     try:
         return ReadScene(
@@ -142,6 +217,20 @@ def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads:
     """Frames of a script."""
     scene, paint = scene_for(script, paint.size), replace(paint, threads=threads)
     return lambda n: frame_of(scene, cameras[n], paint)
+
+
+def _frames_of_times(
+    script: Script, cameras: Sequence[AnyCamera], paint: Paint, known: KnownOfTimes, threads: int
+) -> Frames:
+    """Frames of a script of a volume that changes, of which one process has found what is known."""
+    found = read_over_time(script.source, script.volume)
+    times = None if found is None else times_of(script.source, found)
+    if times is None:
+        raise OSError(f"{script.volume} has changed while it was filmed; try again")
+    times, ready = _read(script, times, None)
+    series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
+    course = _course(script, series, known.look, paint.resampler, known.sphere)
+    return frames_over_time(course, cameras, paint)
 
 
 def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
@@ -195,18 +284,13 @@ def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots
     """Frames of a film as processes make them, if there is a crew of them; and who asks them.
 
     Each reads the scene for itself. Those of one machine share what the memory may be.
-
-    Raises
-    ------
-    ValueError
-        The volume changes, so that its frames are not framed alike by themselves.
     """
     if crew is None:
         return film.shots, None
-    if film.is_of_times:
-        raise ValueError("a film of several times is made by one process; leave workers out")
-    script = _with_share(script, film, crew)
-    return made_by(crew, film.shots, partial(_frames, script, film.cameras, film.paint))
+    own = (_with_share(script, film, crew), film.cameras, film.paint)
+    if film.known is None:
+        return made_by(crew, film.shots, partial(_frames, *own))
+    return made_by(crew, film.shots, partial(_frames_of_times, *own, film.known))
 
 
 def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:

@@ -1,6 +1,7 @@
 """Volumes as the command line's files and words give them."""
 
 from dataclasses import replace
+from functools import partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from resample import registry
 from resample.command.console import progress_bar, say
+from resample.command.workers import Hire
 from resample.memory import allow, amount, available_memory, bytes_of
 from resample.memory.mapped import is_in_file
 from resample.watching import told
@@ -21,15 +23,20 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
+from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import volume_at
+from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
+from resample_volume.voxels.glances.looking import Helpers
 
 
-def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
+def opened(
+    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+) -> Volume:
     """Volume of that name, a file, a folder or what is generated.
 
     Parameters
@@ -40,6 +47,8 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
         What it is.
     streamed
         Values stay in their file, as bricks, where it has chunks.
+    hire
+        Starts workers to look at these, if that was not done before.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def opened(source: Source, name: str, *, streamed: bool = False) -> Volume:
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(volume_at(held, source.time, source.channel), allowed)
+        volume = with_memory(volume_at(held, source.time, source.channel), allowed, hire)
         volume = volume if streamed else _as_array(volume)
     elif source.time is None and source.channel is None:
         volume = open_volume(place, reader)
@@ -78,13 +87,24 @@ def allowed_memory(source: Source) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None) -> Volume:
-    """Volume in chunks that may take so many bytes, or half of what is free."""
+def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -> Volume:
+    """Volume in chunks that may take so many bytes, or half of what is free.
+
+    Who can be hired looks at a large one, if that was not done before.
+    """
     values: Values = volume.values
     if isinstance(values, Bricks):
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
+        if hire is not None and values.size >= kept.LEAST:
+            values.helpers = partial(_helpers, hire)
     return volume
+
+
+def _helpers(hire: Hire) -> Helpers | None:
+    """Workers, to look at a volume in chunks; None if nobody asks for them."""
+    crew = hire()
+    return None if crew is None else Helpers(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:
@@ -103,11 +123,29 @@ def levels(source: Source, name: str) -> list[dict[str, Any]]:
 
 
 def over_time(source: Source, name: str) -> Recording | None:
-    """All times and channels of that name; None of a single volume in chunks."""
+    """All times and channels of that name; None of a single volume in chunks.
+
+    Those of a store stay in their file, unless channels are colors, which are read as a whole.
+    """
     found = open_streamed(*_named(source, name))
-    if found is not None and found.values.shape[:2] == (1, 1):
+    if found is None or (found.is_color and source.channel is None):
+        return held(source, name)
+    if found.values.shape[:2] == (1, 1):
         return None
-    return held(source, name)
+    return found._replace(**_changes(source))
+
+
+def read_as_whole(recording: Recording, source: Source) -> Recording:
+    """Times of a store as an array: in memory or, where that does not hold them, in a file.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `opened`.
+    """
+    shape = recording.values.shape
+    every = _as_array(with_memory(whole(recording), allowed_memory(source)))
+    return recording._replace(values=every.values.reshape(shape))
 
 
 def held(source: Source, name: str) -> Recording:
@@ -164,12 +202,14 @@ def _changes(source: Source) -> dict[str, Any]:
     return changes
 
 
-def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
+def prepared(
+    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+) -> Volume:
     """Volume of that name without its padding; what was found in it is said.
 
     Parameters
     ----------
-    source, name, streamed
+    source, name, streamed, hire
         As of `opened`.
 
     Raises
@@ -177,7 +217,7 @@ def prepared(source: Source, name: str, *, streamed: bool = False) -> Volume:
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(announced(opened(source, name, streamed=streamed)))
+    return said(announced(opened(source, name, streamed=streamed, hire=hire)))
 
 
 def said(volume: Volume) -> Volume:

@@ -2,9 +2,11 @@
 
 import re
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from resample.cameras.viewpoints import Sphere
 from resample.command.console import progress_bar, say
+from resample.command.workers import Hire
 from resample.resampler import Projection, Resampler
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
@@ -17,12 +19,13 @@ from resample_volume.command.inputs import (
     said,
     with_memory,
 )
+from resample_volume.files.stores.chunks import Chunked
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
 from resample_volume.media.recordings import volume_at, with_times_first
 from resample_volume.media.series import Series
-from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.rendering import Appearance, Fit, Medium, Subject
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 
@@ -68,8 +71,11 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
+    hire: Hire | None = None,
 ) -> list[Medium]:
     """Volumes of a scene with their looks; what is read already is not read again.
+
+    Workers are hired to look at a store of which nothing is known yet.
 
     Raises
     ------
@@ -79,7 +85,8 @@ def media(
     further = others(added.also, source)
     if added.channels is None:
         if recording is None:
-            volume = prepared(source, name, streamed=can_stream(look, resampler))
+            is_streamed = can_stream(look, resampler)
+            volume = prepared(source, name, streamed=is_streamed, hire=hire)
         else:
             volume = said(volume_at(recording, None, source.channel))
         first = [(volume, look.appearance(volume, resampler))]
@@ -104,48 +111,71 @@ def with_meshes(shown: list[Medium], meshes: tuple[SceneMesh, ...]) -> list[Medi
     return [(volume, replace(look, meshes=meshes)), *others] if meshes else shown
 
 
-def series_of(source: Source, recording: Recording) -> Series | None:
-    """Times of what was read, unless there is but one."""
-    values = recording.values
+def times_of(source: Source, recording: Recording) -> Recording | None:
+    """Times of what was read, of the chosen channel; None if there is but one."""
+    values: Any = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # channels alone, of which one is chosen, or times that are meant by them
         volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
-        recording = recording._replace(values=values[:, at : at + 1], is_color=False)
-    if len(with_times_first(recording).values) == 1:
-        return None
-    return Series.of(recording)
+        one: Any = values.only(at) if isinstance(values, Chunked) else values[:, at : at + 1]
+        recording = recording._replace(values=one, is_color=False)
+    ordered = with_times_first(recording)
+    if ordered.values.shape[1] > 1 and not ordered.is_color:
+        volume_at(ordered, 0, None)  # says that one has to be chosen
+    return ordered if ordered.values.shape[0] > 1 else None
 
 
 def filmed(
     series: Series,
-    look: Look,
-    added: Added,
+    own: Appearance,
+    further: list[Medium],
     resampler: Resampler,
-    meshes: tuple[SceneMesh, ...] = (),
+    fit: Fit,
+    sphere: Sphere | None = None,
 ) -> Course:
-    """Times of a series, with other volumes and meshes that stay as they are."""
-    further = beside(others(added.also), look, resampler)
-    own = replace(look_over_time(series, look, resampler), meshes=meshes)
+    """Times of a series, with other volumes that stay as they are.
+
+    Parameters
+    ----------
+    series
+        The times.
+    own
+        Their look, with meshes that stay as well.
+    further
+        The others, see `beside`.
+    resampler
+        Paints frames.
+    fit
+        What cameras are placed around.
+    sphere
+        Around all that is seen; None: all times are looked at for that.
+    """
 
     def subject(time: int) -> Subject:
-        return Subject.of_several([(series[time], own), *further], resampler, look.fit)
+        return Subject.of_several([(series[time], own), *further], resampler, fit)
 
+    if sphere is not None:
+        return Course(len(series), subject, sphere=sphere)
     with progress_bar("looking at all times") as progress:
         return Course(len(series), subject, progress)
 
 
 def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
-    """Look of all times of a series; what was found in their values is said."""
+    """Look of all times of a series, without labels; what was found in their values is said."""
     for line in findings(series.known):
         say(line)
     bare = look.model_copy(update={"labels": None, "label": ()})
     chosen = bare.appearance(series.all(), resampler)
-    appearance = series.look(chosen, resampler.projection)
+    return series.look(chosen, resampler.projection)
+
+
+def labelled(own: Appearance, series: Series, look: Look) -> Appearance:
+    """Look of all times with the labels of another one, if it has some."""
     if look.labels is None:
-        return appearance
-    return replace(appearance, labels=read_labels(look.labels, look.label, series[0]))
+        return own
+    return replace(own, labels=read_labels(look.labels, look.label, series[0]))
 
 
 def _channels(

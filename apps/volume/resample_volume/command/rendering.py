@@ -1,8 +1,12 @@
 """A volume made ready once and painted as often as is asked for."""
 
 import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,8 +15,9 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Sharing
-from resample.command.workers import at_work, check_sharing
-from resample.files.writing import beside
+from resample.command.workers import Hire, hiring
+from resample.files.tiles import NAME
+from resample.files.writing import beside, inheriting
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
@@ -30,6 +35,7 @@ from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, is_in_store, paint_unseen, unseen_together
 
+MARK = "picture"  # file in a folder of windows, whose text says what they are of
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
 
@@ -81,15 +87,28 @@ class Painting(NamedTuple):
 class Doing(NamedTuple):
     """Who paints a picture."""
 
-    threads: int | None = None
-    sharing: Sharing = Sharing()
-    output: Path | None = None  # beside which several processes may keep windows
+    threads: int | None
+    sharing: Sharing
+    hire: Hire
+    output: Path  # beside which several processes may keep windows
+    left: list[Path]  # folders with windows of commands that were killed
 
 
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Doing:
-    """Who paints a picture; errors as of `check_sharing`."""
-    check_sharing(sharing)
-    return Doing(threads, sharing, output)
+@contextmanager
+def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Doing]:
+    """Who paints a picture, until the end of the block.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `hiring`.
+    """
+    with hiring(sharing, threads) as hire:
+        if not sharing.is_asked:
+            yield Doing(threads, sharing, hire, output, [])
+            return
+        with inheriting(Path(os.path.realpath(output))) as left:
+            yield Doing(threads, sharing, hire, output, left)
 
 
 def to_paint(
@@ -162,7 +181,7 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, media[0][0]) as spent,
+            shared(doing, media, (eye.view(), size, resampler)) as spent,
         ):
             frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
@@ -180,19 +199,62 @@ def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
     return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
 
 
+def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
+    """Text that pictures of equal pixels share; None where values may change unseen."""
+    known: list[Any] = [version("hybrid-resample"), shown]
+    for volume, look in media:
+        labels = [] if look.labels is None else [look.labels.values]
+        states = [_state_of(values) for values in (volume.values, *labels)]
+        if None in states:
+            return None
+        known += [states, volume[1:], replace(look, labels=None)]
+        known += [] if look.labels is None else [look.labels.rules]
+    try:
+        return sha256(pickle.dumps(known)).hexdigest()
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return None
+
+
+def _state_of(values: Any) -> tuple[Any, ...] | None:
+    """What tells whether values in a store are the same; None: nothing does."""
+    keeper: Any = getattr(values, "keeper", None)
+    state = None if keeper is None else keeper.state()
+    if state is None:
+        return None
+    form = (values.shape, values.dtype.str, values.side, values.replaced)
+    return (str(keeper.store), state, *form)
+
+
 @contextmanager
-def shared(doing: Doing, volume: Volume) -> Iterator[Spent]:
-    """What windows of a volume in bricks may take, and who paints them, while they do."""
-    bricks: Any = volume.values
-    allowed = bricks.memory or available_memory() or 0
-    with at_work(doing.sharing, doing.threads) as crew:
-        if crew is None or doing.output is None:
-            yield Spent(allowed, doing.threads)
-            return
-        each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
-        with beside(Path(os.path.realpath(doing.output))) as folder:
+def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Iterator[Spent]:
+    """What windows of volumes in bricks may take, and who paints them, while they do.
+
+    Windows of what is shown by the same means, of a command that was killed, are taken.
+    """
+    here = spent_here(media, doing.threads)
+    allowed, crew = here.memory, doing.hire()
+    if crew is None:
+        yield here
+        return
+    each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
+    mark = _mark(media, shown)
+    with beside(Path(os.path.realpath(doing.output))) as folder:
+        same = [left for left in doing.left if mark is not None and _mark_in(left) == mark]
+        if same:
+            same[0].rename(folder)
+            count = len(list(folder.glob(NAME.format(*"****"))))
+            say(f"{count} windows are there already, of a command that was killed")
+        else:
             folder.mkdir()
-            yield Spent(each, crew.threads, folder, crew.executor)
+            (folder / MARK).write_text(mark or "", encoding="utf-8")
+        yield Spent(each, crew.threads, folder, crew.executor)
+
+
+def _mark_in(folder: Path) -> str | None:
+    try:
+        return (folder / MARK).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return None
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:

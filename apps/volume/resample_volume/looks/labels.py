@@ -12,7 +12,8 @@ from resample.types import Floats
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Color
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values, are_few
+from resample_volume.voxels.bricks import Bricks, Values
+from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 
 LISTED = 16  # labels that an error message names

@@ -12,21 +12,15 @@ from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
 from resample_volume.looks.thresholds import Counts, Levels
 from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import (
-    Bricks,
-    Values,
-    are_few,
-    count_codes,
-    parts,
-    sampled,
-    step_of,
-)
+from resample_volume.voxels.bricks import Bricks, Values, parts, sampled
+from resample_volume.voxels.glances.looking import are_few, count_codes, step_of
 from resample_volume.voxels.parts import slabs
 
 STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays
 STRAY_GAP = 0.5  # of the range of the others, by which strays are away from it
 PADDING_GAP = 1.0  # of the range of the others, by which padding is away from it
 CT_PADDING_GAP = 0.2  # the same where the others look like computed tomography
+NO_LEVELS = Levels(np.zeros(0), np.zeros(0, np.int64))
 FEW = 16  # values: among fewer, none is padding but all are labels
 PADDINGS = 4  # different values of padding that are looked for
 
@@ -81,8 +75,8 @@ def survey(volume: Volume) -> Survey:
     """
     levels, infinite = _levels(volume.values)
     if not levels.value.size:
-        nothing = Levels(np.zeros(0), np.zeros(0, np.int64))
-        return Survey(0.0, 1.0, 0.0, 1.0, (), 0, 0, infinite, units_of(volume, nothing), nothing)
+        units = units_of(volume, NO_LEVELS)
+        return Survey(0.0, 1.0, 0.0, 1.0, (), 0, 0, infinite, units, NO_LEVELS)
     total, most = int(levels.number.sum()), _most_strays(volume.values.size)
     is_byte = volume.values.dtype.itemsize == 1
     rest, padding = _without_padding(levels, rim(volume.values), most, 0 if is_byte else PADDINGS)

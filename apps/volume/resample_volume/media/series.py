@@ -1,33 +1,50 @@
 """A volume of several times, shown by one look in one frame, so that nothing but it changes."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from resample.cameras.viewpoints import Sphere
 from resample.resampler import Projection
+from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import Survey, survey, without_padding
-from resample_volume.looks.transfer import DataRange, Transfer, places_seen
+from resample_volume.looks.transfer import DataRange, Transfer
 from resample_volume.media.recordings import alone, volume_at, with_times_first
 from resample_volume.rendering import Appearance, Subject, named_or_own, transfer_of
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.parts import slabs
-from resample_volume.voxels.visible import finite_range, gradients_at, steepness
+from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.visible import finite_range, seen_with_slopes, steepness
+
+Ready = Callable[[Volume], Volume]  # how a volume in bricks is read: within which memory
+
+
+def _as_it_is(volume: Volume) -> Volume:
+    return volume
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
     """The volumes of a recording, one for each time, and what is known of all together."""
 
-    recording: Recording  # with times first
+    recording: Recording  # with times first; of a store `Chunked`, which is read time by time
     known: Survey  # of all values
+    together: Volume | None = None  # all times without padding, in bricks of which much is known
+    ready: Ready = _as_it_is
 
     @classmethod
-    def of(cls, recording: Recording) -> "Series":
+    def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
         """Series of a recording's times, or of its channels where it has these alone.
+
+        Parameters
+        ----------
+        recording
+            Whose values are an array, or `Chunked`.
+        ready
+            Says how volumes in bricks are read.
 
         Raises
         ------
@@ -35,18 +52,36 @@ class Series:
             It has channels as well.
         """
         ordered = with_times_first(recording)
-        return cls(ordered, survey(whole(ordered)))
+        every = ready(whole(ordered))
+        known = survey(every)
+        together = without_padding(every, known) if isinstance(every.values, Bricks) else None
+        return cls(ordered, known, together, ready)
+
+    @classmethod
+    def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
+        """The same in another process, from what one has found in all values."""
+        ordered = with_times_first(recording)
+        every: Any = without_padding(whole(ordered), known) if is_chunked(ordered) else None
+        if every is not None and every.values.is_kept():
+            return cls(ordered, known, every, ready)
+        return cls(ordered, known, None, ready)
 
     def __len__(self) -> int:
-        return len(self.recording.values)
+        return int(self.recording.values.shape[0])
 
     def __getitem__(self, time: int) -> Volume:
         """Volume of a time, without what is padding in all of them."""
-        volume = volume_at(self.recording, time, None)
-        return without_padding(volume._replace(name=self.recording.name), self.known)
+        own = self.ready(volume_at(self.recording, time, None))
+        volume = without_padding(own._replace(name=self.recording.name), self.known)
+        if self.together is None:
+            return volume
+        every, values = self.together.values, volume.values
+        return volume._replace(values=every.one_of(values, time))  # type: ignore[attr-defined]
 
     def all(self) -> Volume:
         """Volume of all times behind each other, for looks that ask for values."""
+        if self.together is not None:
+            return self.together
         return without_padding(whole(self.recording), self.known)
 
     def look(self, look: Appearance, projection: Projection = Projection.COMPOSITE) -> Appearance:
@@ -72,26 +107,31 @@ class Series:
 
 def whole(recording: Recording) -> Volume:
     """Volume of all times of a recording, one behind the other."""
-    times, parts, *size = recording.values.shape
-    if recording.is_color or parts == 1:
-        across = np.moveaxis(recording.values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
-        return alone(recording._replace(values=across))
-    return volume_at(recording, 0, None)  # says that there are channels
+    values: Any = recording.values
+    times, parts, *size = values.shape
+    if not recording.is_color and parts != 1:
+        return volume_at(recording, 0, None)  # says that there are channels
+    if is_chunked(recording):
+        return alone(recording._replace(values=Single(values.behind_each_other())))  # type: ignore[arg-type]
+    across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
+    return alone(recording._replace(values=across))
+
+
+def is_chunked(recording: Recording) -> bool:
+    """Whether a recording's values stay in their file."""
+    values: Any = recording.values
+    return isinstance(values, Chunked)
 
 
 def steepest(
     volumes: Iterable[Volume], transfer: Transfer, span: DataRange, gradient: str
 ) -> float:
     """Slope of a full surface in some volumes together; data units per scene unit."""
-    most = 0.0
-    for volume in volumes:
-        parts, start = [], 0
-        for slab in slabs(volume.values):
-            parts.append(places_seen(transfer, slab.reshape(-1), span) + start)
-            start += slab.size
-        slope = gradients_at(volume, np.concatenate(parts), gradient)
-        most = max(most, steepness(np.linalg.norm(slope, axis=1)))
-    return most
+    lengths = (
+        np.linalg.norm(seen_with_slopes(volume, transfer, span, gradient).slope, axis=1)
+        for volume in volumes
+    )
+    return max((steepness(length) for length in lengths), default=0.0)
 
 
 def around(subjects: Iterable[Subject]) -> Sphere:

@@ -21,6 +21,7 @@ from resample.types import Doubles
 from resample.watching import look
 from resample_volume.files.memory import require_memory
 from resample_volume.types import Volume
+from resample_volume.voxels.glances.looking import Glance, Helpers, looked_at, step_of
 from resample_volume.voxels.parts import slabs, threads_at_work
 
 Step = tuple[int, int, int]  # z, y, x
@@ -28,20 +29,6 @@ Box = tuple[slice, slice, slice]  # z, y, x
 R = TypeVar("R")
 
 LOG = logging.getLogger("resample")
-SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
-
-
-class Glance(NamedTuple):
-    """What is known of the values of bricks after each was read once."""
-
-    least: Doubles  # (Z, Y, X) of each brick's finite values; inf where there is none
-    greatest: Doubles  # (Z, Y, X) likewise; -inf
-    infinite: int  # voxels
-    missing: int  # voxels
-    some: NDArray[Any]  # every so many voxels along each axis, see `step_of`
-    rim: NDArray[Any]  # (N,) all on the six sides
-    beyond: NDArray[Any]  # finite values outside of the range of `some`; none of few
-    codes: NDArray[np.int64] | None  # how often each value occurs, by its bits, where these are few
 
 
 class Asked(NamedTuple):
@@ -63,6 +50,11 @@ class Asked(NamedTuple):
 
 class Keeper(Protocol):
     """Keeps what is known of values for others who ask for the same."""
+
+    @property
+    def store(self) -> object:
+        """Where values are."""
+        ...
 
     def load(self, bricks: "Bricks") -> Glance | None:
         """What is kept; None if nothing is that still holds."""
@@ -122,6 +114,8 @@ class Bricks:
     asked: Asked | None = None  # blocks whose voxels are asked for; None: all
     keeper: "Keeper | None" = None  # of what is known of all values
     recent: Recent | None = None  # that need not be read again
+    helpers: Callable[[], Helpers | None] | None = None  # who look at all values, too
+    period: int | None = None  # voxels along z after which bricks begin anew; None: never
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -132,16 +126,30 @@ class Bricks:
     @property
     def count(self) -> Step:
         """Bricks along z, y and x."""
-        z, y, x = (-(-size // side) for size, side in zip(self.shape, self.side, strict=True))
-        return z, y, x
+        deep, down, across = self.shape
+        each = self.period or deep
+        z, y, x = (
+            -(-size // side) for size, side in zip((each, down, across), self.side, strict=True)
+        )
+        return z * (deep // each), y, x
 
     def box(self, index: Step) -> Box:
         """Voxels of a brick."""
+        each = self.period or self.shape[0]
+        period, n = divmod(index[0], -(-each // self.side[0]))
+        sizes, first = (each, *self.shape[1:]), period * each
         z, y, x = (
             slice(n * side, min((n + 1) * side, size))
-            for n, side, size in zip(index, self.side, self.shape, strict=True)
+            for n, side, size in zip((n, *index[1:]), self.side, sizes, strict=True)
         )
-        return z, y, x
+        return slice(first + z.start, first + z.stop), y, x
+
+    def one_of(self, values: "Bricks", number: int) -> "Bricks":
+        """Values of one period, that are read by themselves, with what is known of them here."""
+        layers = values.count[0]
+        own = slice(number * layers, (number + 1) * layers)
+        values.__dict__["ends"] = tuple(end[own] for end in self.ends)
+        return values
 
     @property
     def limits(self) -> Box:
@@ -183,15 +191,19 @@ class Bricks:
 
     def within(self, asked: Asked | None, recent: Recent | None = None) -> "Bricks":
         """The same, of which voxels of some blocks are asked for; it counts its own reads."""
-        part = replace(self, asked=asked, recent=recent, reads=0, most_held=0, _lock=Lock())
+        part = replace(self.anew(), asked=asked, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
         return part
+
+    def anew(self) -> "Bricks":
+        """The same, which counts its own reads."""
+        return replace(self, reads=0, most_held=0, _lock=Lock())
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process needs, of what was found the ends of bricks alone."""
         known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
         left = {name: part for name, part in self.__dict__.items() if name != "glance"}
-        return left | known | {"found": {}, "recent": None, "_lock": None}
+        return left | known | {"found": {}, "recent": None, "helpers": None, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
@@ -236,9 +248,7 @@ class Bricks:
 
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
         """The same without values that stand for none, nor infinite ones."""
-        replaced = (np.array(padding), by)
-        own = (self.read, self.shape, self.dtype, self.side, replaced)
-        return Bricks(*own, memory=self.memory, keeper=self.keeper)
+        return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
     @cached_property
     def ends(self) -> tuple[Doubles, Doubles]:
@@ -251,54 +261,21 @@ class Bricks:
         keeper = self.keeper
         kept = None if keeper is None else keeper.load(self)
         if keeper is None or kept is not None:
-            return kept or self._looked_at()
+            return kept or looked_at(self, self._helped())
         state = keeper.state()
-        found = self._looked_at()
+        found = looked_at(self, self._helped())
         keeper.keep(self, found, state)
         return found
 
-    def _looked_at(self) -> Glance:
-        """What a look at all values finds; each brick is read once."""
-        step = step_of(self.size)
-        some = np.empty([-(-size // step) for size in self.shape], self.dtype)
-        sides = [
-            np.empty(self.shape[:n] + self.shape[n + 1 :], self.dtype) for n in (0, 0, 1, 1, 2, 2)
-        ]
-        least, greatest = np.full(self.count, np.inf), np.full(self.count, -np.inf)
-        count = np.zeros(1 << 8 * self.dtype.itemsize, np.int64) if are_few(self.dtype) else None
+    def is_kept(self) -> bool:
+        """Whether all values need not be looked at, as what is known of them is kept."""
+        kept = None if self.keeper is None else self.keeper.load(self)
+        if kept is not None:
+            self.__dict__["glance"] = kept
+        return kept is not None
 
-        def see(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
-            values, box = self.brick(index), self.box(index)
-            least[index], greatest[index], infinite, missing = _extent(values)
-            _keep_some(some, values, box, step)
-            for axis, end in product(range(3), (0, 1)):
-                if box[axis].start == 0 if end == 0 else box[axis].stop == self.shape[axis]:
-                    others = tuple(part for n, part in enumerate(box) if n != axis)
-                    sides[2 * axis + end][others] = values.take(-end, axis)
-            return infinite, missing, None if count is None else count_codes(values)
-
-        infinite = missing = 0
-        for n, (more, none, codes) in enumerate(self.each(see, self.all())):
-            look(n + 1, prod(self.count))
-            infinite, missing = infinite + more, missing + none
-            if count is not None and codes is not None:
-                count += codes
-        rim = np.concatenate([side.ravel() for side in sides])
-        beyond = self._beyond(least, greatest, some)
-        return Glance(least, greatest, infinite, missing, some, rim, beyond, count)
-
-    def _beyond(self, least: Doubles, greatest: Doubles, some: NDArray[Any]) -> NDArray[Any]:
-        """Finite values outside of the range of a sample, of bricks with such ends."""
-        if are_few(self.dtype):
-            return some[:0].ravel()
-        low, high, *_ = _extent(some)
-
-        def see(index: Step) -> NDArray[Any]:
-            values = self.brick(index)
-            return np.asarray(values[((values < low) | (values > high)) & np.isfinite(values)])
-
-        chosen = [index for index in self.all() if least[index] < low or greatest[index] > high]
-        return np.concatenate([some[:0].ravel(), *self.each(see, chosen)])
+    def _helped(self) -> Helpers | None:
+        return None if self.helpers is None else self.helpers()
 
 
 Values = NDArray[Any] | Bricks
@@ -355,45 +332,3 @@ def sampled(values: Values) -> NDArray[Any]:
         return values.glance.some
     step = step_of(values.size)
     return values[::step, ::step, ::step]
-
-
-def step_of(size: int) -> int:
-    """Voxels from one to the next that a sample of so many is made of."""
-    return max(1, int(np.cbrt(size / SAMPLED)))
-
-
-def are_few(dtype: np.dtype[Any]) -> bool:
-    """Whether there are few possible values of a type."""
-    return dtype.kind in "iu" and dtype.itemsize <= 2
-
-
-def count_codes(values: NDArray[Any]) -> NDArray[np.int64]:
-    """How often each of few possible values occurs, by its bits."""
-    import cv2
-
-    size = 1 << (values.dtype.itemsize * 8)
-    code = np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}").reshape(1, -1)
-    count = cv2.calcHist([code], [0], None, [size], [0, size])
-    return np.asarray(count.ravel().astype(np.int64))
-
-
-def _extent(values: NDArray[Any]) -> tuple[float, float, int, int]:
-    """Least and greatest finite value, and how many are infinite and missing."""
-    if values.dtype.kind in "iu":
-        return float(values.min()), float(values.max()), 0, 0
-    is_finite = np.isfinite(values)
-    known = values if is_finite.all() else values[is_finite]
-    missing = int(np.isnan(values).sum()) if known.size < values.size else 0
-    infinite = values.size - known.size - missing
-    if not known.size:
-        return np.inf, -np.inf, infinite, missing
-    return float(known.min()), float(known.max()), infinite, missing
-
-
-def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int) -> None:
-    """Put those of a brick's values into a sample that belong there."""
-    starts = [-(-part.start // step) for part in box]
-    firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
-    found = values[tuple(slice(first, None, step) for first in firsts)]
-    ends = [n + size for n, size in zip(starts, found.shape, strict=True)]
-    some[tuple(map(slice, starts, ends))] = found

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import is_in_file, most_of
-from resample.painting.splines import bytes_of_field, spline_of
+from resample.memory.mapped import array_like, most_of
+from resample.painting.splines import FIELD, bytes_of_field, spline_of
 from resample.resampler import MEASURING, Projection, Resampler
 from resample.types import (
     UNBLOCKED,
@@ -25,8 +25,8 @@ from resample_volume.keeping import found_once
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import are_few
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
+from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
@@ -39,6 +39,8 @@ from resample_volume.voxels.visible import (
 )
 
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
+PAD = 2  # voxels that flags go on for on each side, as coefficients do
+NOTHING = -1  # in place of an index, see `kernels.filling`
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 
 
@@ -184,19 +186,58 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         return values, np.zeros(0, np.uint8)
     if all(np.isfinite(part).all() for part in slabs(values)):
         return values, np.zeros(0, np.uint8)
-    if is_in_file(values):
-        raise ValueError(
-            "values are missing, and where they are, the field wants all of them in memory; give "
-            "more memory or a coarser level"
-        )
-    known = np.isfinite(values)
-    flags = np.pad(known.astype(np.uint8), 2, mode="edge").reshape(-1)
-    if not known.any():
-        return np.zeros(values.shape, np.float32), flags
-    from scipy.ndimage import distance_transform_edt
+    depth, height, width = values.shape
+    deep = array_like(values, values.shape, np.int32, FIELD)
+    known = array_like(
+        values, (depth + 2 * PAD, height + 2 * PAD, width + 2 * PAD), np.uint8, FIELD
+    )
+    last = np.full((height, width), NOTHING, np.int32)
+    for z, plane in enumerate(values):
+        is_known = np.isfinite(plane)
+        last[is_known] = z
+        deep[z] = last
+        known[z + PAD] = np.pad(is_known, PAD, mode="edge")
+    known[:PAD], known[-PAD:] = known[PAD], known[-PAD - 1]
+    if (last == NOTHING).all():
+        nothing = array_like(values, values.shape, np.float32, FIELD)
+        nothing[...] = 0
+        return nothing, known.reshape(-1)
+    return _filled(values, known[PAD:-PAD, PAD:-PAD, PAD:-PAD], deep), known.reshape(-1)
 
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return values[tuple(nearest)], flags
+
+def _filled(
+    values: NDArray[np.generic], known: Flags, deep: NDArray[np.int32]
+) -> NDArray[np.generic]:
+    """Values with the nearest known one, plane by plane.
+
+    Parameters
+    ----------
+    values
+        (Z, Y, X) with gaps.
+    known
+        (Z, Y, X) where there are none.
+    deep
+        (Z, Y, X) index along z of the last voxel in front that is known, or NOTHING.
+    """
+    from resample_volume.voxels.kernels.filling import nearest_in_columns, nearest_in_rows
+
+    filled = array_like(values, values.shape, values.dtype, FIELD)
+    behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))
+    for z in reversed(range(len(values))):
+        is_known, front = known[z] > 0, deep[z]
+        behind[is_known] = z
+        filled[z] = values[z]
+        if is_known.all():
+            continue
+        is_nearer = (front == NOTHING) | ((behind != NOTHING) & (behind - z < z - front))
+        near = np.where(is_nearer, behind, front)
+        nearest_in_columns(near, z, down)
+        nearest_in_rows(near, down, z, is_known, across)
+        y, x = np.nonzero(~is_known)
+        from_x = across[y, x]
+        from_y = down[y, from_x]
+        filled[z, y, x] = values[near[from_y, from_x], from_y, from_x]
+    return filled
 
 
 def _number_seen(

@@ -13,7 +13,8 @@ from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import look
 from resample_volume.looks.transfer import DataRange, Transfer, places_seen
-from resample_volume.voxels.bricks import Box, Bricks, Step, are_few
+from resample_volume.voxels.bricks import Box, Bricks, Step
+from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import threads_at_work
 
 BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at most

@@ -96,7 +96,7 @@ def classify(
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = _seen_with_slopes(volume, whole, data_range, gradient)
+    seen = seen_with_slopes(volume, whole, data_range, gradient)
     slope = seen.slope
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
     color, opacity = looks_of(whole, seen.value, length, data_range, steepness(length))
@@ -320,10 +320,13 @@ def check_gradient(transfer: Transfer, gradient: str | None) -> None:
         raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
 
 
-def _seen_with_slopes(
+def seen_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
 ) -> Candidates:
-    """Voxels whose value has some opacity, with neighbours close to each other."""
+    """Voxels whose value has some opacity, with neighbours close to each other.
+
+    Parameters and errors as of `classify`, values in the order of the painter's bricks.
+    """
     values: Values = volume.values
     if isinstance(values, Bricks):
         wanted = Looked(transfer, data_range, gradient, to_scene_of(volume))

@@ -1,15 +1,17 @@
 """Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.addresses import Place
 from resample.files.stores.opening import reading
 from resample_volume.files.headers import WIDENED
 from resample_volume.files.stores.kept import Kept
+from resample_volume.files.stores.states import Portion
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
 if TYPE_CHECKING:
@@ -59,6 +61,21 @@ class Boxes:
 
 
 @dataclass(frozen=True, eq=False)
+class Behind:
+    """Reads boxes of several volumes, one behind the other along z."""
+
+    reads: tuple[Callable[[Box], NDArray[Any]], ...]
+    depth: int  # voxels along z, of each
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box within one of them."""
+        number, start = divmod(box[0].start, self.depth)
+        own = slice(start, start + box[0].stop - box[0].start)
+        found: NDArray[Any] = self.reads[number]((own, box[1], box[2]))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Chunked:
     """An array as (T, C, Z, Y, X): like NumPy's as far as `recordings.volume_at` looks.
 
@@ -69,7 +86,8 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels that are read together; None: as chunks lie
-    store: Path | None = None  # folder or zip file, where findings are to be kept
+    store: Place | None = None  # folder, zip file or address, of which findings are to be kept
+    alone: tuple[str, int] | None = None  # time or channel beside which there is no other
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -86,7 +104,11 @@ class Chunked:
         """The same with times for channels."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
-        return Chunked(self.array, self.axes, "".join(letters), self.brick, self.store)
+        return replace(self, order="".join(letters))
+
+    def only(self, number: int) -> "Chunked":
+        """The same with one of the second axis alone."""
+        return replace(self, alone=(self.order[1], number))
 
     def __getitem__(self, chosen: int | tuple[int, int]) -> "NDArray[Any] | Bricks":
         if isinstance(chosen, tuple):
@@ -101,14 +123,35 @@ class Chunked:
         """All values in memory."""
         return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
+    def behind_each_other(self) -> Bricks:
+        """All volumes of the first axis, of the only one of the second, as one along z.
+
+        Its bricks are those of the volumes.
+        """
+        first, second = self.order[0], self.order[1]
+        every = [self._bricks({first: n, second: 0}) for n in range(self._along(first))]
+        (depth, *across), reads = every[0].shape, tuple(one.read for one in every)
+        rest = () if self.alone is None else (self.alone,)
+        keeper = None
+        if self.store is not None:
+            keeper = Kept(self.store, Portion(self.array, self.axes, rest))
+        shape = (depth * len(every), across[0], across[1])
+        return Bricks(
+            Behind(reads, depth), shape, self.dtype, every[0].side, keeper=keeper, period=depth
+        )
+
     def _along(self, letter: str) -> int:
+        if self.alone is not None and letter == self.alone[0]:
+            return 1
         return int(self.array.shape[self.axes.index(letter)]) if letter in self.axes else 1
 
     def _bricks(self, at: dict[str, int]) -> Bricks:
         """Volume of one time and channel."""
         shape = (self._along("z"), self._along("y"), self._along("x"))
+        at |= {} if self.alone is None else dict([self.alone])
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
-        keeper = None if self.store is None else Kept(self.store, self.array.path, boxes.at)
+        part = Portion(self.array, self.axes, boxes.at)
+        keeper = None if self.store is None else Kept(self.store, part)
         side = self.brick or self._side(shape)
         return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 

@@ -1,51 +1,50 @@
 """What a first pass over a store has found, kept for later commands.
 
 It lies in a hidden file beside the store or, where nothing may be written there, in the user's
-cache. The names, sizes and times of the store's files tell whether it still holds.
+cache. What a disk or a server tells of the store's files says whether it still holds (`states`).
 """
 
 import logging
-import os
-import time
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from resample.files.stores.addresses import Address, Place
 from resample.files.writing import replacing
+from resample.memory.mapped import folder
 from resample.reading.arrays import read_npz
-from resample_volume.voxels.bricks import Bricks, Glance, are_few, step_of
+from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
+from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.glances.looking import Glance, are_few, step_of
 
 LEAST = 1 << 23  # voxels; of fewer a pass takes less than a second
-FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
-RECENT = 2.0  # seconds, within which a file may change without a new time
 FORM = 1  # of the files that are kept
 LOG = logging.getLogger("resample")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kept:
-    """Findings about one time and channel of an array."""
+    """Findings about a part of an array, such as one time and channel."""
 
-    store: Path  # folder or zip file
-    array: str  # where in the store it is
-    at: tuple[tuple[str, int], ...]  # time and channel
+    store: Place  # folder, zip file or address
+    portion: Portion
 
     def load(self, bricks: Bricks) -> Glance | None:
         """What an earlier command has found; None if nothing, or the store has changed."""
         if bricks.size < LEAST:
             return None
-        state = self._state()
-        for path in self._paths(bricks):
+        for path in filter(Path.is_file, self._paths(bricks)):
             with suppress(ValueError, OSError, LookupError):
                 names = (*Glance._fields, "state")
                 held = read_npz(path, *names)
                 found = _glance(held, bricks)
-                if found is not None and str(held["state"]) == state:
-                    LOG.debug("%s: what was found in it is taken from %s", self.store, path)
+                if found is not None and str(held["state"]) == self._mark:
+                    LOG.debug("%s: what was found in it is taken from %s", self.store.name, path)
                     return found
         return None
 
@@ -63,44 +62,32 @@ class Kept:
                 return
 
     def state(self) -> str | None:
-        """State of the store; None where it has just been written, so that it may change unseen."""
-        return self._state(time.time() - RECENT)
+        """State of the store; None where it may change unseen, as it has just been written."""
+        return self._mark if self._state is not None and self._state.is_settled else None
 
-    def _state(self, before: float | None = None) -> str | None:
-        """Fingerprint of names, sizes and times of files, if none is newer than a time."""
-        digest, newest = sha256(), 0.0
-        with suppress(OSError):
-            for path in _files(self.store, self.array):
-                known, name = os.stat(path), os.path.relpath(path, self.store)
-                newest = max(newest, known.st_mtime)
-                digest.update(f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0".encode())
-            return digest.hexdigest() if before is None or newest < before else None
-        return None
+    @cached_property
+    def _state(self) -> State | None:
+        """State when it was first asked for."""
+        if isinstance(self.store, Address):
+            return state_of_server(self.portion)
+        return state_of_files(self.store, self.portion.array.path)
+
+    @property
+    def _mark(self) -> str | None:
+        return None if self._state is None else self._state.mark
 
     def _paths(self, bricks: Bricks) -> list[Path]:
         """Files that may hold what was found, the best place first."""
-        import pooch
-
         replaced = [np.asarray(part).tolist() for part in bricks.replaced or ()]
-        what = (FORM, self.array, self.at, bricks.shape, str(bricks.dtype), bricks.side, replaced)
+        which = (self.portion.array.path, self.portion.at)
+        what = (FORM, *which, bricks.shape, str(bricks.dtype), bricks.side, replaced)
         beside = sha256(repr(what).encode()).hexdigest()[:10]
-        whole = sha256(repr((str(self.store), what)).encode()).hexdigest()[:20]
-        cache = Path(os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))
-        return [
-            self.store.with_name(f".{self.store.name}.survey-{beside}.npz"),
-            cache / "surveys" / f"{whole}.npz",
-        ]
-
-
-def _files(store: Path, array: str) -> list[str]:
-    """Files of an array, in their order; a zip file is one."""
-    if store.is_file():
-        return [str(store)]
-    found = []
-    for folder, folders, names in os.walk(store / array):
-        folders.sort()
-        found += [os.path.join(folder, name) for name in sorted(names)]
-    return found
+        place = self.store.identity if isinstance(self.store, Address) else str(self.store)
+        whole = sha256(repr((place, what)).encode()).hexdigest()[:20]
+        own = folder() / "surveys" / f"{whole}.npz"
+        if isinstance(self.store, Address):
+            return [own]
+        return [self.store.with_name(f".{self.store.name}.survey-{beside}.npz"), own]
 
 
 def _glance(held: dict[str, Any], bricks: Bricks) -> Glance | None:

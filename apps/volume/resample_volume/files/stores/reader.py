@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample.files.stores.opening import open_node, reading
 from resample.reading.limits import check_free
@@ -91,8 +91,7 @@ class Zarr:
         known = self._header(layout, level, array, name)
         check(known)
         guard(array, name)
-        beside = None if isinstance(path, Address) else path.resolve()
-        values: Any = Chunked(array, layout.axes, brick=brick, store=beside)
+        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve())
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         if not number:

@@ -1,0 +1,183 @@
+"""Whether the chunks of an array are as they were: by what a disk or a server tells of them.
+
+A state is a fingerprint that changes with every change of a chunk. Where that cannot be promised,
+there is none.
+"""
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from hashlib import sha256
+from itertools import islice, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from resample.watching import look
+
+if TYPE_CHECKING:
+    import zarr
+
+RECENT = 2.0  # seconds, within which a file may change without a new time
+SETTLED = 3600.0  # seconds, the same of web servers, whose clocks are not this machine's
+TOGETHER = 32  # chunks that a web server is asked about at a time
+PAGE = 1000  # that are listed, or asked about, before work looks up
+
+
+class Portion(NamedTuple):
+    """Times and channels of an array."""
+
+    array: "zarr.Array[Any]"
+    axes: str  # its letters
+    at: tuple[tuple[str, int], ...]  # those that are chosen; of an axis that is not named, all
+
+
+class State(NamedTuple):
+    """Of chunks, as they were seen."""
+
+    mark: str  # which changes with every change, if it is settled
+    is_settled: bool  # whether a change can not happen unseen from now on
+
+
+class Told(NamedTuple):
+    """What a server tells of a chunk."""
+
+    name: str
+    size: int
+    tag: str  # none: ""
+    changed: float  # seconds since 1970; none: 0
+
+
+def state_of_files(store: Path, array: str) -> State | None:
+    """State of an array of a folder or zip file, from names, sizes and times of its files.
+
+    It is settled where none of them was just written.
+
+    Parameters
+    ----------
+    store, array
+        Where it is.
+    """
+    digest, newest = sha256(), 0.0
+    before = time.time() - RECENT
+    with suppress(OSError):
+        for path in _files(store, array):
+            known, name = os.stat(path), os.path.relpath(path, store)
+            newest = max(newest, known.st_mtime)
+            digest.update(f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0".encode())
+        return State(digest.hexdigest(), newest < before)
+    return None
+
+
+def state_of_server(portion: Portion) -> State | None:
+    """State of a part of an array at an address; None if its server does not tell enough.
+
+    Object stores list their chunks with tags, which are others after each writing. A web server is
+    asked about every chunk of the part, without its content: it has to tell a strong tag or a time
+    of each, and where it tells times, the state is settled an hour after the last.
+
+    Parameters
+    ----------
+    portion
+        Of an array whose store is opened by its address.
+
+    Raises
+    ------
+    CancelledError
+        It is not wanted any more.
+    """
+    import obstore
+
+    place = portion.array.store.within.store  # of a `GuardedStore`
+    if isinstance(place, obstore.store.HTTPStore):
+        return _state(portion, _asked(place, portion), is_web=True)
+    listed = _state(portion, _listed(place, portion), is_web=False)
+    return listed or _state(portion, _asked(place, portion), is_web=False)
+
+
+def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State | None:
+    """State by what is told of chunks, if that is a proof; times are one of web servers alone."""
+    metadata: Any = portion.array.metadata
+    digest = sha256(json.dumps(metadata.to_dict(), sort_keys=True, default=str).encode())
+    newest, before = 0.0, time.time() - SETTLED
+    try:
+        for told in chunks:
+            is_tagged = bool(told.tag) and not told.tag.startswith("W/")
+            if not (is_tagged or (is_web and told.changed > 0)):
+                return None
+            newest = max(newest, told.changed)
+            digest.update(f"{told.name}\0{told.size}\0{told.tag}\0{told.changed}\0".encode())
+    except Exception as error:
+        if isinstance(error, OSError) or type(error).__module__.startswith("obstore"):
+            return None  # the server does not tell
+        raise
+    return State(digest.hexdigest(), not is_web or newest < before)
+
+
+def _listed(place: Any, portion: Portion) -> Iterator[Told]:
+    """All objects of an array, in the order of their names.
+
+    Raises
+    ------
+    OSError
+        There are none, so that these cannot be all.
+    """
+    import obstore
+
+    pages = obstore.list(place, portion.array.path or None, chunk_size=PAGE)
+    found = sorted(_told(facts["path"], facts) for page in pages for facts in page)
+    if not found:
+        raise FileNotFoundError("not even metadata")
+    yield from found
+
+
+def _asked(place: Any, portion: Portion) -> Iterator[Told]:
+    """Chunks of a part that are there, in their order; each costs a question."""
+    import obstore
+
+    def head(name: str) -> Told | None:
+        try:
+            return _told(name, obstore.head(place, name))
+        except FileNotFoundError:
+            return None
+
+    names = _names(portion)
+    pool = ThreadPoolExecutor(TOGETHER)
+    try:
+        while batch := list(islice(names, PAGE)):
+            look(0, 1)
+            yield from (told for told in pool.map(head, batch) if told is not None)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _told(name: str, facts: Any) -> Told:
+    changed = facts["last_modified"].timestamp()
+    return Told(name, int(facts["size"]), facts["e_tag"] or "", changed)
+
+
+def _names(portion: Portion) -> Iterator[str]:
+    """Names of chunks, or shards, of a part of an array."""
+    array, at = portion.array, dict(portion.at)
+    metadata: Any = array.metadata
+    ranges = []
+    for letter, size, side in zip(
+        portion.axes, array.shape, array.shards or array.chunks, strict=True
+    ):
+        every = range(-(-size // side))
+        ranges.append([at[letter] // side] if letter in at else every)
+    for index in product(*ranges):
+        yield f"{array.path}/{metadata.encode_chunk_key(index)}".lstrip("/")
+
+
+def _files(store: Path, array: str) -> list[str]:
+    """Files of an array, in their order; a zip file is one."""
+    if store.is_file():
+        return [str(store)]
+    found = []
+    for folder, folders, names in os.walk(store / array):
+        folders.sort()
+        found += [os.path.join(folder, name) for name in sorted(names)]
+    return found

@@ -1,0 +1,1 @@
+"""What is known of values in bricks after each was read once."""

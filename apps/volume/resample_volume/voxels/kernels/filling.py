@@ -1,0 +1,103 @@
+"""Which known voxel is nearest to each voxel of a plane.
+
+Along z that is found by who calls; then along y, of what each voxel of a column knows, and along
+x, of what each voxel of a row knows by then. Maurer, Qi and Raghavan 2003, "A linear time algorithm
+for computing exact Euclidean distance transforms of binary images in arbitrary dimensions".
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+
+NOTHING = -1  # in place of an index, where nothing is known
+
+Indices = NDArray[np.int64]
+Places = NDArray[np.int32]
+
+
+@kernel
+def _envelope(away: Indices, stack: Indices) -> int:
+    """Keep those places of a line that are nearest to some part of it; gives how many.
+
+    `away` (N,) is how far from the line that is which a place knows, squared; below 0 it knows
+    nothing. `stack` (N,) gets the places, ascending. Section 4 of the paper: of three, the middle
+    one is left out where the two others are nearer all along the line.
+    """
+    count = 0
+    for n in range(away.size):
+        if away[n] < 0:
+            continue
+        while count >= 2:
+            last, before = stack[count - 1], stack[count - 2]
+            a, b = last - before, n - last
+            c = a + b
+            if c * away[last] - b * away[before] - a * away[n] - a * b * c <= 0:
+                break
+            count -= 1
+        stack[count] = n
+        count += 1
+    return count
+
+
+@kernel
+def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
+    """Place of a line that knows what is nearest, for all its places; the first of equals."""
+    count, at = _envelope(away, stack), 0
+    for n in range(away.size):
+        if count == 0:
+            found[n] = NOTHING
+            continue
+        own = (stack[at] - n) * (stack[at] - n) + away[stack[at]]
+        while at + 1 < count:
+            after = stack[at + 1]
+            other = (after - n) * (after - n) + away[after]
+            if own <= other:
+                break
+            own = other
+            at += 1
+        found[n] = stack[at]
+
+
+@parallel_kernel
+def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> None:
+    """Row (Y, X) of the voxel in the same column that knows what is nearest.
+
+    `deep` (Y, X) is the z of the known voxel that is nearest along z, or NOTHING.
+    """
+    height, width = deep.shape
+    away, stack = np.empty(height, np.int64), np.empty(height, np.int64)
+    found = np.empty(height, np.int64)
+    for x in tasks(counter, width):
+        for y in range(height):
+            far = np.int64(deep[y, x]) - z
+            away[y] = NOTHING if deep[y, x] < 0 else far * far
+        _nearest_on_line(away, stack, found)
+        for y in range(height):
+            down[y, x] = found[y]
+
+
+@parallel_kernel
+def nearest_in_rows(
+    counter: Counter, deep: Places, down: Places, z: int, known: NDArray[np.bool_], across: Places
+) -> None:
+    """Column (Y, X) of the voxel in the same row that knows what is nearest; of rows with gaps.
+
+    `down` (Y, X) is of `nearest_in_columns`; `known` (Y, X) says where there are no gaps.
+    """
+    height, width = deep.shape
+    away, stack = np.empty(width, np.int64), np.empty(width, np.int64)
+    found = np.empty(width, np.int64)
+    for y in tasks(counter, height):
+        if known[y].all():
+            continue
+        for x in range(width):
+            row = np.int64(down[y, x])
+            if row < 0:
+                away[x] = NOTHING
+                continue
+            far = np.int64(deep[row, x]) - z
+            away[x] = far * far + (row - y) * (row - y)
+        _nearest_on_line(away, stack, found)
+        for x in range(width):
+            across[y, x] = found[x]

@@ -1,0 +1,195 @@
+"""Films of volumes that change: of stores, time after time, and by several processes."""
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from resample.command import workers
+from resample.command.workers import Crew
+from resample_volume.command import cli
+from resample_volume.files.source import open_recording, open_streamed
+from resample_volume.files.stores import chunks, kept
+from resample_volume.media.series import Series, whole
+from tests import commands
+from tests.killing import Killing
+
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
+TIMES, SHAPE = 3, (18, 13, 16)  # a layer of bricks is thinner than the others
+FILM = ["--path", "still", "--size", "24", "--frames", "4"]
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(chunks, "SIDE", 8)
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
+
+
+def beats(kind, *, channels=None, padding=None):
+    """Balls that move and become brighter, as a file in memory and as a store."""
+    z, y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in SHAPE), indexing="ij")
+    rng = np.random.default_rng(4)
+    values = np.empty((TIMES, channels or 1, *SHAPE))
+    for time, channel in np.ndindex(values.shape[:2]):
+        away = np.sqrt((x - 0.3 * time) ** 2 + (y + 0.2 * channel) ** 2 + z**2)
+        values[time, channel] = (60 + 40 * time) * np.clip(3 * (0.7 - away), 0, 1)
+    values += 6 * rng.random(values.shape)
+    if padding is not None:
+        values[0, :, :, :2] = padding
+    stored = values.astype(kind)
+    if stored.dtype.kind == "f":
+        stored[1, :, 3:6, 4, 5:9] = np.nan
+    np.save("a.npy", stored if channels else stored[:, 0])
+    assert ended("convert", "a.npy", "a.zarr", "--chunk", "8") == 0
+
+
+def frames(folder):
+    found = [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
+    assert len(found) == 4
+    assert len(set(found)) == TIMES
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("uint8", []),
+        ("uint8", ["--transfer", "surfaces"]),
+        ("float32", ["--transfer", "gray", "--gradient-opacity", "0.1/0.6", "--fit", "volume"]),
+        ("float32", ["--transfer", "20..120", "--crop", "2:,:,1:12", "--depth-cue", "0.4"]),
+        ("uint16", ["--transfer", "gray", "--also", "vessel-tree:size=16:transfer=gray"]),
+        ("uint8", ["--projection", "average"]),
+        ("float32", ["--classify", "post", "--transfer", "gray"]),
+    ],
+    ids=["auto", "regions", "faded", "range", "with another", "means", "post"],
+)
+def test_a_film_of_a_store_is_that_of_a_file(kind, words, capsys):
+    beats(kind)
+    for name, film in (("a.npy", "a"), ("a.zarr", "b")):
+        assert ended("animate", name, *FILM, *words, "-o", film) == 0
+    assert frames("a") == frames("b")
+    is_streamed = words[:1] not in (["--projection"], ["--classify"]) and "--also" not in words
+    told = "a: 3 times of 16 x 13 x 18 voxels are read one after the other, brick by brick"
+    assert (told in capsys.readouterr().err) == is_streamed
+
+
+def test_padding_is_that_of_all_times_of_a_store():
+    beats("int16", padding=-3000)
+    series = Series.of(open_streamed("a.zarr"))
+    given = Series.of(open_recording("a.npy"))
+    assert series.known.padding == given.known.padding == (-3000,)
+    for found, wanted in zip(series, given, strict=True):
+        assert np.array_equal(found.values.whole(), wanted.values)
+        low, high = found.values.ends
+        assert (low.min(), high.max()) == (wanted.values.min(), wanted.values.max())
+    for name in ("a.npy", "a.zarr"):
+        assert ended("animate", name, *FILM, "-o", name[2:]) == 0
+    assert frames("npy") == frames("zarr")
+
+
+def test_a_channel_of_a_store_is_filmed(capsys):
+    beats("uint8", channels=2)
+    for name in ("a.npy", "a.zarr"):
+        assert ended("animate", name, *FILM, "--channel", "1", "-o", name[2:]) == 0
+    assert frames("npy") == frames("zarr")
+    capsys.readouterr()
+    assert "choose it by channel" in refused(capsys, "animate", "a.zarr", *FILM, "-o", "c")
+    one = ["--time", "1", "--channel", "0", "--frames", "1", "--size", "24"]
+    for name in ("a.npy", "a.zarr"):
+        assert ended("animate", name, *one, "-o", f"one-{name[2:]}") == 0
+    found = [Path(f"one-{kind}/frame-0000.png").read_bytes() for kind in ("npy", "zarr")]
+    assert found[0] == found[1]
+
+
+def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
+    beats("uint8")
+    series = Series.of(open_streamed("a.zarr"))
+    assert series.together.values.reads == TIMES * 3 * 2 * 2
+    for volume in series:
+        assert volume.values.ends[0].shape == (3, 2, 2)
+        assert volume.values.reads == 0
+    every = whole(open_streamed("a.zarr")).values
+    assert [every.box((n, 0, 0))[0] for n in range(6)] == [
+        *(slice(0, 8), slice(8, 16), slice(16, 18)),
+        *(slice(18, 26), slice(26, 34), slice(34, 36)),
+    ]
+
+
+def test_a_time_that_does_not_fit_is_refused_in_a_line(capsys):
+    beats("uint8")
+    words = [*FILM, "--transfer", "0/white/0.5,9/white/0.5", "--memory", "100kB", "-o", "c"]
+    capsys.readouterr()
+    assert ended("animate", "a.zarr", *words) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("resample: error: a with ")
+    assert "0.10 MiB are allowed" in error
+    assert not Path("c").exists()
+
+
+class Elsewhere:
+    """Does as processes would: what it is given is pickled."""
+
+    def __init__(self, executor):
+        self.executor = executor
+
+    def map(self, job, parts):
+        return self.executor.map(pickle.loads(pickle.dumps(job)), parts)
+
+
+@pytest.fixture
+def pickled(monkeypatch):
+    """Workers that are threads of this process, but know nothing of what it holds."""
+
+    @contextmanager
+    def hiring(sharing, threads=None):
+        with ThreadPoolExecutor(1) as executor:
+            crew = Crew(Elsewhere(executor), sharing.workers or 1, threads or 1, None, True)
+            yield lambda: crew if sharing.is_asked else None
+
+    monkeypatch.setattr(workers, "hiring", hiring)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "is_kept"),
+    [
+        ("a.npy", [], False),
+        ("a.zarr", [], False),
+        ("a.zarr", ["--transfer", "surfaces"], True),
+        ("a.zarr", ["--projection", "maximum", "--memory", "100MB"], False),
+    ],
+)
+@pytest.mark.usefixtures("pickled")
+def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
+    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    beats("float32")
+    assert ended("animate", name, *FILM, *words, "-o", "a") == 0
+    assert ended("animate", name, *FILM, *words, "-o", "b", "--workers", "2") == 0
+    assert frames("a") == frames("b")
+    Path("b/frame-0001.png").unlink()
+    more = ["--resume", "--workers", "1"]
+    assert ended("animate", name, *FILM, *words, "-o", "b", *more) == 0
+    assert frames("a") == frames("b")
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
+    beats("uint8")
+    assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
+    asked, killers = workers.hiring, []
+
+    @contextmanager
+    def hiring(sharing, threads=None):
+        with asked(sharing, threads) as hire:
+            Path("marks").mkdir()
+            killers.append(Killing(hire().executor, Path("marks").resolve(), 1, is_late=True))
+            yield lambda: hire()._replace(executor=killers[0])
+
+    monkeypatch.setattr(workers, "hiring", hiring)
+    assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "2") == 0
+    killers[0].redone(0)
+    assert frames("a") == frames("b")
