@@ -45,7 +45,7 @@ class StoredPicture(NamedTuple):
         return DEPTHS[self.array.dtype.name]
 
     def rows(self, first: int, last: int) -> NDArray[Any]:
-        """Rows (N, W, C) as they are stored; floats in 32 bits.
+        """Rows (N, W, C) as they are stored; floats in 32 bits at most.
 
         Raises
         ------
@@ -62,7 +62,13 @@ class StoredPicture(NamedTuple):
         found = found.reshape(*found.shape, 1) if "c" not in left else found
         order = [[*left, *("c" * ("c" not in left))].index(letter) for letter in "yxc"]
         turned = np.ascontiguousarray(found.transpose(order))
-        return turned.astype(np.float32) if turned.dtype.kind == "f" else turned
+        return turned.astype(np.float32) if turned.dtype.itemsize == 8 else turned
+
+    def strips(self) -> Iterator[NDArray[Any]]:
+        """All rows, as many at a time as a chunk has; errors as of `rows`."""
+        step = max(1, self.array.chunks[self.axes.index("y")])
+        height = self.shape[0]
+        return (self.rows(first, min(first + step, height)) for first in range(0, height, step))
 
     def levels(self) -> NDArray[Any]:
         """All rows (H, W, C), in memory or in a file, see `array_where_it_fits`.
@@ -72,11 +78,12 @@ class StoredPicture(NamedTuple):
         ValueError, OSError
             They cannot be read, or fit nowhere.
         """
-        kind = self.array.dtype if self.bits < 32 else np.dtype(np.float32)
-        levels = array_where_it_fits(self.shape, kind.newbyteorder("="), self.name)
-        step = max(1, self.array.chunks[self.axes.index("y")])
-        for first in range(0, len(levels), step):
-            levels[first : first + step] = self.rows(first, first + step)
+        stored = self.array.dtype
+        kind = np.dtype(np.float32) if stored.itemsize == 8 else stored.newbyteorder("=")
+        levels, done = array_where_it_fits(self.shape, kind, self.name), 0
+        for rows in self.strips():
+            levels[done : done + len(rows)] = rows
+            done += len(rows)
         return levels
 
 
