@@ -24,7 +24,7 @@ SUFFIXES = (".png", ".exr")
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
 STRIP, LEAST_STRIP = 256, 32  # rows that are read at a time; those of wide pictures
-MOST_IN_STRIP = 1 << 24  # values of them
+MOST_IN_STRIP = 1 << 22  # values of them
 
 Attribute = str | int | float | Sequence[float]
 

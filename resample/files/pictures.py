@@ -39,9 +39,15 @@ from resample.files.images import (
     shown,
 )
 from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
-from resample.files.stores.opening import is_store
+from resample.files.stores.addresses import Address, Place, place_of
 from resample.files.stores.pictures import SUFFIX as STORE
-from resample.files.stores.pictures import check_store, open_picture, writing_store
+from resample.files.stores.pictures import (
+    StoredPicture,
+    check_store,
+    is_in_store,
+    open_picture,
+    writing_store,
+)
 from resample.files.writing import replacing
 from resample.memory import require_memory
 from resample.types import Floats
@@ -76,13 +82,13 @@ class Picture(NamedTuple):
     about: About = About()
 
 
-def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> Picture:
+def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
     """Read a picture in linear light, premultiplied, upright, and what its file says.
 
     Parameters
     ----------
     path
-        Any format that OpenImageIO reads.
+        Any format that OpenImageIO reads, or of zarr: a folder, a zip file or an address.
     page
         Which picture of a file that holds several, as they are stored.
     as_data
@@ -96,7 +102,7 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
     ValueError
         It does not fit into this machine's memory.
     """
-    path = Path(path)
+    path = place_of(path)
     header = header_of(path, page, as_data=as_data)
     height, width, stored = header.shape
     require_memory(
@@ -118,14 +124,14 @@ def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
     return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
 
 
-def _data(path: Path, page: int, kind: Kind, about: About) -> Any:
+def _data(path: Place, page: int, kind: Kind, about: About) -> Any:
     """Light, or numbers, as pixels are stored."""
-    if is_store(path):
+    if isinstance(path, Address) or is_in_store(path):
         return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
     return read_numbers(path, page) if about.number else read_image(path, page)
 
 
-def form_of(path: Path) -> tuple[tuple[int, int, int], Kind]:
+def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
     """Height, width and channels of a picture as `read_picture` gives it, and what it is.
 
     Raises
@@ -168,23 +174,23 @@ class Levels(NamedTuple):
     about: About
 
 
-def has_levels(path: Path) -> tuple[int, int, int] | None:
+def has_levels(path: Place) -> tuple[int, int, int] | None:
     """Height, width and channels of a picture that `read_picture_levels` reads; None of others."""
     header = header_of(path, 0, as_data=True)
     return (*header.size, len(header.kind.channels)) if is_plain(path, header) else None
 
 
-def is_plain(path: Path, header: Header) -> bool:
+def is_plain(path: Place, header: Header) -> bool:
     """Whether a picture's levels are all that there is to it."""
     _, kind, about, _ = header
-    is_known = path.suffix.lower() == ".png" or is_store(path)  # TIFF's may be either
+    is_known = path.suffix.lower() == ".png" or is_in_store(path)  # TIFF's may be either
     is_straight = not kind.has_alpha or is_known
     missing = None if about.geo is None else about.geo.missing
     is_bare = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
     return is_bare and missing is None and is_straight
 
 
-def read_picture_levels(path: Path) -> Levels:
+def read_picture_levels(path: Place) -> Levels:
     """Read a picture as `read_picture` does, but leave its levels as they are.
 
     Raises
@@ -196,7 +202,7 @@ def read_picture_levels(path: Path) -> Levels:
     """
     header = header_of(path, 0, as_data=True)
     kind, about = header.kind, header.upright_about
-    if is_store(path):
+    if isinstance(path, Address) or is_in_store(path):
         return Levels(open_picture(path).levels(), kind, about)
     return Levels(upright(read_levels(path, kind.channels), header.orientation), kind, about)
 
@@ -528,14 +534,18 @@ def coverage_picture(coverage: Floats) -> Picture:
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
 
 
-def header_of(path: Path, page: int, *, as_data: bool) -> Header:
+def header_in_store(found: StoredPicture) -> Header:
+    """What is said of a picture in chunks."""
+    kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
+    return Header(found.shape, kind, About(), 1)
+
+
+def header_of(path: Place, page: int, *, as_data: bool) -> Header:
     """What a file says of a picture; parameters and errors as of `read_picture`."""
     import OpenImageIO
 
-    if is_store(path):
-        found = open_picture(path)
-        kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
-        return Header(found.shape, kind, About(), 1)
+    if isinstance(path, Address) or is_in_store(path):
+        return header_in_store(open_picture(path))
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     source = OpenImageIO.ImageInput.open(str(path))

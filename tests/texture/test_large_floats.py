@@ -11,7 +11,7 @@ from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels
 from resample.files.pictures import read_picture
-from resample.files.strips.reading import keep_picture, kept_form
+from resample.files.strips.reading import keepable
 from resample.memory import mapped
 from resample_texture.command import cli, large
 from tests import commands
@@ -169,7 +169,7 @@ def test_words_for_what_is_missing_come_back(monkeypatch, kind, capsys):
     made(words, "a.tif", "parts.tif")
     assert len(strips) > 1
     same("whole.tif", "parts.tif")
-    assert np.isnan(keep_picture(Path("a.tif")).data[30:50, 40:90]).all()
+    assert np.isnan(keepable(Path("a.tif")).keep().data[30:50, 40:90]).all()
     capsys.readouterr()
     made(words, "a.tif", "parts.exr")
     assert capsys.readouterr().err.count("has no room for the picture's place on Earth") == 1
@@ -189,7 +189,8 @@ def test_halves_are_kept_as_halves(monkeypatch):
     written("float.exr", light(4))
     in_strips(monkeypatch)
     for name, kind in (("half.exr", np.float16), ("float.exr", np.float32)):
-        form, kept = kept_form(Path(name)), keep_picture(Path(name))
+        form = keepable(Path(name))
+        kept = form.keep()
         assert (form.dtype, form.size) == (kind, kept.data.nbytes)
         assert kept.data.dtype == kind
         assert mapped.is_in_file(kept.data)
@@ -198,7 +199,7 @@ def test_halves_are_kept_as_halves(monkeypatch):
 
 def test_numbers_of_32_bits_are_read_whole():
     Image.fromarray(np.ones((4, 4), np.int32)).save("a.tif")
-    assert kept_form(Path("a.tif")) is None
+    assert keepable(Path("a.tif")) is None
 
 
 def test_a_torn_file_leaves_nothing(monkeypatch, capsys):

@@ -27,6 +27,7 @@ from resample.files.pictures import (
     write_picture,
 )
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
+from resample.files.stores.addresses import Place
 from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
@@ -53,7 +54,7 @@ class Job:
         """Where a picture goes."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
-    def require_room(self, source: Path | Picture, output: Path) -> None:
+    def require_room(self, source: Place | Picture, output: Path) -> None:
         """Refuse what memory does not hold, of a file before its pixels are read.
 
         Raises
@@ -104,7 +105,7 @@ class Job:
 
 
 def warp_all(
-    images: Sequence[Path],
+    images: Sequence[Place],
     output: Path,
     aim: Aim,
     *,
@@ -137,7 +138,7 @@ def warp_all(
         write_json(stats, told)
 
 
-def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]:
+def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
     """Warp files into a folder; returns what `--stats` says. What fails is said, the others go on.
 
     Raises
@@ -167,7 +168,9 @@ def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]
     return {"files": told, "seconds": session.times()}
 
 
-def warp_file(source: Path, output: Path, job: Job, coverage: Path | None = None) -> dict[str, Any]:
+def warp_file(
+    source: Place, output: Path, job: Job, coverage: Path | None = None
+) -> dict[str, Any]:
     """Warp the pictures of a file; returns what `--stats` says.
 
     Raises
@@ -184,7 +187,7 @@ def warp_file(source: Path, output: Path, job: Job, coverage: Path | None = None
         return _warp_frames(session, frames, output, job, progress)
 
 
-def _warp(session: Session, source: Path, output: Path, job: Job) -> dict[str, Any]:
+def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
     """Warp a file without a bar of its own."""
     frames = frames_of(source)
     if frames is None:
@@ -204,7 +207,7 @@ def _warp_frames(
 
 def _warp_picture(
     session: Session,
-    source: Path,
+    source: Place,
     output: Path,
     job: Job,
     coverage: Path | None = None,

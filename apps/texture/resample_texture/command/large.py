@@ -12,7 +12,8 @@ import numpy as np
 from resample.colors import to_srgb
 from resample.files.facts.metadata import About
 from resample.files.pictures import Kind, Look, Picture, holds_missing
-from resample.files.strips.reading import KeptForm, KeptPicture, keep_picture, kept_form
+from resample.files.stores.addresses import Place
+from resample.files.strips.reading import Keepable, KeptPicture, keepable
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.asking import method_named, within
@@ -30,11 +31,13 @@ from resample_texture.command.rendering import (
 )
 from resample_texture.drawing import Drawing, drawn
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Edge, Warped
 
 MOST_AT_ONCE = 1 << 30  # bytes that a warp in one go may take
 MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # values of the target, worked on at a time
 SHARE_OF_STRIP = 8  # that of what --memory allows, one part
+EVERYTHING = 1 << 62  # px of a window
 ROWS = 32  # a strip's are a multiple of, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
@@ -48,7 +51,7 @@ class Destination(NamedTuple):
 
 
 def large_picture(
-    path: Path, aim: Aim, choice: Warping, roi: Roi | None, written: Destination
+    path: Place, aim: Aim, choice: Warping, roi: Roi | None, written: Destination
 ) -> "Large | None":
     """Picture that is warped strip by strip: one that is large, if its kind and warp allow that.
 
@@ -57,7 +60,7 @@ def large_picture(
     ValueError, OSError
         The file, or a choice, cannot be worked with.
     """
-    form = kept_form(path)
+    form = keepable(path)
     if form is None or choice.total:
         return None
     target = aim(form.shape[:2])
@@ -74,7 +77,7 @@ def large_picture(
         quality=choice.quality,
     )
     whole = (0, 0, target.shape[1], target.shape[0])
-    large = Large(path, form, target, choice, method, roi or whole, written)
+    large = Large(form, target, choice, method, roi or whole, written)
     return large if large.looks else None
 
 
@@ -93,10 +96,8 @@ class Large:
 
     Parameters
     ----------
-    path
-        File of the picture.
     form
-        What is kept of it.
+        What may be kept of the picture.
     target
         Where it goes.
     choice, method
@@ -107,8 +108,7 @@ class Large:
         What it is written to.
     """
 
-    path: Path
-    form: KeptForm
+    form: Keepable
     target: Target
     choice: Warping
     method: Any  # a `Method` that may have `seen_tiles`
@@ -143,12 +143,28 @@ class Large:
     @cached_property
     def kept(self) -> KeptPicture:
         """The picture as it is kept; of encoded light encoded, if it is warped so."""
-        kept = keep_picture(self.path)
+        kept = self.form.keep(self._seen.part)
         if self._is_curved and not kept.has_levels:
             for first in range(0, len(kept.data), ROWS):
                 rows = kept.data[first : first + ROWS]
                 rows[...] = curved(Picture(rows, kept.kind), to_srgb)
         return kept
+
+    @property
+    def _seen(self) -> Rect:
+        """Part of the source that is shown."""
+        size = self.form.shape[:2]
+        parts = np.array([self._seen_by(first, count) for first, count in self._rows()])
+        (left, top), (right, bottom) = parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)
+        seen = Rect(int(left), int(top), int(right), int(bottom))
+        return seen if seen.is_within(size) else Rect(0, 0, size[1], size[0])
+
+    def _seen_by(self, first: int, count: int) -> Rect:
+        """Part of the continued source that some rows show."""
+        size = self.form.shape[:2]
+        geometry, shape, _ = self._part(first, count)
+        seen = self.method.seen_tiles(size, geometry, shape, Edge(self.choice.edge))
+        return next(windows_of(seen, size, EVERYTHING)).source
 
     @cached_property
     def kind(self) -> Kind:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from resample.command.session import LIBRARIES, bytes_written, require_picture
 from resample.files.pictures import form_of
+from resample.files.stores.addresses import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
 from resample_texture.asking import method_named
@@ -76,7 +77,7 @@ def require_room(
     require(what, {"libraries": LIBRARIES if is_ours else LIBRARIES - KERNELS, **parts}, REMEDY)
 
 
-def require_film(source: Path, size: tuple[int, int]) -> None:
+def require_film(source: Place, size: tuple[int, int]) -> None:
     """Refuse a flight over a picture, in frames (height, width), as `require_room` does.
 
     Raises
