@@ -29,7 +29,7 @@ from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
@@ -134,12 +134,9 @@ def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng)
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
-    for look in (
-        Appearance("60..190", classification=Classification.POST),
-        Appearance(light=Light(occlusion=True)),
-    ):
-        with pytest.raises(ValueError, match="window by window; leave it out"):
-            render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    look = Appearance("60..190", classification=Classification.POST)
+    with pytest.raises(ValueError, match="classification post cannot be painted window by window"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
         render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
 

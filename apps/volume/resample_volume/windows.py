@@ -38,7 +38,8 @@ from resample_volume.voxels.cropping import Steeps, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.dense.ball import ball_of
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
-from resample_volume.voxels.dense.looked import Finish, ToSee, outlined
+from resample_volume.voxels.dense.light import Reaching, light_reached
+from resample_volume.voxels.dense.looked import Finish, Outline, ToSee, outlined
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import ball_around, centered, sphere_around
@@ -78,6 +79,7 @@ class Sighting(NamedTuple):
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
+    reaching: Reaching | None = None  # where not all light gets to all voxels
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,18 +228,19 @@ def paint_unseen(
     painter, tell = resampler or BY_DEFAULT, progress or _unheard
     looking = Looking(spent.executor, spent.threads, tell)
     scene, dense = _dense(media, painter, spent.memory, looking)
-    shown = Sighting(media[0][1], camera, subject.clip, cue_range(camera, subject.sphere))
+    reaching = _reaching(scene, dense, media[0][1], subject, spent, looking)
+    cue = cue_range(camera, subject.sphere)
     work = Work(
         scene,
         dense,
-        partial(_lit, shown),
+        partial(_lit, Sighting(media[0][1], camera, subject.clip, cue, reaching)),
         painter,
         camera,
         size,
         subject.clip,
         *spent[:3],
         sifts=dense.sifts,
-        beside=dense.beside,
+        beside=dense.beside + (0 if reaching is None else reaching.bytes_held),
         volumes=len(media),
         depends=dense.kind,
     )
@@ -251,6 +254,35 @@ def paint_unseen(
         count += 1
     samples = int(known.blocks.seen.sum())
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+
+
+def _reaching(
+    scene: Volume,
+    dense: Dense,
+    look: Appearance,
+    subject: Subject,
+    spent: Spent,
+    looking: Looking,
+) -> Reaching | None:
+    """Light that gets to voxels past others, if that is not all; found once."""
+    light = look.light
+    if light is None or not light.is_blocked:
+        return None
+    seen = ToSee(scene, dense, subject.clip)
+    outline = _outline(seen, dense, looking)
+    if not outline.total:
+        return None
+    by = (seen, outline, light, subject.voxels.lattice, spent.memory, looking)
+    depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
+    return known_of(scene, depends, lambda: light_reached(*by)).kept_in(spent.folder)
+
+
+def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
+    """Where voxels are seen; found once, and pictures do with it, too."""
+    found = known_of(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
+    if found.total:
+        keep_looked_at(seen.volume, dense.kind, found.looked)
+    return found
 
 
 def _dense(
@@ -322,11 +354,17 @@ def is_in_store(labels: Labels | None) -> bool:
     return labels is not None and isinstance(labels.values, Bricks)
 
 
-def _lit(shown: Sighting, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
+def _lit(shown: Sighting, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
     """Voxels with their light, of which all together have these gradients."""
-    look, camera, clip, (near, far) = shown
-    lit = []
-    for part, steep in zip(voxels.parts, steeps, strict=True):
+    look, camera, clip, (near, far), reaching = shown
+    lit, parts = [], voxels.parts
+    if reaching is not None:
+        share = reaching.at(place)
+        each = voxels.place if isinstance(voxels, Mixed) else (np.arange(len(share)),)
+        parts = tuple(
+            part._replace(reached=share[at]) for part, at in zip(parts, each, strict=True)
+        )
+    for part, steep in zip(parts, steeps, strict=True):
         across = part if steep is None else faced(part, clip, steep.longest)
         all_of_them = None if steep is None else steep.components(clip)
         lit.append(lit_samples(across, look.light, camera, all_of_them))
@@ -387,10 +425,9 @@ def unseen_together(
     looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
     scene, dense = _dense(media, painter, allowed.memory, looking)
     seen = ToSee(scene, dense, clip)
-    outline = known_of(scene, ("outline", dense.kind), lambda: outlined(seen, looking))
+    outline = _outline(seen, dense, looking)
     if not outline.total:
         return Subject(nothing, look, sphere_around(nothing, whole), middle, clip)
-    keep_looked_at(scene, dense.kind, outline.looked)
     voxel = float(np.linalg.norm(steps, axis=0).max())
     ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
     return Subject(nothing, look, ball, middle, clip)
@@ -400,8 +437,6 @@ def check_windows(media: Sequence[Medium]) -> None:
     """Refuse what depends on all visible voxels together, or is not in bricks."""
     for volume, look in media:
         needs = ["mesh"] * bool(look.meshes)
-        if look.light is not None and look.light.is_blocked:
-            needs.append("shadows or occlusion")
         if look.classification is not Classification.PRE:
             needs.append("the classification post")
         if needs or not isinstance(volume.values, Bricks):
