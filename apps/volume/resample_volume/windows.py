@@ -17,9 +17,15 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.regions import Faded
-from resample_volume.media.lattices import Lattice, first_in
+from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.media.mixing import Mixed, added
-from resample_volume.media.together import Member, Together, in_grid, mixed_by_bricks
+from resample_volume.media.together import (
+    Member,
+    Together,
+    in_grid,
+    mixed_by_bricks,
+    resampled_bricks,
+)
 from resample_volume.rendering import (
     BY_DEFAULT,
     NO_VOXELS,
@@ -28,6 +34,7 @@ from resample_volume.rendering import (
     Fit,
     Medium,
     Subject,
+    kept_look,
     lit_samples,
     placement,
     transfer_of,
@@ -53,6 +60,7 @@ from resample_volume.voxels.windowed import (
     surveyed,
 )
 
+OF_FILES = 8  # share of memory, inverted, that takes pages of volumes that were resampled
 OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
 
 
@@ -296,9 +304,11 @@ def _dense(
     if len(media) == 1:
         scene, _ = centered(media[0][0])
         lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].clip)
-        placed: list[Medium] = [(scene, media[0][1])]
+        placed = [(scene, media[0][1])]
     else:
-        placed, lattice, _, clip = placement(media)
+        given, lattice, _, clip = placement(media)
+        placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
+        beside += memory // OF_FILES * (not share_lattice(media))
         scene = _together(placed, lattice)
     members = []
     for volume, look in placed:
@@ -307,6 +317,25 @@ def _dense(
         members.append(Member(volume, by, first))
     cut = Cutting(clip, painter.reconstruction.radius)
     return scene, Dense(tuple(members), lattice, cut, beside)
+
+
+def share_lattice(media: Sequence[Medium]) -> bool:
+    """Whether no volume needs to be resampled to be seen with the others."""
+    lattice = common_lattice([volume for volume, _ in media])
+    return all(first_in(volume, lattice) is not None for volume, _ in media)
+
+
+def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
+    """Volume on the lattice of all, and its look; of pages of files, memory holds so many bytes."""
+    volume, look = medium
+    if first_in(volume, lattice) is not None:
+        return medium
+
+    def make() -> Volume:
+        return resampled_bricks(volume, lattice, most)
+
+    there = known_of(volume, ("resampled", volume.values, lattice), make)
+    return there, kept_look(volume, look)
 
 
 def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
@@ -328,10 +357,7 @@ def _first(volume: Volume, lattice: Lattice) -> Step:
     """Place of the lattice of all that a volume's first voxel is at."""
     first = first_in(volume, lattice)
     if first is None:
-        raise ValueError(
-            f"{volume.name} has voxels beside those of the finest volume; several are painted "
-            "window by window where they share a lattice: resample it, or give more memory"
-        )
+        raise RuntimeError(f"{volume.name} is not on the lattice that it was resampled to")
     return first
 
 
@@ -414,10 +440,8 @@ def unseen_together(
         whole, middle = centered(media[0][0])
         clip, steps = planes(whole, look.crop, look.clip), lattice_of(whole)
     else:
-        placed, lattice, middle, clip = placement(media)
+        _, lattice, middle, clip = placement(media)
         whole, steps = lattice.volume(), lattice.steps
-        for volume, _ in placed:
-            _first(volume, lattice)
     nothing = NO_VOXELS._replace(lattice=steps)
     if fit == "volume":
         return Subject(nothing, look, ball_around(whole), middle, clip)
