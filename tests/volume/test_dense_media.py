@@ -144,7 +144,7 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_
 
 def test_volumes_in_memory_and_labels_of_resampled_ones_are_refused(rng):
     first, look = in_bricks(smoke(rng), (8, 8, 8)), Appearance("60..190", light=None)
-    with pytest.raises(ValueError, match="smoke, which is in memory as a whole, cannot be painted"):
+    with pytest.raises(ValueError, match="smoke is in memory as a whole and cannot be painted"):
         unseen_together([(first, look), (smoke(rng), look)])
     turned = in_bricks(other(rng), (8, 8, 8))
     labels = Labels(np.zeros(turned.values.shape, np.uint8), {})

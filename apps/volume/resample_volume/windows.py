@@ -460,11 +460,17 @@ def unseen_together(
 def check_windows(media: Sequence[Medium]) -> None:
     """Refuse what depends on all visible voxels together, or is not in bricks."""
     for volume, look in media:
-        needs = ["mesh"] * bool(look.meshes)
-        if look.classification is not Classification.PRE:
-            needs.append("the classification post")
-        if needs or not isinstance(volume.values, Bricks):
-            what = ", ".join(needs) or f"{volume.name}, which is in memory as a whole,"
-            raise ValueError(f"{what} cannot be painted window by window; leave it out")
+        is_pre = look.classification is Classification.PRE
+        if look.meshes or not is_pre:
+            what = "a mesh" if is_pre else "the classification post"
+            raise ValueError(
+                f"{what} needs rays through a field, which cannot be painted window by window; "
+                "render it as a whole by classify post: a file holds the field if memory does not"
+            )
+        if not isinstance(volume.values, Bricks):
+            raise ValueError(
+                f"{volume.name} is in memory as a whole and cannot be painted window by window; "
+                "convert it to OME-Zarr"
+            )
         if look.labels is not None:
             look.labels.check(volume)

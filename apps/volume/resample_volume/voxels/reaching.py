@@ -160,8 +160,9 @@ class LightCells(NamedTuple):
         return np.asarray(np.ravel_multi_index((index // self.per).T, self.grid))
 
     def means(self, total: Doubles) -> Floats:
-        """Optical depths (Z, Y, X) per scene unit of cells, from sums (Z · Y · X,) in each."""
-        return (total / self.per**3).astype(np.float32).reshape(self.grid)
+        """Optical depths (Z, Y, X) per scene unit of cells, from sums, which are used up."""
+        total /= self.per**3
+        return total.astype(np.float32).reshape(self.grid)
 
 
 def cells_around(size: NDArray[np.int64]) -> LightCells:

@@ -91,10 +91,8 @@ def light_reached(
         )
     bricks: Any = seen.volume.values
     job = partial(_summed, seen, outline, cells)
-    total = np.zeros((cells.grid[0], prod(cells.grid[1:])))
-    for first, part in passed(bricks, lattice_for(bricks.shape), job, looking):
-        total[first : first + len(part)] += part
-    share = reached(cells.means(total.reshape(-1)), cells.per * steps, light)
+    parts = passed(bricks, lattice_for(bricks.shape), job, looking)
+    share = reached(cells.means(_joined(parts, cells)), cells.per * steps, light)
     return Reaching(share, cells, outline.first, bricks.shape)
 
 
@@ -116,6 +114,15 @@ def _summed(
     if not full.size:
         return 0, rows[:0]
     return int(full[0]), rows[full[0] : full[-1] + 1]
+
+
+def _joined(parts: list[tuple[int, Doubles]], cells: LightCells) -> Doubles:
+    """Sums in all cells from those in some rows, which are used up."""
+    total = np.zeros((cells.grid[0], prod(cells.grid[1:])))
+    while parts:
+        first, part = parts.pop()
+        total[first : first + len(part)] += part
+    return total.reshape(-1)
 
 
 def _indices(place: Indices, size: Step, first: Indices) -> Indices:
