@@ -23,6 +23,7 @@ from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import places_seen
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import Appearance, Classification, Subject
+from resample_volume.space.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed
 from resample_volume.voxels.blocks import Lattice, bounds_of
@@ -30,7 +31,7 @@ from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
@@ -135,12 +136,12 @@ def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng)
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
-    for look in (
-        Appearance("60..190", classification=Classification.POST),
-        Appearance(light=Light(occlusion=True)),
-    ):
-        with pytest.raises(ValueError, match="window by window; leave it out"):
-            render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    look = Appearance("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
+    with pytest.raises(ValueError, match="a mesh needs rays through a field"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    look = Appearance("60..190", classification=Classification.POST)
+    with pytest.raises(ValueError, match="classification post needs rays through a field"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
         render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
 

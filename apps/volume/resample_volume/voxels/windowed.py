@@ -54,7 +54,7 @@ BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
-Lit = Callable[[Any, Steeps], Samples]  # of voxels, and of extreme gradients of all
+Lit = Callable[[Indices, Any, Steeps], Samples]  # of places, voxels and extreme gradients of all
 
 
 class Work(NamedTuple):
@@ -481,8 +481,8 @@ def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples
     values: Any = bricks
     volume = work.volume._replace(values=values)
 
-    def lit(_: Indices, voxels: Any) -> Samples:
-        return work.lit(voxels, known.steep)
+    def lit(place: Indices, voxels: Any) -> Samples:
+        return work.lit(place, voxels, known.steep)
 
     lattice = np.eye(3)
     for part in work.classified(volume, lit):
