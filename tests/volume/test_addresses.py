@@ -1,8 +1,6 @@
 """Stores at addresses: pictures as of those on disk, whatever the server does."""
 
-import hashlib
 import os
-import re
 import shutil
 import socket
 import subprocess
@@ -10,12 +8,10 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
-from werkzeug import Request, Response
 
 from resample.files.stores.addresses import Address
 from resample_volume.command.cli import app
@@ -23,6 +19,7 @@ from resample_volume.files.source import open_streamed, open_volume
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.reader import Zarr
 from tests.commands import ended, refused
+from tests.servers import Server
 
 zarr = pytest.importorskip("zarr")
 pytest.importorskip("obstore", reason="the extra remote is not installed")
@@ -33,37 +30,6 @@ READY = 30.0  # s that a server may take to start
 @pytest.fixture
 def values(rng):
     return rng.integers(0, 60000, (20, 18, 24)).astype(np.uint16)
-
-
-class Server:
-    """A folder that is served, with what is wrong with it."""
-
-    def __init__(self, folder, httpserver):
-        self.folder, self.asked = folder, []
-        self.busy = 0  # answers that are 503
-        self.cut = ""  # end of names of files that arrive cut off
-        self.tells = ""  # of "tag", "weak" and "time", what it tells of files besides their size
-        httpserver.expect_request(re.compile(".*")).respond_with_handler(self.answer)
-        self.url = httpserver.url_for("/")
-
-    def answer(self, request: Request) -> Response:
-        """Answer with a file, or a part of it."""
-        self.asked.append(request.path)
-        if self.busy:
-            self.busy -= 1
-            return Response("later", status=503)
-        file = self.folder / request.path.lstrip("/")
-        if not file.is_file():
-            return Response("none", status=404)
-        data = file.read_bytes()
-        if self.cut and request.path.endswith(self.cut):
-            data = data[: len(data) // 2]
-        whole = Response(data, headers={"Accept-Ranges": "bytes"})
-        if "tag" in self.tells or "weak" in self.tells:
-            whole.set_etag(hashlib.sha256(data).hexdigest(), weak="weak" in self.tells)
-        if "time" in self.tells:
-            whole.last_modified = datetime.fromtimestamp(file.stat().st_mtime, UTC)
-        return whole.make_conditional(request, accept_ranges=True, complete_length=len(data))
 
 
 @pytest.fixture
