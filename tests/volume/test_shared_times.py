@@ -176,6 +176,16 @@ def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
+@pytest.mark.parametrize("is_kept", [False, True])
+@pytest.mark.usefixtures("pickled")
+def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
+    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    beats("int16", padding=-3000)
+    assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
+    assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "1") == 0
+    assert frames("a") == frames("b")
+
+
 @pytest.mark.slow
 def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
     beats("uint8")

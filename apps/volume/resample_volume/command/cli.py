@@ -397,14 +397,19 @@ def convert(
     """
     from resample.command.console import progress_bar, say
     from resample_volume.command.inputs import stored
-    from resample_volume.files.stores.writing import Layered, check_store, write_store
+    from resample_volume.files.stores.writing import (
+        Layered,
+        bricks_of,
+        check_store,
+        write_store,
+    )
 
     form = Layered(chunk, shard, compression, levels)
     check_store(output)
     recording = stored(source, volume)
     if recording.note:
         say(recording.note)
-    with progress_bar("converting") as progress:
+    with progress_bar("converting bricks", bricks_of(recording, form)) as progress:
         write_store(output, recording, form, progress)
 
 

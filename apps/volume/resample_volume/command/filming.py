@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ from resample_volume.command.media import (
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import scene_of, spent_here
 from resample_volume.looks.surveys import NO_LEVELS, Survey
-from resample_volume.media.series import Ready, Series, is_chunked
+from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
@@ -152,7 +153,9 @@ def _film_of_times(
 ) -> ReadyFilm:
     """A film of a volume that changes; see `film_of`."""
     times, ready = _read(script, times, hire)
-    with progress_bar("looking at bricks") as progress, told(progress):
+    every: Any = whole(times).values if is_chunked(times) else None
+    count = 0 if every is None else prod(every.count)
+    with progress_bar("looking at bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = look_over_time(series, script.look, paint.resampler)
     course = _course(script, series, look, paint.resampler)

@@ -21,6 +21,7 @@ from resample.files.writing import beside, inheriting
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
+from resample.watching import told
 from resample_volume.command import needs
 from resample_volume.rendering import (
     Appearance,
@@ -68,7 +69,9 @@ def scene_of(
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
-    with session.stage("classify", bar="classifying"):
+    in_bricks = len(media) == 1 and needs.is_in_bricks(media[0][0])
+    bar = "reading bricks that are seen" if in_bricks else "classifying"
+    with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     needs.require_room(media, size, subject, fit)
     if subject.is_empty:

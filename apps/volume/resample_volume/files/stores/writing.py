@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +100,13 @@ def write_store(
             if progress is not None:
                 progress(share)
         group.attrs.update(_attributes(recording, shapes))
+
+
+def bricks_of(recording: Recording, form: Layered) -> int:
+    """How many bricks `write_store` writes."""
+    shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
+    each = sum(prod(-(-size // form.step) for size in shape) for shape in shapes)
+    return prod(map(int, recording.values.shape[:2])) * each
 
 
 def check_store(path: Path) -> None:
