@@ -18,10 +18,16 @@ from resample.painting.plans import (
     POINTS,
     SPLATS,
     PicturePlan,
+    PlansOfPart,
     Window,
     checked_window,
 )
-from resample.painting.points import can_defer_points, paint_points
+from resample.painting.points import (
+    can_defer_points,
+    paint_points,
+    points_in_steps,
+    spacings_of_points,
+)
 from resample.painting.rays import Gathering, paint_field
 from resample.painting.scene import (
     Painted,
@@ -33,20 +39,25 @@ from resample.painting.scene import (
     samples_of,
     screen_of,
 )
-from resample.painting.slabs import paint_summed
+from resample.painting.slabs import paint_summed, spacings_of_summed, summed_in_steps
 from resample.painting.splats import (
     are_splats_exact,
     formula_of,
     paint_mixture,
     paint_splats,
     spacings_of,
+    splats_in_steps,
 )
-from resample.painting.steps import (
-    SamplesInParts,
-    bytes_kept,
-    most_waiting,
-    paint_in_steps,
+from resample.painting.steps.cuts import InSteps, most_waiting
+from resample.painting.steps.painting import bytes_kept, paint_in_steps
+from resample.painting.steps.parts import SamplesInParts
+from resample.painting.steps.planning import (
+    EVERYBODY,
+    Painters,
+    plan_of_all,
     plan_of_parts,
+    plans_of,
+    reach_beyond,
 )
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
@@ -288,9 +299,13 @@ class Resampler:
         self, scene: Scene, samples: Samples, progress: Progress | None
     ) -> tuple[Painted, Statistics]:
         """Picture of a scene by whom its order asks for."""
-        if scene.classifier is None and self.order.summing is Summing.POINTS:
+        if self._is_streamed(scene):
             return self._streamed(scene, samples, progress)
         return paint_summed(scene, samples, self.reconstruction, progress)
+
+    def _is_streamed(self, scene: Scene) -> bool:
+        """Whether splats are composited one by one."""
+        return scene.classifier is None and self.order.summing is Summing.POINTS
 
     def plan(
         self,
@@ -303,8 +318,8 @@ class Resampler:
     ) -> PicturePlan:
         """What a picture depends on besides the samples that are seen in a window of it.
 
-        Same parameters as a call. Where not all samples are in memory together, plans of some
-        after the other are `merged`.
+        Same parameters as a call. Where not all samples are in memory together, `plan_of` makes it
+        of `plans` of some after the other.
 
         Raises
         ------
@@ -321,22 +336,101 @@ class Resampler:
             raise RuntimeError("a scene is planned before it is painted")
         return painted.plan
 
+    def plans(
+        self,
+        samples: Samples | Field,
+        camera: AnyCamera,
+        *,
+        height: int,
+        width: int,
+        clip: ArrayLike | None = None,
+        painters: Sequence[str] = EVERYBODY,
+    ) -> PlansOfPart:
+        """What some samples say of a picture, of which others are seen, too.
+
+        Parameters and errors as of `plan`; of who may turn out to paint all samples those are
+        asked that are in `painters`: "splats", "points", "mixture".
+        """
+        check_size(height, width)
+        self._check_field(samples)
+        checked, look = self._checked_for_windows(samples)
+        with _kernels(None):
+            scene = self._scene(checked, camera.view(), (height, width), look, clip)
+            return plans_of(scene, checked, self._painters(scene), painters)
+
+    def plan_of(
+        self,
+        parts: Sequence[PlansOfPart],
+        lattice: Doubles,
+        camera: AnyCamera,
+        *,
+        height: int,
+        width: int,
+    ) -> PicturePlan | None:
+        """Plan of a picture that `plan` would give of all samples together.
+
+        Parameters
+        ----------
+        parts
+            From `plans`, of all samples.
+        lattice
+            (3, 3) of them.
+        camera, height, width
+            As of a call.
+
+        Returns
+        -------
+        None where painters have to be asked that were left out.
+        """
+        with _kernels(None):
+            scene = self._of_nothing(lattice, camera, (height, width))
+            return plan_of_all(scene, self._painters(scene), parts)
+
+    def reach_beyond(
+        self, plan: PicturePlan, lattice: Doubles, camera: AnyCamera
+    ) -> tuple[bool, float]:
+        """How far samples are painted beyond what their ellipsoids cover of the screen.
+
+        Returns
+        -------
+        Whether they reach as far on one side of their center as on the other; and px, at most.
+        """
+        return reach_beyond(self._of_nothing(lattice, camera, plan.size), plan)
+
+    def _of_nothing(self, lattice: Doubles, camera: AnyCamera, size: tuple[int, int]) -> Scene:
+        """Scene whose samples are not at hand."""
+        nobody = np.zeros((0, 3), np.float32)
+        nothing = Samples(nobody, nobody, nobody[:, 0], lattice)
+        return self._scene(nothing, camera.view(), size, None, None)
+
+    def _painters(self, scene: Scene) -> Painters:
+        """Who may paint samples."""
+        return Painters(self._is_streamed(scene), self._point_profile is not None)
+
     def _checked_for_windows(
         self, samples: Samples | Field | LatticeField
     ) -> tuple[Samples, Classifier | None]:
         """Samples and the look of a field, if they can be painted window by window."""
-        if isinstance(samples, LatticeField) or self.projection in WHOLE:
-            what = "the order rays" if isinstance(samples, LatticeField) else self.projection
-            raise ValueError(
-                f"{what} cannot be painted window by window; leave the window out, or take samples "
-                "of the projection composite in another order"
-            )
+        self._check_whole(isinstance(samples, Field | LatticeField))
+        assert not isinstance(samples, LatticeField)
         checked, look = _checked(samples)
         if checked.extinction.size == 0:
             raise ValueError("there are no samples, so there is nothing to plan; leave plans out")
         if checked.scale is not None:
             self._check_scaled()
         return checked, look
+
+    def _check_whole(self, is_field: bool) -> None:
+        """Refuse choices that take all of a picture together, and those that are for fields."""
+        if self.order.summing is Summing.RAYS or self.projection in WHOLE:
+            is_by_rays = self.order.summing is Summing.RAYS
+            raise ValueError(
+                f"{'the order rays' if is_by_rays else self.projection} cannot be painted window "
+                "by window; leave the window out, or take another projection of samples in "
+                "another order"
+            )
+        if not is_field and self.projection is not Projection.COMPOSITE:
+            raise ValueError(f"the projection {self.projection} needs a field's classifier")
 
     def paint_window(
         self,
@@ -383,7 +477,11 @@ class Resampler:
         return self._cut_out(painted, statistics, (x0, y0, x1, y1))
 
     def with_spacing(
-        self, plan: PicturePlan, samples: Samples, camera: AnyCamera, clip: ArrayLike | None = None
+        self,
+        plan: PicturePlan,
+        samples: Samples | Field,
+        camera: AnyCamera,
+        clip: ArrayLike | None = None,
     ) -> PicturePlan:
         """Plan that knows how fine its tiles are, as far as some samples more say it.
 
@@ -398,7 +496,11 @@ class Resampler:
         with _kernels(None):
             scene = self._scene(checked, camera.view(), plan.size, look, clip)
             scene = replace(scene, layers=plan.layers, plan=plan._replace(spacing=None))
-            found = spacings_of(scene, checked)
+            if not self._is_streamed(scene):
+                found = spacings_of_summed(scene, checked)
+            else:
+                by_points = plan.painter == POINTS
+                found = (spacings_of_points if by_points else spacings_of)(scene, checked)
         if plan.spacing is not None:
             found = np.minimum(found, plan.spacing)
         return plan._replace(spacing=found)
@@ -411,12 +513,12 @@ class Resampler:
         It may stand for `plan` of them all: windows have the same bits.
         """
         check_size(height, width)
-        nobody = np.zeros((0, 3), np.float32)
-        nothing = Samples(nobody, nobody, nobody[:, 0], source.lattice)
         with _kernels(None):
-            scene = self._scene(nothing, camera.view(), (height, width), None, None)
-            is_apt = are_splats_exact(scene) and self.order.summing is Summing.POINTS
-            return plan_of_parts(scene, source) if is_apt and len(source.sizes) else None
+            scene = self._of_nothing(source.lattice, camera, (height, width))
+            needs_first = self.order(scene.view, source.lattice).begins_at_first
+            if needs_first or not (are_splats_exact(scene) and len(source.sizes)):
+                return None
+            return plan_of_parts(scene, source, self._painters(scene))
 
     def paint_nearest_first(
         self,
@@ -440,24 +542,23 @@ class Resampler:
         camera, window, threads, progress, clip
             As of `paint_window`.
         plan
-            Of all samples, of splats that are composited one by one; unless it `is_even`,
-            `with_spacing` of them all.
+            Of all samples; unless it `is_even`, `with_spacing` of them all.
 
         Raises
         ------
         ValueError
-            As `paint_window` does; or samples are not painted one by one, as splats.
+            As `paint_window` does; or it is not known how fine tiles are.
         """
         window = checked_window(window, *plan.size)
+        self._check_whole(source.classifier is not None)
         if not self.can_step(plan):
             raise ValueError(
-                f"{plan.painter} in the order {self.order} are not painted step by step; splats of "
-                "exact footprint in the order every-sample are, of a plan with spacing"
+                "the tiles of this picture are not all as fine, and the plan does not know how "
+                "fine each is; give that of `with_spacing`"
             )
         with _kernels(threads):
-            scene = self._planned(source.lattice, camera, plan, window, clip)
-            formula = formula_of(scene, self._profile, self._pieces)
-            painted = paint_in_steps(scene, source, formula, progress)
+            scene, by = self._in_steps(source, camera, plan, window, clip)
+            painted = paint_in_steps(scene, by, source, progress)
         return self._cut_out(painted, Statistics(int(source.sizes.sum()), 0, 0, 0, 1, {}), window)
 
     def is_even(self, plan: PicturePlan) -> bool:
@@ -465,12 +566,14 @@ class Resampler:
         from resample.engine.grid import grid
 
         style = self._style(np.eye(3), None)
+        if self.projection is Projection.FIRST_HIT:
+            return True
         return bool(grid(plan.least, style) == grid(plan.most, style))
 
     def can_step(self, plan: PicturePlan) -> bool:
         """Whether a picture of this plan can be painted nearest parts first."""
-        is_known = plan.spacing is not None or self.is_even(plan)
-        return is_known and plan.painter == SPLATS and self.order.summing is Summing.POINTS
+        is_whole = self.projection in WHOLE or self.order.summing is Summing.RAYS
+        return not is_whole and (plan.spacing is not None or self.is_even(plan))
 
     def kept_between_steps(
         self, source: SamplesInParts, camera: AnyCamera, plan: PicturePlan, window: Window
@@ -481,22 +584,28 @@ class Resampler:
         -------
         Bytes, and samples that wait for nearer ones, at most.
         """
-        scene = self._planned(source.lattice, camera, plan, window)
-        return bytes_kept(scene), most_waiting(scene, source)
+        scene, by = self._in_steps(source, camera, plan, window, None)
+        return bytes_kept(scene, by), most_waiting(scene, source, by.between)
 
-    def _planned(
+    def _in_steps(
         self,
-        lattice: Doubles,
+        source: SamplesInParts,
         camera: AnyCamera,
         plan: PicturePlan,
         window: Window,
-        clip: ArrayLike | None = None,
-    ) -> Scene:
-        """Scene of a picture that was planned."""
+        clip: ArrayLike | None,
+    ) -> tuple[Scene, InSteps]:
+        """Scene of a picture that was planned, and how its samples are painted step by step."""
         none = np.zeros((0, 3), np.float32)
-        nothing = Samples(none, none, none[:, 0], lattice)
-        scene = self._scene(nothing, camera.view(), plan.size, None, clip)
-        return replace(scene, layers=plan.layers, plan=plan, window=window)
+        nothing = Samples(none, none, none[:, 0], source.lattice)
+        scene = self._scene(nothing, camera.view(), plan.size, source.classifier, clip)
+        scene = replace(scene, layers=plan.layers, plan=plan, window=window)
+        if not self._is_streamed(scene):
+            return summed_in_steps(scene, self.reconstruction)
+        if plan.painter == POINTS and self._point_profile is not None:
+            return scene, points_in_steps(scene, self._point_profile)
+        formula = formula_of(scene, self._profile, self._pieces)
+        return scene, splats_in_steps(scene, formula)
 
     def _cut_out(self, painted: Painted, statistics: Statistics, window: Window) -> Frame:
         """Frame of a window of a picture."""
@@ -688,7 +797,7 @@ class Resampler:
 
 
 OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
-WHOLE = (Projection.ADDITIVE, Projection.FIRST_HIT)  # whose pixels depend on all others
+WHOLE = (Projection.ADDITIVE,)  # whose pixels depend on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE, Projection.MINIMUM)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,

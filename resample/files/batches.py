@@ -6,27 +6,27 @@ from pathlib import Path
 
 from resample.files.pictures import SUFFIXES
 from resample.files.sequences import FILMS, WRITTEN, frames_of
-from resample.files.stores.opening import is_store
+from resample.files.stores.addresses import Address, Place
 from resample.files.stores.pictures import SUFFIX as STORE
+from resample.files.stores.pictures import is_in_store
 
 READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 
 
-def is_batch(images: Sequence[Path], output: Path) -> bool:
+def is_batch(images: Sequence[Place], output: Path) -> bool:
     """Whether results go to a folder: of several files, a folder, a pattern, or into one."""
     is_folder = output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
-    is_of_files = images[0].is_dir() and not is_store(images[0])
-    return len(images) > 1 or is_folder or is_of_files or _is_pattern(images[0])
+    return len(images) > 1 or is_folder or _is_of_files(images[0])
 
 
-def batch_of(images: Sequence[Path], output: Path) -> list[tuple[Path, Path]]:
+def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
     """Files that are meant, and what each becomes.
 
     Parameters
     ----------
     images
-        Files, folders and patterns such as `photos/*.jpg`; of folders what has a picture's or a
-        film's suffix, but no folders within.
+        Files, addresses, folders and patterns such as `photos/*.jpg`; of folders what has a
+        picture's or a film's suffix, but no folders within.
     output
         Folder, which need not exist yet.
 
@@ -45,7 +45,7 @@ def batch_of(images: Sequence[Path], output: Path) -> list[tuple[Path, Path]]:
     if not output.exists() and output.suffix:
         raise ValueError(f"{output}: several pictures are written to a folder; give its name")
     pairs = [(source, output / _name(source)) for source in sources]
-    taken: dict[Path, Path] = {}
+    taken: dict[Path, Place] = {}
     for source, target in pairs:
         if target in taken:
             raise ValueError(f"{taken[target]} and {source} would both become {target}")
@@ -55,12 +55,20 @@ def batch_of(images: Sequence[Path], output: Path) -> list[tuple[Path, Path]]:
     return pairs
 
 
+def _is_of_files(place: Place) -> bool:
+    if isinstance(place, Address) or is_in_store(place):
+        return False
+    return place.is_dir() or _is_pattern(place)
+
+
 def _is_pattern(path: Path) -> bool:
     return not path.exists() and glob.has_magic(str(path))
 
 
-def _files(path: Path) -> Iterator[Path]:
-    if path.is_dir():
+def _files(path: Place) -> Iterator[Place]:
+    if isinstance(path, Address) or is_in_store(path):
+        yield path
+    elif path.is_dir():
         found = (file for file in sorted(path.iterdir()) if file.suffix.lower() in READ)
         yield from (file for file in found if file.is_file() and not file.name.startswith("."))
     elif _is_pattern(path):
@@ -70,12 +78,12 @@ def _files(path: Path) -> Iterator[Path]:
         yield path
 
 
-def _name(source: Path) -> str:
+def _name(source: Place) -> str:
     """Name of what a file becomes: its own, where that form can be written."""
     suffix = source.suffix.lower()
     if suffix in SUFFIXES:
         return source.name
     if suffix in FILMS:
-        return source.with_suffix(".mp4").name if suffix != ".mp4" else source.name
+        return Path(source.name).with_suffix(".mp4").name if suffix != ".mp4" else source.name
     is_animated = suffix in WRITTEN and frames_of(source) is not None
-    return source.name if is_animated else source.with_suffix(".png").name
+    return source.name if is_animated else Path(source.name).with_suffix(".png").name

@@ -23,7 +23,8 @@ from resample.types import Floats, Frame
 SUFFIXES = (".png", ".exr")
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
-STRIP = 256  # rows that are read at a time
+STRIP, LEAST_STRIP = 256, 32  # rows that are read at a time; those of wide pictures
+MOST_IN_STRIP = 1 << 22  # values of them
 
 Attribute = str | int | float | Sequence[float]
 
@@ -214,7 +215,7 @@ def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDA
     check_honest(path, spec)
     shape, done = (spec.height, spec.width, len(order)), 0
     levels = array_where_it_fits(shape, form, Path(path).name)
-    for strip in _stored_strips(path, source, STRIP, form):
+    for strip in _stored_strips(path, source, form=form):
         levels[done : done + len(strip)] = strip[..., order]
         done += len(strip)
     return levels
@@ -229,12 +230,41 @@ def check_pixels(path: str | Path, page: int = 0) -> None:
         The file is missing or damaged.
     """
     source, _ = _open(path, page)
-    for _ in _stored_strips(path, source, STRIP):
+    for _ in _stored_strips(path, source):
         pass
 
 
+def holds_half(path: str | Path) -> bool:
+    """Whether 16 bits of floating point hold the light of a picture's file, as it is stored.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    source, header = _open(path)
+    has_straight_alpha = header.is_straight and "A" in header.names
+    is_half = str(source.spec().format) == "half"
+    source.close()
+    return is_half and not (header.is_encoded or has_straight_alpha)
+
+
+def number_rows(path: str | Path) -> Iterator[Floats]:
+    """Read what `read_numbers` reads of numbers of 8 and 16 bits, strip by strip from the top.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged; damage may show only while iterating.
+    """
+    source, _ = _open(path)
+    check_honest(path, source.spec())
+    form = str(source.spec().format)
+    return (strip.astype(np.float32) for strip in _stored_strips(path, source, form=form))
+
+
 def read_rows(
-    path: str | Path, height: int = STRIP
+    path: str | Path, height: int | None = None
 ) -> tuple[tuple[int, int, int], Iterator[Floats]]:
     """Read a picture strip by strip, in linear light, premultiplied.
 
@@ -243,7 +273,7 @@ def read_rows(
     path
         As `read_image` takes it.
     height
-        Rows of a strip, about; tiles are not cut.
+        Rows of a strip, about; tiles are not cut. None: what makes some million values.
 
     Returns
     -------
@@ -257,21 +287,29 @@ def read_rows(
     """
     source, header = _open(path)
     spec = source.spec()
+    check_honest(path, spec)
     nothing = np.zeros((1, spec.width, spec.nchannels), np.float32)
     channels = _linear(header._replace(data=nothing)).shape[2]
     return (spec.height, spec.width, channels), _strips(path, source, header, height)
 
 
-def _strips(path: str | Path, source: Any, header: "_ImageHeader", height: int) -> Iterator[Floats]:
+def _strips(
+    path: str | Path, source: Any, header: "_ImageHeader", height: int | None
+) -> Iterator[Floats]:
+    spec = source.spec()
+    size = spec.width * spec.height * spec.nchannels
     for strip in _stored_strips(path, source, height):
-        yield _linear(header._replace(data=strip))
+        yield _linear(header._replace(data=strip), size)
 
 
 def _stored_strips(
-    path: str | Path, source: Any, height: int, form: str = "float"
+    path: str | Path, source: Any, height: int | None = None, form: str = "float"
 ) -> Iterator[NDArray[Any]]:
     """Rows as stored, or as values of another of OpenImageIO's types."""
     spec = source.spec()
+    if height is None:
+        few = MOST_IN_STRIP // (spec.width * spec.nchannels) // LEAST_STRIP * LEAST_STRIP
+        height = min(STRIP, max(LEAST_STRIP, few))
     step = -(-height // spec.tile_height) * spec.tile_height if spec.tile_width else height
     for first in range(spec.y, spec.y + spec.height, step):
         last = min(first + step, spec.y + spec.height)
@@ -287,12 +325,17 @@ def _stored_strips(
     source.close()
 
 
-def _linear(stored: "_ImageHeader") -> Floats:
-    """Picture in linear, premultiplied light, with the channels that `read_image` gives."""
+def _linear(stored: "_ImageHeader", size: int | None = None) -> Floats:
+    """Picture in linear, premultiplied light, with the channels that `read_image` gives.
+
+    It is a part of one of `size` values, unless it is all of it.
+    """
     names, data = stored.names, stored.data
     alpha = names.index("A") if "A" in names else None
     color = [n for n in range(len(names)) if n != alpha]
-    if stored.is_encoded and 0 < stored.levels < data.size:  # a table is quicker than powers
+    if stored.is_encoded and 0 < stored.levels < (
+        size or data.size
+    ):  # a table is quicker than powers
         light = from_srgb((np.arange(stored.levels + 1) / stored.levels).astype(np.float32))
         for row in data:
             level = (row[:, color] * stored.levels + 0.5).astype(np.uint16)

@@ -39,9 +39,15 @@ from resample.files.images import (
     shown,
 )
 from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
-from resample.files.stores.opening import is_store
+from resample.files.stores.addresses import Address, Place, place_of
 from resample.files.stores.pictures import SUFFIX as STORE
-from resample.files.stores.pictures import check_store, open_picture, writing_store
+from resample.files.stores.pictures import (
+    StoredPicture,
+    check_store,
+    is_in_store,
+    open_picture,
+    writing_store,
+)
 from resample.files.writing import replacing
 from resample.memory import require_memory
 from resample.types import Floats
@@ -76,13 +82,13 @@ class Picture(NamedTuple):
     about: About = About()
 
 
-def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> Picture:
+def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
     """Read a picture in linear light, premultiplied, upright, and what its file says.
 
     Parameters
     ----------
     path
-        Any format that OpenImageIO reads.
+        Any format that OpenImageIO reads, or of zarr: a folder, a zip file or an address.
     page
         Which picture of a file that holds several, as they are stored.
     as_data
@@ -96,33 +102,36 @@ def read_picture(path: str | Path, page: int = 0, *, as_data: bool = False) -> P
     ValueError
         It does not fit into this machine's memory.
     """
-    path = Path(path)
-    (height, width, stored), kind, about, orientation = _header(path, page, as_data)
+    path = place_of(path)
+    header = header_of(path, page, as_data=as_data)
+    height, width, stored = header.shape
     require_memory(
         BYTES_PER_VALUE * height * width * stored,
         f"{path} of {width} x {height} pixels",
         "take a smaller picture",
     )
-    data = _data(path, page, kind, about)
-    if kind.has_alpha:
-        n = kind.channels.index("A")
-        order = [c for c in range(len(kind.channels)) if c != n] + [n]
-        data = data[..., order]
-        kind = kind._replace(channels=tuple(kind.channels[c] for c in order))
-    if about.geo is not None:
-        about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
-        data = _with_gaps(data, kind, about) if as_data else data
-    return Picture(np.ascontiguousarray(upright(data, orientation)), kind, about)
+    data = _data(path, page, header.kind, header.about)
+    kind, order = alpha_last(header.kind)
+    data = data[..., order] if kind.has_alpha else data
+    data = with_gaps(data, kind, header.about) if as_data else data
+    turned = np.ascontiguousarray(upright(data, header.orientation))
+    return Picture(turned, kind, header.upright_about)
 
 
-def _data(path: Path, page: int, kind: Kind, about: About) -> Any:
+def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
+    """Kind of a picture whose opacity comes last, and which of its channels that takes."""
+    order = sorted(range(len(kind.channels)), key=lambda n: kind.channels[n] == "A")
+    return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
+
+
+def _data(path: Place, page: int, kind: Kind, about: About) -> Any:
     """Light, or numbers, as pixels are stored."""
-    if is_store(path):
+    if isinstance(path, Address) or is_in_store(path):
         return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
     return read_numbers(path, page) if about.number else read_image(path, page)
 
 
-def form_of(path: Path) -> tuple[tuple[int, int, int], Kind]:
+def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
     """Height, width and channels of a picture as `read_picture` gives it, and what it is.
 
     Raises
@@ -130,8 +139,31 @@ def form_of(path: Path) -> tuple[tuple[int, int, int], Kind]:
     OSError
         The file is missing or damaged.
     """
-    (height, width, count), kind, _, orientation = _header(path, 0, as_data=True)
-    return (*((width, height) if TURNS[orientation][0] else (height, width)), count), kind
+    header = header_of(path, 0, as_data=True)
+    return (*header.size, header.shape[2]), header.kind
+
+
+class Header(NamedTuple):
+    """What a file says of a picture, as it is stored."""
+
+    shape: tuple[int, int, int]  # height, width and number of stored channels
+    kind: Kind
+    about: About
+    orientation: int  # by Exif's number
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the picture, upright."""
+        height, width, _ = self.shape
+        return (width, height) if TURNS[self.orientation][0] else (height, width)
+
+    @property
+    def upright_about(self) -> About:
+        """What is said of the picture, upright."""
+        about = self.about
+        if about.geo is None:
+            return about
+        return about._replace(geo=moved(about.geo, turn(self.orientation, self.shape[:2])))
 
 
 class Levels(NamedTuple):
@@ -142,20 +174,23 @@ class Levels(NamedTuple):
     about: About
 
 
-def has_levels(path: Path) -> tuple[int, int, int] | None:
+def has_levels(path: Place) -> tuple[int, int, int] | None:
     """Height, width and channels of a picture that `read_picture_levels` reads; None of others."""
-    shape, kind, about, orientation = _header(path, 0, as_data=True)
-    is_plain = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
-    missing = None if about.geo is None else about.geo.missing
-    is_known = path.suffix.lower() == ".png" or is_store(path)  # TIFF's may be either
+    header = header_of(path, 0, as_data=True)
+    return (*header.size, len(header.kind.channels)) if is_plain(path, header) else None
+
+
+def is_plain(path: Place, header: Header) -> bool:
+    """Whether a picture's levels are all that there is to it."""
+    _, kind, about, _ = header
+    is_known = path.suffix.lower() == ".png" or is_in_store(path)  # TIFF's may be either
     is_straight = not kind.has_alpha or is_known
-    if not is_plain or missing is not None or not is_straight:
-        return None
-    height, width = (shape[1], shape[0]) if TURNS[orientation][0] else shape[:2]
-    return height, width, len(kind.channels)
+    missing = None if about.geo is None else about.geo.missing
+    is_bare = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
+    return is_bare and missing is None and is_straight
 
 
-def read_picture_levels(path: Path) -> Levels:
+def read_picture_levels(path: Place) -> Levels:
     """Read a picture as `read_picture` does, but leave its levels as they are.
 
     Raises
@@ -165,15 +200,14 @@ def read_picture_levels(path: Path) -> Levels:
     ValueError
         `has_levels` knows none of it.
     """
-    (height, width, _), kind, about, orientation = _header(path, 0, as_data=True)
-    if about.geo is not None:
-        about = about._replace(geo=moved(about.geo, turn(orientation, (height, width))))
-    if is_store(path):
+    header = header_of(path, 0, as_data=True)
+    kind, about = header.kind, header.upright_about
+    if isinstance(path, Address) or is_in_store(path):
         return Levels(open_picture(path).levels(), kind, about)
-    return Levels(upright(read_levels(path, kind.channels), orientation), kind, about)
+    return Levels(upright(read_levels(path, kind.channels), header.orientation), kind, about)
 
 
-def _with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
+def with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
     """Values that are not numbers where they are missing; transparent, if there is alpha."""
     missing = None if about.geo is None else about.geo.missing
     if missing is None or np.isnan(missing):
@@ -343,8 +377,8 @@ class StoredPage(NamedTuple):
         return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
 
 
-def page_of(path: Path, picture: Picture, look: Look) -> StoredPage:
-    """Picture as a file holds it.
+def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> StoredPage:
+    """Picture as a file holds it; what that has no room for is told.
 
     Raises
     ------
@@ -359,9 +393,9 @@ def page_of(path: Path, picture: Picture, look: Look) -> StoredPage:
     count = len(kind.channels)
     if suffix in (".png", *JPEG) and count - kind.has_alpha not in (1, 3):
         raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
-    form = _form(suffix, picture, look)
+    form = _form(suffix, kind, about, look)
     if about.geo is not None:
-        if about.geo.has_place and suffix not in TIFF:
+        if tells and about.geo.has_place and suffix not in TIFF:
             say(f"{path.name} has no room for the picture's place on Earth; .tif has")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
@@ -400,24 +434,29 @@ def check_source(path: Path, picture: Picture, look: Look) -> None:
 
 def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
     """Whether a file has a word for missing values, and the picture uses it; numbers always do."""
-    if look.background is not None or picture.kind.has_alpha:
+    data, kind, about = picture
+    has_nans = not about.number and not kind.has_alpha and bool(np.isnan(data).any())
+    return holds_missing(path, kind, about, look, has_nans=has_nans)
+
+
+def holds_missing(path: Path, kind: Kind, about: About, look: Look, *, has_nans: bool) -> bool:
+    """What `holds_gaps` tells, of a picture with values that are no numbers or without."""
+    if look.background is not None or kind.has_alpha:
         return False
-    if picture.about.number:
+    if about.number:
         return True
-    form = _form(path.suffix.lower(), picture, look)
-    geo = picture.about.geo
-    if path.suffix.lower() in TIFF and geo is not None and fits(geo.missing, form):
+    suffix, geo = path.suffix.lower(), about.geo
+    form = _form(suffix, kind, about, look)
+    if suffix in TIFF and geo is not None and fits(geo.missing, form):
         return True
-    is_float = form == "float32" and path.suffix.lower() in (".exr", *TIFF)
-    return is_float and bool(np.isnan(picture.data).any())
+    return has_nans and form == "float32" and suffix in (".exr", *TIFF)
 
 
-def _form(suffix: str, picture: Picture, look: Look) -> str:
+def _form(suffix: str, kind: Kind, about: About, look: Look) -> str:
     """Type of the values of a file."""
-    number = picture.about.number
-    if number and suffix != ".exr" and look.bits != 32:
-        return number
-    bits = look.bits or _bits(suffix, picture.kind.bits)
+    if about.number and suffix != ".exr" and look.bits != 32:
+        return about.number
+    bits = look.bits or _bits(suffix, kind.bits)
     return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
 
 
@@ -495,14 +534,18 @@ def coverage_picture(coverage: Floats) -> Picture:
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
 
 
-def _header(path: Path, page: int, as_data: bool) -> tuple[tuple[int, int, int], Kind, About, int]:
-    """Height, width and number of stored channels, and what is said about them."""
+def header_in_store(found: StoredPicture) -> Header:
+    """What is said of a picture in chunks."""
+    kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
+    return Header(found.shape, kind, About(), 1)
+
+
+def header_of(path: Place, page: int, *, as_data: bool) -> Header:
+    """What a file says of a picture; parameters and errors as of `read_picture`."""
     import OpenImageIO
 
-    if is_store(path):
-        found = open_picture(path)
-        kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
-        return found.shape, kind, About(), 1
+    if isinstance(path, Address) or is_in_store(path):
+        return header_in_store(open_picture(path))
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     source = OpenImageIO.ImageInput.open(str(path))
@@ -516,11 +559,12 @@ def _header(path: Path, page: int, as_data: bool) -> tuple[tuple[int, int, int],
     about = about_file(path, spec, pages[page] if page < len(pages) else {})
     shape, orientation = (spec.height, spec.width, spec.nchannels), _orientation(spec)
     if as_data and _is_number(form, names, about):
-        return shape, Kind(names, 32, is_encoded=False), about._replace(number=form), orientation
+        numbers = Kind(names, 32, is_encoded=False)
+        return Header(shape, numbers, about._replace(number=form), orientation)
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
-    return shape, Kind(shown(names), bits, is_encoded), about, orientation
+    return Header(shape, Kind(shown(names), bits, is_encoded), about, orientation)
 
 
 def _orientation(spec: Any) -> int:

@@ -36,6 +36,8 @@ from resample.files.pictures import (
     read_picture,
     write_pages,
 )
+from resample.files.stores.addresses import Address, Place
+from resample.files.stores.pictures import is_in_store
 from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
@@ -71,7 +73,7 @@ class Frames(NamedTuple):
         return _film_frames(self.path) if is_film else _animated_frames(self.path)
 
 
-def frames_of(path: Path) -> Frames | None:
+def frames_of(path: Place) -> Frames | None:
     """Pictures of a file, if it is one of several; None if it holds one, or is none.
 
     Raises
@@ -79,7 +81,7 @@ def frames_of(path: Path) -> Frames | None:
     OSError
         The file is damaged.
     """
-    if not path.is_file():
+    if isinstance(path, Address) or is_in_store(path) or not path.is_file():
         return None
     suffix = path.suffix.lower()
     if suffix in FILMS:

@@ -1,6 +1,6 @@
 """What a whole picture has in common, so that parts of it can be painted by themselves."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,22 +54,45 @@ class PicturePlan(NamedTuple):
         plans = [plan for plan in (self, *others) if plan.seen] or [self]
         if any(plan.painter != SPLATS for plan in plans):
             raise ValueError(
-                "some samples are so close that they are painted as points, which windows of a "
-                "picture take from memory as a whole; give a larger picture, a coarser level, or "
-                "the primitive splats"
+                "some samples are so close that they are painted as points; who paints all of them "
+                "is said by `Resampler.plan_of` of `plans` of each part"
             )
-        sides = np.array([plan.bounds for plan in plans])
-        low, high = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
-        return plans[0]._replace(
-            tile=min(plan.tile for plan in plans),
-            least=min(plan.least for plan in plans),
-            most=max(plan.most for plan in plans),
-            farthest=max(plan.farthest for plan in plans),
-            strongest=max(plan.strongest for plan in plans),
-            bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
-            seen=sum(plan.seen for plan in plans),
-            spacing=None,
-        )
+        return together([self, *others])
+
+
+class PlansOfPart(NamedTuple):
+    """What some of a picture's samples say of it, whoever turns out to paint all of them.
+
+    None: was not asked for, or nobody paints them so. `Resampler.plan_of` makes one plan of many.
+    """
+
+    splats: PicturePlan | None  # as if all were splats of exact footprint
+    points: PicturePlan | None  # as if all were points
+    mixture: PicturePlan | None  # as if they were of all kinds
+
+    @property
+    def seen(self) -> int:
+        """Samples that can be seen, by who counts most."""
+        return max(plan.seen for plan in self if plan is not None)
+
+
+def together(plans: Sequence[PicturePlan]) -> PicturePlan:
+    """Plan of all samples of some plans of one painter."""
+    seen = [plan for plan in plans if plan.seen] or plans[:1]
+    sides = np.array([plan.bounds for plan in seen])
+    low, high = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
+    return seen[0]._replace(
+        tile=min(plan.tile for plan in seen),
+        least=min(plan.least for plan in seen),
+        most=max(plan.most for plan in seen),
+        farthest=max(plan.farthest for plan in seen),
+        strongest=max(plan.strongest for plan in plans),
+        # Where layers begin at the first sample, it is that of the plan whose places are greatest.
+        layers=max((plan.layers for plan in plans), key=lambda layers: layers.offset),
+        bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+        seen=sum(plan.seen for plan in seen),
+        spacing=None,
+    )
 
 
 def checked_window(window: Window, height: int, width: int) -> Window:

@@ -19,11 +19,13 @@ from resample.painting.runs import (
     planned,
 )
 from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
+from resample.painting.steps.cuts import Between, InSteps, Output
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
     RUN,
     Film,
+    Floats,
     Indices,
     Profile,
     Runs,
@@ -31,6 +33,7 @@ from resample.types import (
     Spread,
     Statistics,
     Tally,
+    Tiles,
 )
 from resample.watching import Progress
 
@@ -41,7 +44,7 @@ NARROWEST = 0.51  # sub-pixels that a filter must reach, so that it meets one
 
 
 def can_defer_points(scene: Scene) -> bool:
-    """Whether the choices that were made can be painted so; `_runs_of` then looks at samples."""
+    """Whether the choices that were made can be painted so; samples are looked at then."""
     style, layers = scene.style, scene.layers
     is_of_depth = layers.axis == tuple(scene.view.rotation[2]) and layers.eye == -np.inf
     return (
@@ -52,19 +55,36 @@ def can_defer_points(scene: Scene) -> bool:
     )
 
 
-def _runs_of(scene: Scene, samples: Samples) -> Runs | None:
-    """Samples in runs; None if there is no plan yet, and one is no point or none is seen."""
+def _outlined(scene: Scene, samples: Samples) -> Runs:
+    """Samples in runs, as if all were points."""
     from resample.engine.points.outlines import outline_point_runs
 
     extent = RUN_EXTENT * min(1.0, scene.layers.thickness / scene.ellipsoid.volume ** (1 / 3))
     start = breaks(scene, samples, extent, LONGEST_RUN)
-    known, style = np.zeros(start.size - 1, RUN), scene.style
+    known = np.zeros(start.size - 1, RUN)
     outline_point_runs(known, start, samples, scene.stage)
-    if scene.plan is not None:
-        return Runs(samples, start, known)
+    return Runs(samples, start, known)
+
+
+def _are_points(scene: Scene, most: float) -> bool:
+    """Whether samples of this spacing or less are points on any grid."""
+    style = scene.style
     finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
-    is_point = known["most_spacing"].max() * finest <= style.threshold
-    return Runs(samples, start, known) if is_point and known["seen"].any() else None
+    return bool(most * finest <= style.threshold)
+
+
+def plan_of_points(scene: Scene, samples: Samples) -> PicturePlan:
+    """Plan of samples as if all were points."""
+    return plan_of(planned(scene, POINTS, _outlined(scene, samples), MOST_COLUMNS))
+
+
+def suits_points(scene: Scene, plan: PicturePlan) -> bool:
+    """Whether all samples of a plan as points are such, and their filter fits."""
+    from resample.engine.grid import grid
+
+    finest = grid(plan.least, scene.style)
+    is_seen = plan.seen > 0 and _are_points(scene, plan.most)
+    return is_seen and _form_of(scene, plan, finest) is not None
 
 
 def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
@@ -102,6 +122,36 @@ def _power_of_two(number: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
 
 
+def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
+    """As fine as the points that each tile (T,) shows, of a scene that was planned; inf if none."""
+    from resample.engine.points.outlines import find_point_spacings
+
+    runs = _outlined(scene, samples)
+    tiles, _ = dealt(scene, runs, lambda tiles: find_point_spacings(tiles, runs, scene.stage))
+    return tiles.spacing
+
+
+def points_in_steps(scene: Scene, profile: Profile) -> InSteps:
+    """How points of a scene that was planned are painted step by step."""
+    from resample.engine.ellipsoids.steps import KEPT
+    from resample.engine.grid import grid
+    from resample.engine.points.runs import paint_point_runs
+
+    stage, plan = scene.stage, plan_of(scene)
+    form = _form_of(scene, plan, grid(plan.least, scene.style))
+    if form is None:
+        raise RuntimeError("a plan of points has a filter that fits")
+
+    def runs(samples: Samples) -> Runs:
+        return _outlined(scene, samples)
+
+    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
+        film, _, tally, carried = output
+        paint_point_runs(turn, tiles, runs, stage, profile, form, (film, tally, carried))
+
+    return InSteps(runs, paint, Between.LAYERS, len(KEPT))
+
+
 def paint_points(
     scene: Scene,
     samples: Samples,
@@ -126,8 +176,9 @@ def paint_points(
     from resample.engine.points.runs import paint_point_runs
 
     clock = Clock()
-    runs = _runs_of(scene, samples)
-    if runs is None:
+    runs = _outlined(scene, samples)
+    most = runs.known["most_spacing"].max()
+    if scene.plan is None and not (_are_points(scene, most) and runs.known["seen"].any()):
         return None
     scene = planned(scene, POINTS, runs, MOST_COLUMNS)
     plan = plan_of(scene)
@@ -140,7 +191,7 @@ def paint_points(
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_point_runs(turn, deal[0], runs, stage, profile, form, output)
+        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, None))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")

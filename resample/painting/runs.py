@@ -14,7 +14,7 @@ from resample.painting.scene import (
     size_of_tiles,
     tiles_along,
 )
-from resample.types import Film, Indices, Runs, Samples, Statistics, Tally, Tiles
+from resample.types import Film, Floats, Indices, Runs, Samples, Statistics, Tally, Tiles
 from resample.watching import Progress, told
 
 RUN_EXTENT = 8.0  # voxels
@@ -137,13 +137,27 @@ def film_of(scene: Scene, tiles: Tiles) -> Film:
     if scene.window is None or scene.window == NOTHING:
         size = (height, width) if scene.window is None else (0, 0)
         return nothing_painted(*size).film
-    y0, y1 = scene.window[1], scene.window[3]
-    rows = slice(y0 // tiles.size * tiles.size, -(-y1 // tiles.size) * tiles.size)
+    rows = _rows_of(scene, tiles)
     # Pages that nobody writes to take no memory.
     rgba, coverage = np.zeros((height, width, 4), np.float32), np.zeros((height, width), np.float32)
     depth, first_depth = np.empty((2, height, width), np.float32)
     depth[rows], first_depth[rows] = np.inf, np.inf
     return Film(rgba, depth, first_depth, coverage)
+
+
+def values_of(scene: Scene, tiles: Tiles) -> Floats:
+    """What a projection measures (H, W), likewise."""
+    value = np.empty((scene.screen.height, scene.screen.width), np.float32)
+    value[_rows_of(scene, tiles)] = np.nan
+    return value
+
+
+def _rows_of(scene: Scene, tiles: Tiles) -> slice:
+    """Rows of the tiles that have pixels in the scene's window, px."""
+    if scene.window is None:
+        return slice(None)
+    size, y0, y1 = tiles.size, scene.window[1], scene.window[3]
+    return slice(y0 // size * size, -(-y1 // size) * size)
 
 
 def shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:

@@ -10,10 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.plans import MIXTURE, SPLATS
-from resample.painting.runs import counted, dealt, paint_tiles, planned
+from resample.painting.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
 from resample.painting.scene import Clock, Painted, Scene
-from resample.painting.splats import count_of_points, may_have_points, mixture_of, runs_of
+from resample.painting.splats import (
+    are_splats_exact,
+    count_of_points,
+    may_have_points,
+    mixture_of,
+    runs_of,
+    spacings_of,
+)
+from resample.painting.steps.cuts import Between, InSteps, Output
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import (
     Reconstruction,
@@ -24,18 +32,19 @@ from resample.profiles.reconstruction import (
 from resample.types import (
     ADDITIVE,
     AVERAGE,
-    DISC,
-    EXACT,
     FIRST_HIT,
     MAXIMUM,
     MOST_COLUMNS,
     Doubles,
     Film,
+    Floats,
     Indices,
     Runs,
     Samples,
+    Single,
     Statistics,
     Tally,
+    Tiles,
 )
 from resample.watching import Progress
 
@@ -61,9 +70,9 @@ def paint_summed(
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
-    scene, runs, painter = _seen(scene, samples)
-    scene, summed = _summed(scene, runs, painter)
-    mixture = mixture_of(scene) if painter == MIXTURE else None
+    scene, runs = _seen(scene, samples)
+    summed, mixture = _sums_of(scene), mixture_of(scene)
+    runs = _keyed(scene, summed, runs)
     clock.lap("project")
     stage = scene.stage
     deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
@@ -75,7 +84,7 @@ def paint_summed(
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         film, tally = output
-        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally))
+        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally, None))
 
     painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
     clock.lap("paint")
@@ -84,54 +93,116 @@ def paint_summed(
     return painted, counted(statistics, runs, points)
 
 
-def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs, str]:
-    """Samples in runs, as fine as the projection asks for, and by whom they are painted."""
+def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene, InSteps]:
+    """How samples of a scene that was planned are summed step by step, and the scene for it."""
+    from resample.engine.ellipsoids.steps import KEPT
+    from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
+    from resample.engine.slabs.steps import SEEN
+    from resample.engine.slabs.sums import PLANES
+
+    scene = _as_fine(scene, plan_of(scene).least)
+    mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
+    blend = _blend_of(scene, is_mixed=mixture is not None)
+    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
+
+    def runs(samples: Samples) -> Runs:
+        return _keyed(scene, summed, runs_of(scene, samples, are_mixed=mixture is not None))
+
+    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
+        paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
+
+    between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
+    kept = len(KEPT) + (0 if scene.classifier is None else SEEN)
+    kept += PLANES if summed.what == ALL else 0
+    return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
+
+
+def planned_as_summed(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
+    """Plan of samples as if all were splats of exact footprint, or as a mixture."""
+    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
+    least = runs.known["least_spacing"].min()
+    return plan_of(planned(scene, painter, runs, columns_of(scene, least)))
+
+
+def columns_of(scene: Scene, least: Single) -> int:
+    """Sub-pixels in a row of a tile, at most, where spacings of samples are as small."""
+    from resample.engine.grid import grid
+    from resample.engine.slabs.sums import NARROW
+
+    return NARROW if _is_narrow(scene, grid(least, scene.style)) else MOST_COLUMNS
+
+
+def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
+    """Spacings of tiles (T,), likewise of a scene that was planned; inf where nothing is."""
+    return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
+
+
+def _as_fine(scene: Scene, least: Single) -> Scene:
+    """Scene whose tiles all are as fine as the finest, if the projection asks for that."""
     from resample.engine.grid import grid
 
-    style, fewest = scene.style, FEWEST.get(scene.style.projection, 0)
+    fewest = FEWEST.get(scene.style.projection, 0)
+    if not fewest or scene.style.subpixels:
+        return scene
+    finest = max(fewest, int(grid(least, scene.style)))
+    return replace(scene, style=scene.style._replace(subpixels=finest))
+
+
+def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
+    """Scene with a plan, as fine as the projection asks for, and its samples in runs."""
     runs, painter = _runs_of(scene, samples)
-    if fewest and not style.subpixels:
-        finest = max(fewest, int(grid(runs.known["least_spacing"].min(), style)))
-        scene = replace(scene, style=style._replace(subpixels=finest))
+    least = runs.known["least_spacing"].min() if scene.plan is None else scene.plan.least
+    fine = _as_fine(scene, least)
+    if fine is not scene:
+        scene = fine
         runs, painter = _runs_of(scene, samples)
-    return scene, runs, painter
+    scene = planned(scene, painter, runs, columns_of(scene, least))
+    return replace(scene, plan=plan_of(scene)._replace(least=least)), runs
 
 
 def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, str]:
-    style, plan = scene.style, scene.plan
-    if plan is not None:
-        return runs_of(scene, samples, are_mixed=plan.painter == MIXTURE), plan.painter
-    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    if is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0:
+    if scene.plan is not None:
+        painter = scene.plan.painter
+        return runs_of(scene, samples, are_mixed=painter == MIXTURE), painter
+    if are_splats_exact(scene):
         runs = runs_of(scene, samples, are_mixed=False)
         if not may_have_points(scene, runs):
             return runs, SPLATS
     return runs_of(scene, samples, are_mixed=True), MIXTURE
 
 
-def _summed(scene: Scene, runs: Runs, painter: str) -> tuple[Scene, "Summed"]:
-    """The scene with a plan, and what is summed.
+def _is_narrow(scene: Scene, finest: int) -> bool:
+    """Whether rows of tiles with so many sub-pixels per side of a pixel fit in a narrow ring."""
+    from resample.engine.slabs.sums import NARROW
 
-    Where these are sheets, runs get keys of sheets.
-    """
+    return (1 + 2 * scene.tables.pixel_margin) * finest <= NARROW
+
+
+def _sums_of(scene: Scene) -> "Summed":
+    """What is summed of a scene that was planned."""
     from resample.engine.grid import grid
-    from resample.engine.slabs.keys import find_first_sheets
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
-    from resample.engine.slabs.sums import NARROW, Narrow, Wide
+    from resample.engine.slabs.sums import Narrow, Wide
 
-    margin, layers, plan = scene.tables.pixel_margin, scene.layers, scene.plan
-    finest = grid(plan.least if plan else runs.known["least_spacing"].min(), scene.style)
-    is_narrow = (1 + 2 * margin) * finest <= NARROW
-    ring, columns = (Narrow, NARROW) if is_narrow else (Wide, MOST_COLUMNS)
-    scene = planned(scene, painter, runs, columns)
+    layers, finest = scene.layers, grid(plan_of(scene).least, scene.style)
+    ring = Narrow if _is_narrow(scene, finest) else Wide
     if scene.style.projection in (AVERAGE, ADDITIVE):
-        return scene, Summed(ALL, layers.thickness, layers, ring(1))
+        return Summed(ALL, layers.thickness, layers, ring(1))
     if scene.summing is Summing.SHEETS:
-        find_first_sheets(runs, layers, scene.view)
-        return scene, Summed(WHOLES, layers.thickness, layers, ring(1))
+        return Summed(WHOLES, layers.thickness, layers, ring(1))
     reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
     slots = math.ceil(2 * reach / layers.thickness) + 2
-    return scene, Summed(PARTS, layers.thickness, layers, ring(slots))
+    return Summed(PARTS, layers.thickness, layers, ring(slots))
+
+
+def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
+    """Runs, which get keys of sheets where these are summed."""
+    from resample.engine.slabs.keys import find_first_sheets
+    from resample.engine.slabs.painting import WHOLES
+
+    if summed.what == WHOLES:
+        find_first_sheets(runs, scene.layers, scene.view)
+    return runs
 
 
 def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.painting.plans import MIXTURE, SPLATS
+from resample.painting.plans import MIXTURE, SPLATS, PicturePlan
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
@@ -19,6 +19,7 @@ from resample.painting.runs import (
     planned,
 )
 from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
+from resample.painting.steps.cuts import Between, InSteps, Output
 from resample.types import (
     DISC,
     EXACT,
@@ -135,16 +136,48 @@ def paint_splats(
     return _painted(scene, runs, formula, None, clock, progress)
 
 
+def planned_as(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
+    """Plan of samples as if all were splats of exact footprint, or as a mixture."""
+    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
+    return plan_of(planned(scene, painter, runs, MOST_COLUMNS))
+
+
+def has_points(scene: Scene, plan: PicturePlan) -> bool:
+    """Whether a sample of a plan as splats may be none."""
+    from resample.engine.grid import grid
+
+    return bool(plan.least * grid(plan.least, scene.style) <= scene.style.threshold)
+
+
 def spacings_of(scene: Scene, samples: Samples) -> Floats:
     """As fine as the samples that each tile (T,) shows, of a scene that was planned; inf if none.
 
-    They are splats of exact footprint.
+    They are splats, or a mixture.
     """
     from resample.engine.ellipsoids.deferred import find_spacings
 
-    runs = runs_of(scene, samples, are_mixed=False)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, None))
+    mixture = mixture_of(scene)
+    runs = runs_of(scene, samples, are_mixed=mixture is not None)
+    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, mixture))
     return tiles.spacing
+
+
+def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
+    """How splats, or a mixture, of a scene that was planned are painted step by step."""
+    from resample.engine.ellipsoids.deferred import paint_runs
+    from resample.engine.ellipsoids.steps import KEPT
+
+    mixture, stage = mixture_of(scene), scene.stage
+
+    def runs(samples: Samples) -> Runs:
+        return runs_of(scene, samples, are_mixed=mixture is not None)
+
+    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
+        film, _, tally, carried = output
+        paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally, carried))
+
+    between = Between.SPLATS if mixture is None else Between.LAYERS
+    return InSteps(runs, paint, between, len(KEPT))
 
 
 def paint_mixture(
@@ -158,10 +191,12 @@ def paint_mixture(
     return _painted(scene, runs, formula, mixture_of(scene), clock, progress)
 
 
-def mixture_of(scene: Scene) -> "Mixture":
-    """What painters know of samples of all kinds, of a scene that was planned."""
+def mixture_of(scene: Scene) -> "Mixture | None":
+    """What painters know of samples of all kinds, of a scene that was planned; None: all splats."""
     from resample.engine.ellipsoids.mixed import Mixture
 
+    if plan_of(scene).painter != MIXTURE:
+        return None
     return Mixture(bool(scene.style.threshold < np.inf), float(plan_of(scene).least))
 
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resample import Orthographic, Primitive, Resampler
-from resample.painting.steps import SamplesInParts
+from resample import Orthographic, Resampler
+from resample.painting.steps.parts import SamplesInParts
 from resample.profiles.filters import Gaussian
-from resample.profiles.orders import AxisSheets, EverySample
+from resample.profiles.orders import EverySample
 from tests.core.test_windows import (
     HEIGHT,
     PICTURE,
@@ -16,6 +16,7 @@ from tests.core.test_windows import (
     assert_same,
     camera,
     cloud,
+    some_of,
 )
 
 EVEN, UNEVEN, AROUND = 20.0, 46.0, -4.0  # where the cloud begins; the last one is around the eye
@@ -48,11 +49,6 @@ class Parts:
     def load(self, parts):
         self.loaded += parts.tolist()
         return some_of(self.samples, np.isin(self.part, parts))
-
-
-def some_of(samples, chosen):
-    names = ("position", "color", "extinction")
-    return samples._replace(**{name: getattr(samples, name)[chosen] for name in names})
 
 
 def planned(paint, samples, parts=1):
@@ -124,15 +120,11 @@ def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():
     assert told[-1] == 1.0
 
 
-def test_what_is_not_composited_splat_by_splat_is_refused():
+def test_tiles_of_which_nobody_knows_how_fine_they_are_are_refused():
     samples = cloud(200, UNEVEN)
-    for paint in (Resampler(order=AxisSheets()), Resampler(primitive=Primitive.POINTS)):
-        plan = paint.plan(samples, camera(), **PICTURE)
-        parts = Parts(samples, paint, 5.0)
-        with pytest.raises(ValueError, match="are not painted step by step"):
-            paint.paint_nearest_first(parts.source, camera(), plan, (0, 0, 4, 4))
+    parts = Parts(samples, Resampler(), 5.0)
     uneven = Resampler().plan(samples, camera(), **PICTURE)
-    with pytest.raises(ValueError, match="of a plan with spacing"):
+    with pytest.raises(ValueError, match="give that of `with_spacing`"):
         Resampler().paint_nearest_first(parts.source, camera(), uneven, (0, 0, 4, 4))
 
 

@@ -29,6 +29,14 @@ def cloud(count, near, seed=3):
     return Samples(position, color, rng.uniform(0, 1, count).astype(np.float32), np.eye(3))
 
 
+def some_of(samples, chosen):
+    names = ("position", "color", "extinction", "scale", "value", "gradient")
+    given = {name: getattr(samples, name, None) for name in names}
+    return samples._replace(
+        **{name: given[name][chosen] for name in names if given[name] is not None}
+    )
+
+
 def camera():
     return Camera.from_fov(50, HEIGHT, WIDTH)
 
@@ -38,8 +46,7 @@ def those_near(samples, paint, eye, window):
     record, (x0, y0, x1, y1) = paint.footprints(samples, eye, **PICTURE), window
     kept = (record["right"] >= x0 - REACH) & (record["left"] <= x1 + REACH)
     kept &= (record["bottom"] >= y0 - REACH) & (record["top"] <= y1 + REACH)
-    names = ("position", "color", "extinction")
-    return samples._replace(**{name: getattr(samples, name)[kept] for name in names})
+    return some_of(samples, kept)
 
 
 def assert_same(part, whole, window):
@@ -91,15 +98,7 @@ def test_any_partition_and_any_parts_of_the_samples_give_the_same_bits(
 ):
     paint, samples, eye = Resampler(), cloud(500, near), camera()
     whole = paint(samples, eye, **PICTURE)
-    shares = [
-        samples._replace(
-            **{
-                name: getattr(samples, name)[n::parts]
-                for name in ("position", "color", "extinction")
-            }
-        )
-        for n in range(parts)
-    ]
+    shares = [some_of(samples, slice(n, None, parts)) for n in range(parts)]
     first, *others = (paint.plan(share, eye, **PICTURE) for share in shares)
     plan = pickle.loads(pickle.dumps(first.merged(others)))
     for (x0, x1), (y0, y1) in itertools.product(cut(WIDTH, *columns), cut(HEIGHT, *rows)):
@@ -138,3 +137,47 @@ def test_what_is_no_window_or_cannot_have_one_is_refused():
     empty = paint.paint_window(nothing, eye, plan, (0, 0, 4, 3))
     assert empty.rgba.shape == (3, 4, 4)
     assert not empty.rgba.any()
+
+
+EVERY_KIND = [
+    *(paint for paint, _, _ in CASES[2:]),
+    Resampler(),
+    Resampler(primitive=Primitive.PAPER, order=AxisSheets()),
+    Resampler(primitive=Primitive.POINTS, order=ImageSheets()),
+    Resampler(primitive=Primitive.EWA),
+]
+
+
+@settings(max_examples=20, derandomize=True, deadline=None)
+@given(
+    st.sampled_from(EVERY_KIND),
+    st.sampled_from([2.0, 14.0, 44.0, 60.0, 90.0, 400.0]),
+    st.integers(1, 4),
+    st.booleans(),
+)
+def test_plans_of_any_parts_give_the_plan_of_all(paint, near, parts, is_along):
+    samples, eye = cloud(500, near), camera()
+    if is_along:
+        samples = some_of(samples, np.argsort(samples.position[:, 2], kind="stable"))
+    plan = paint.plan(samples, eye, **PICTURE)
+    shares = [some_of(samples, slice(n, None, parts)) for n in range(parts)]
+    if is_along:
+        cuts = [500 * n // parts for n in range(parts + 1)]
+        shares = [some_of(samples, slice(a, b)) for a, b in itertools.pairwise(cuts)]
+    every = [paint.plans(share, eye, **PICTURE) for share in shares]
+    found = paint.plan_of(pickle.loads(pickle.dumps(every)), np.eye(3), eye, **PICTURE)
+    for name in ("painter", "size", "tile", "margin", "strongest", "layers", "seen"):
+        assert getattr(found, name) == getattr(plan, name), name
+    fine = paint.with_spacing(plan, samples, eye)
+    for share in shares:
+        found = paint.with_spacing(found, share, eye)
+    whole = paint(samples, eye, **PICTURE)
+    assert fine.spacing.shape == found.spacing.shape
+    for window in ((0, 0, WIDTH, HEIGHT), (20, 10, 51, 33)):
+        assert_same(paint.paint_window(samples, eye, found, window), whole, window)
+
+
+def test_who_paints_is_not_said_before_all_were_asked():
+    paint, eye = Resampler(primitive=Primitive.PAPER), camera()
+    part = paint.plans(cloud(100, 60.0), eye, **PICTURE, painters=[SPLATS])
+    assert paint.plan_of([part], np.eye(3), eye, **PICTURE) is None

@@ -9,7 +9,7 @@ from PIL import Image
 
 from resample.files.images import read_channels
 from resample.files.pictures import Kind, Look, Picture, has_levels
-from resample.files.rows import writing_rows
+from resample.files.strips.writing import writing_rows
 from resample_texture.command import cli, large
 from tests import commands
 

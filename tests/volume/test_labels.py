@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
+from resample_volume.files.stores.chunks import Single
+from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.looks.labels import Labels, Rule, parse_rules, read_labels
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import from_points
-from resample_volume.types import Volume
+from resample_volume.types import Recording, Volume
+from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.visible import classify
 
 GRAY, TOMATO = (0.5, 0.5, 0.5), (1.0, 99 / 255, 71 / 255)
@@ -124,6 +127,23 @@ def test_labels_come_from_a_file(tmp_path: Path, labeled: tuple[Volume, np.ndarr
     found = read_labels(written(tmp_path, label), ["1:hidden"], volume)
     np.testing.assert_array_equal(found.values, label)
     assert found.rules == {1: Rule(opacity=0.0)}
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int32])
+def test_labels_of_a_volume_in_bricks_stay_in_their_store(
+    tmp_path: Path, labeled: tuple[Volume, np.ndarray], kind: type
+) -> None:
+    volume, label = labeled
+    path = str(tmp_path / "labels.zarr")
+    recording = Recording(Single(label.astype(kind)), *volume[1:5])
+    write_store(Path(path), recording, Layered(chunk=8, is_layered=False))
+    assert isinstance(read_labels(path, ["1:hidden"], volume).values, np.ndarray)
+    bricks = Bricks(volume.values.__getitem__, volume.values.shape, volume.values.dtype, (2, 2, 2))
+    found = read_labels(path, ["1:hidden"], volume._replace(values=bricks))
+    assert isinstance(found.values, Bricks)
+    np.testing.assert_array_equal(found.values.whole(), label)
+    with pytest.raises(ValueError, match=r"no voxel has the label 9; there are 0, 1, 2, 3$"):
+        read_labels(path, ["9:hidden"], volume._replace(values=bricks))
 
 
 def test_labels_of_another_shape_are_refused(

@@ -577,13 +577,22 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert int(found[1]) > 1
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     assert json.loads(Path("b.json").read_text())["seconds"]["paint"] > 0
-    cuts = [*common, "--crop", "2:,:,9:300", "--clip", "1/1/0", "--depth-cue", ".7"]
+    cuts = [*common[:-2], "--crop", "2:,:,9:300", "--clip", "1/1/0", "--depth-cue", ".7"]
     assert ended(app, "render", "a.npy", *cuts, "-o", "a.exr") == 0
     assert ended(app, "render", "b.zarr", *cuts, *few, "-o", "b.exr") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
-    capsys.readouterr()
+    walls = ["--gradient-opacity", ".1/.6", "--threads", "1"]
+    tissue = np.random.default_rng(6).integers(0, 4, (320, 60, 64)).astype(np.uint8)
+    np.save("labels.npy", tissue)
+    assert ended(app, "convert", "labels.npy", "labels.zarr", "--chunk", "32") == 0
+    rules = ["--label", "1:color=tomato", "--label", "2:hidden", "--labels"]
+    surfaces = [*common[:3], "20..190", *common[4:], *walls, *rules]
+    assert ended(app, "render", "a.npy", *surfaces, "labels.npy", "-o", "a.exr") == 0
+    more = ["--memory", "70MB"]
+    assert ended(app, "render", "b.zarr", *surfaces, "labels.zarr", *more, "-o", "b.exr") == 0
+    assert capsys.readouterr().err.count("not all that is seen fits in memory") == 2
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     for choices, complaint in (
-        ([*common[:-2]], "with --fit volume it is painted window by window"),
         (
             [*common, "--ambient-occlusion"],
             "occlusion cannot be painted window by window; leave",
@@ -602,7 +611,7 @@ def frames(folder):
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
-    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume", "--frames", "2"]
+    common = ["--size", "48", "--transfer", "150..190", "--crop", ":,20:,:", "--frames", "2"]
     few = ["--memory", "20MB"]
     assert ended(app, "animate", "a.npy", *common, "-o", "a") == 0
     assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b") == 0
@@ -611,9 +620,13 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     (Path("b") / "frame-0001.png").unlink()
     assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b", "--resume") == 0
     assert frames("a") == frames("b")
-    other = [*common[:3], "100..190", *common[4:], *few]
-    assert ended(app, "animate", "b.zarr", *other, "-o", "b", "--resume") == 2
-    assert "holds frames of another animation" in capsys.readouterr().err
+    for other in (
+        [*common[:3], "100..190", *common[4:], *few],
+        [*common, *few[:1], "90MB", "--gradient-opacity", ".1/.6"],
+        [*common, *few[:1], "90MB", "--labels", "a.npy"],
+    ):
+        assert ended(app, "animate", "b.zarr", *other, "-o", "b", "--resume") == 2
+        assert "holds frames of another animation" in capsys.readouterr().err
 
 
 @pytest.mark.sweep
@@ -636,20 +649,17 @@ def test_commands_that_share_their_work_write_the_same_pixels():
 def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     written(Path("a.zarr"), values)
     np.save("a.npy", values)
+    np.save("labels.npy", np.zeros(values.shape, np.uint8))
     words = ["--size", "16", "-o", "a.png", "--workers", "2"]
     for name, more, message in (
-        (
-            "a.npy",
-            ["--fit", "volume"],
-            "workers paint windows of a volume in chunks, and a is in memory",
-        ),
-        ("a.zarr", [], "workers paint windows, for which cameras are placed by --fit volume"),
+        ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
         ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
         (
             "a.zarr",
             ["--fit", "volume", "--ambient-occlusion"],
             "shadows or occlusion cannot be painted window",
         ),
+        ("a.zarr", ["--labels", "labels.npy"], "workers read labels from a store, and these are"),
     ):
         assert ended(app, "render", name, *words, *more) == 2
         assert message in capsys.readouterr().err

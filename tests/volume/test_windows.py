@@ -16,15 +16,21 @@ from resample_volume import windows
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
+from resample_volume.looks.labels import Labels, Rule
+from resample_volume.looks.materials import Windowed
+from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.looks.transfer import places_seen
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import Appearance, Classification, Subject
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed
 from resample_volume.voxels.blocks import Lattice, bounds_of
 from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.dense.passes import Looking
+from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue, Light
-from resample_volume.voxels.visible import lattice_of
+from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
 
@@ -32,10 +38,27 @@ SIZE = (120, 150)
 EYE = Orbit(30, 20, 1.3)
 
 
+WALLS = RegionTransfer(
+    (
+        Region((0.2, 0.9), (1, 0.5, 0), 0.5, (0.3, 0.9), (0.1, 0.2)),
+        Region((0.5, 1.0), (0, 0.5, 1), 0.2, (0.0, 0.4)),
+    ),
+    normalized=True,
+)
+STEPS = RegionTransfer((Region((10, 190), (1, 0.5, 0), 0.5, (15, 90), (0, 5)),))
+RULES = {1: Rule((1, 0, 0)), 2: Rule(opacity=0.0), 3: Rule((0, 1, 1), 2.5)}
+TISSUE = Labels(np.random.default_rng(3).integers(0, 5, (37, 26, 31)).astype(np.uint8), RULES)
+CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
+
 LOOKS = [
     Appearance("60..190"),
     Appearance("60..190", light=None),
-    Appearance("60..190", crop="2:29,:,:36", clip=("1/0.3/-0.5/-9",), cue=DepthCue(0.6)),
+    Appearance("60..190", cue=DepthCue(0.6), **CUT),
+    Appearance(WALLS, **CUT),
+    Appearance(STEPS, light=None, gradient="sobel"),
+    Appearance("60..190", gradient_opacity=(0.2, 0.8)),
+    Appearance("20..190", labels=TISSUE),
+    Appearance(WALLS, labels=TISSUE, **CUT),
 ]
 
 
@@ -53,11 +76,11 @@ def in_bricks(volume, side):
     return volume._replace(values=Bricks(read, values.shape, values.dtype, side))
 
 
-@pytest.mark.parametrize("side", [(8, 8, 8), (5, 7, 9)])
-@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("number", range(len(LOOKS)))
 @pytest.mark.parametrize("memory", [700_000, 1 << 30])
-def test_windows_have_the_bits_of_a_volume_in_memory(side, look, memory, rng):
-    volume = smoke(rng)
+def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
+    volume, look = smoke(rng), LOOKS[number]
+    side = ((8, 8, 8), (5, 7, 9))[number % 2]
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(EYE, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
@@ -66,6 +89,47 @@ def test_windows_have_the_bits_of_a_volume_in_memory(side, look, memory, rng):
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+@pytest.mark.parametrize("side", [(8, 8, 8), (37, 3, 31)])
+@pytest.mark.parametrize("kind", [np.uint8, np.int32])
+def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
+    volume, label = smoke(rng), TISSUE.values.astype(kind)
+    label[8:24, :8] = 1
+    bricks = in_bricks(volume._replace(values=label), side).values
+    whole = whole_of(volume, Appearance("20..190", labels=Labels(label, RULES)))
+    look = Appearance("20..190", labels=Labels(bricks, RULES))
+    for spent in (Spent(850_000), Spent(1 << 30)):
+        found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
+        for name in LAYERS:
+            assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+    whole = Subject.of(in_bricks(volume, (8, 8, 8)), look, around=volume)
+    other = Subject.of(volume, replace(look, labels=Labels(label, RULES)), around=volume)
+    assert whole.facts() == other.facts()
+
+
+def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
+    volume, read = counted(smoke(rng), (8, 8, 8))
+    look = Appearance("60..190", labels=Labels(TISSUE.values[1:], RULES))
+    with pytest.raises(ValueError, match="labels of 31 x 26 x 36 voxels do not fit a volume of"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    assert not read
+
+
+@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng):
+    volume = smoke(rng)._replace(values=rng.normal(100, 40, (21, 17, 30)).astype(kind))
+    transfer, every = Windowed(WALLS, (40.0, 150.0)), np.arange(volume.values.size)
+    seen = places_seen(transfer, volume.values.reshape(-1), (0.0, 1.0))
+    assert 0 < seen.size < every.size
+    length = np.linalg.norm(gradients_at(volume, seen, "sobel"), axis=1)
+    with ThreadPoolExecutor(workers or 1) as executor:
+        looking = Looking(executor if workers else None)
+        slopes = Slopes(in_bricks(volume, (8, 7, 5)), transfer, "sobel")
+        assert steepness_by_bricks(slopes, looking) == steepness(length)
+        nothing = slopes._replace(transfer=Windowed(WALLS, (900.0, 990.0)))
+        assert steepness_by_bricks(nothing, looking) == 0
 
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):

@@ -48,13 +48,20 @@ def drawn(
     if picks is not None:
         moved = picked(image, picks, alpha)
         if drawing.as_light:
-            light, _ = decoded(moved.image, linear_light=linear_light, alpha=alpha)
-            return Warped(light, moved.coverage)
+            return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
         return moved
     windows = _windows(image, drawing)
     if windows is not None:
         return drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
     return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
+
+
+def light_of(image: NDArray[Any], linear_light: bool, alpha: str | None) -> Floats:
+    """Light, as methods make it, of a picture of levels or of light."""
+    if image.dtype.kind == "f":
+        return image.astype(np.float32)
+    light, _ = decoded(image, linear_light=linear_light, alpha=alpha)
+    return light
 
 
 def _drawn_whole(

@@ -13,6 +13,7 @@ from resample.painting import previews
 from resample.types import Frame, View
 from resample_volume.looks.labels import Labels
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
 
@@ -76,7 +77,9 @@ def merged(volume: Volume, per: int) -> Volume:
 
 def merged_labels(labels: Labels, per: int) -> Labels:
     """Labels of merged voxels, each that of the first of those that became one."""
-    return replace(labels, values=labels.values[::per, ::per, ::per])
+    given: Any = labels.values
+    values = given.whole() if isinstance(given, Bricks) else given
+    return replace(labels, values=values[::per, ::per, ::per])
 
 
 def kept_cuts(

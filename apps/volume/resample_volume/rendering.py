@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -31,11 +31,11 @@ from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
-from resample_volume.media.lattices import common_lattice, onto
+from resample_volume.media.lattices import Lattice, common_lattice, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import as_array
+from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
@@ -50,7 +50,13 @@ from resample_volume.voxels.framing import (
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
-from resample_volume.voxels.visible import Voxels, classify, finite_range, unit_of
+from resample_volume.voxels.visible import (
+    BYTES_PER_VOXEL,
+    Voxels,
+    classify,
+    finite_range,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
@@ -228,6 +234,37 @@ def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
             "several volumes need the classification pre: post reconstructs the field of one"
         )
     check_together(resampler, Classification.PRE, media[0][1].extras)
+
+
+class Placement(NamedTuple):
+    """Several volumes as they lie in a scene, around its origin."""
+
+    media: list[Medium]
+    lattice: Lattice  # of all of them
+    middle: Doubles  # (3,) where the scene's origin was, scene units
+    clip: Doubles  # (M, 4) planes
+
+
+def placement(media: Sequence[Medium]) -> Placement:
+    """Where several volumes lie; they are cropped and clipped by the look of the first."""
+    whole = common_lattice([volume for volume, _ in media])
+    middle = whole.middle
+    whole = whole._replace(origin=whole.origin - middle)
+    moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
+    first, look = moved[0]
+    cuts = [planes(first, look.crop), planes(whole.volume(), None, look.clip)]
+    return Placement(moved, whole, middle, np.concatenate(cuts))
+
+
+def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
+    """Volume in chunks that may take what voxels of others leave it, twice its own for mixing."""
+    values: Values = volume.values
+    if not isinstance(values, Bricks) or values.memory is None:
+        return volume
+    bricks: Any = values.within(None)
+    taken = BYTES_PER_VOXEL * sum(len(part.position) for part in parts)
+    bricks.memory = max(1, (values.memory - taken) // 2)
+    return volume._replace(values=bricks)
 
 
 def kept_look(volume: Volume, look: Appearance) -> Appearance:
@@ -410,29 +447,22 @@ class Subject:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
         resampler = resampler or Resampler()
         check_several(media, resampler)
-        whole = common_lattice([volume for volume, _ in media])
-        middle = whole.middle
-        whole = whole._replace(origin=whole.origin - middle)
-        moved = [
-            (as_array(volume)._replace(origin=volume.origin - middle), look)
-            for volume, look in media
-        ]
-        scene, appearance = whole.volume(), moved[0][1]
-        clip = np.concatenate(
-            [planes(moved[0][0], appearance.crop), planes(scene, None, appearance.clip)]
-        )
+        place = placement(media)
+        whole, appearance = place.lattice, place.media[0][1]
+        clip, scene = place.clip, whole.volume()
         radius = resampler.reconstruction.radius
-        parts = []
-        for volume, look in moved:
+        parts: list[Voxels] = []
+        for volume, look in place.media:
             there = onto(volume, whole)
             own = look if there is volume else kept_look(volume, look)
-            voxels = visible_voxels(there, replace(own, light=appearance.light))
-            parts.append(faced(keep(voxels, clip, radius), clip))
+            own = replace(own, transfer=transfer_of(there, own), light=appearance.light)
+            found = visible_voxels(_beside(parts, there), own)
+            parts.append(faced(keep(found, clip, radius), clip))
         every = mixed(parts, whole)
         if appearance.light is not None and appearance.light.is_blocked:
             every = with_light(every, appearance.light)
         ball = ball_around(scene) if fit == "volume" else sphere_around(every, scene)
-        return cls(every, appearance, ball, middle, clip)
+        return cls(every, appearance, ball, place.middle, clip)
 
     def placed(self, volume: Volume) -> Volume:
         """One of the volumes, where it lies around the scene's origin."""

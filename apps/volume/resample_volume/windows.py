@@ -1,34 +1,58 @@
 """Pictures of volumes in bricks, window by window: by this process, or by several."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
+from resample.memory import available_memory
 from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
+from resample_volume.looks.labels import Labels
+from resample_volume.looks.regions import Faded
+from resample_volume.media.lattices import Lattice, first_in
+from resample_volume.media.mixing import Mixed, added
+from resample_volume.media.together import Member, Together, in_grid, mixed_by_bricks
 from resample_volume.rendering import (
     BY_DEFAULT,
     NO_VOXELS,
     Appearance,
     Classification,
+    Fit,
+    Medium,
     Subject,
     lit_samples,
+    placement,
     transfer_of,
 )
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.cropping import Steep, faced, kept_index, planes
+from resample_volume.voxels.bricks import Bricks, Recent, Step
+from resample_volume.voxels.cropping import Steeps, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
-from resample_volume.voxels.framing import ball_around, centered
+from resample_volume.voxels.dense.ball import ball_of
+from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
+from resample_volume.voxels.dense.looked import Finish, ToSee, outlined
+from resample_volume.voxels.dense.passes import Looking
+from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
+from resample_volume.voxels.framing import ball_around, centered, sphere_around
 from resample_volume.voxels.shading import cue_range, cued
-from resample_volume.voxels.visible import Voxels, classified_by_bricks, lattice_of
-from resample_volume.voxels.windowed import Finish, Work, painted_in_windows, surveyed
+from resample_volume.voxels.visible import Voxels, check_gradient, lattice_of
+from resample_volume.voxels.windowed import (
+    Work,
+    keep_looked_at,
+    known_of,
+    painted_in_windows,
+    surveyed,
+)
+
+OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
 
 
 class Spent(NamedTuple):
@@ -48,11 +72,64 @@ class Spent(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """How a picture sees its volume."""
+    """How a picture sees its volumes."""
 
+    look: Appearance  # of the first, whose light is that of all
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
+
+
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """What of voxels is left."""
+
+    clip: Doubles  # (M, 4) planes
+    radius: float  # of the kernels around voxels, voxels
+
+    def __call__(self, place: Indices, voxels: Voxels) -> tuple[Indices, Voxels]:
+        """Voxels and their places, without those that are wholly cut away."""
+        if not len(self.clip):
+            return place, voxels
+        index = kept_index(voxels, self.clip, self.radius)
+        return place[index], chosen_of(voxels, index)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """Volumes in bricks, whose voxels are seen brick by brick."""
+
+    members: tuple[Member, ...]
+    lattice: Lattice | None  # of several together
+    cut: Cutting
+    beside: int  # bytes that bricks of labels take which were read last
+
+    @property
+    def kind(self) -> "Dense":
+        """What is the same where the same is seen."""
+        return replace(self, beside=0)
+
+    @property
+    def sifts(self) -> bool:
+        """Whether voxels that may be seen turn out to be transparent."""
+        return any(member.by.sifts for member in self.members)
+
+    def __call__(self, volume: Volume, finish: Finish) -> Iterator[Any]:
+        """What a job makes of visible voxels of a volume of bricks, brick by brick."""
+        members = [self._with_labels(member) for member in self.members]
+        if self.lattice is None:
+            (member,) = members
+            return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
+        together: Any = volume.values
+        return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
+
+    def _with_labels(self, member: Member) -> Member:
+        """Volume whose bricks of labels are kept for a while."""
+        labels = member.by.labels
+        if labels is None or not isinstance(labels.values, Bricks):
+            return member
+        values = labels.values.within(None, Recent(self.beside // len(self.members)))
+        return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 
 def render_in_windows(
@@ -98,8 +175,11 @@ def render_in_windows(
     OSError
         Windows cannot be written or read.
     """
-    camera = unseen(volume, appearance).camera(viewpoint, *size)
-    return paint_in_windows(volume, appearance, camera, size, spent, resampler, progress)
+    media = [(volume, appearance)]
+    subject = unseen_together(media)
+    return paint_unseen(
+        media, subject, subject.camera(viewpoint, *size), size, spent, resampler, progress
+    )
 
 
 def paint_in_windows(
@@ -112,21 +192,56 @@ def paint_in_windows(
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
     """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
-    scene, _ = centered(volume)
-    chosen = replace(appearance, transfer=transfer_of(scene, appearance))
-    clip, painter = planes(scene, appearance.crop, appearance.clip), resampler or BY_DEFAULT
-    shown = Sighting(camera, clip, cue_range(camera, ball_around(scene)))
+    media = [(volume, appearance)]
+    return paint_unseen(media, unseen_together(media), camera, size, spent, resampler, progress)
+
+
+def paint_unseen(
+    media: Sequence[Medium],
+    subject: Subject,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    spent: Spent,
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+) -> tuple[Frame, int]:
+    """As `render_in_windows`, of one volume or of several that are seen together.
+
+    Parameters
+    ----------
+    media
+        Volumes in bricks, each with its look.
+    subject
+        What `unseen_together` gives for them.
+    camera
+        One of the subject's.
+    size, spent, resampler, progress
+        As of `render_in_windows`.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `render_in_windows`.
+    """
+    painter, tell = resampler or BY_DEFAULT, progress or _unheard
+    looking = Looking(spent.executor, spent.threads, tell)
+    scene, dense = _dense(media, painter, spent.memory, looking)
+    shown = Sighting(media[0][1], camera, subject.clip, cue_range(camera, subject.sphere))
     work = Work(
         scene,
-        partial(_by_bricks, chosen, clip, painter.reconstruction.radius),
-        partial(_lit, appearance, shown),
+        dense,
+        partial(_lit, shown),
         painter,
         camera,
         size,
-        clip,
+        subject.clip,
         *spent[:3],
+        sifts=dense.sifts,
+        beside=dense.beside,
+        volumes=len(media),
+        depends=dense.kind,
     )
-    whole, count, tell = nothing_painted(*size).film, 0, progress or _unheard
+    whole, count = nothing_painted(*size).film, 0
     known = surveyed(work, tell, spent.executor)
     if known is None:
         return Frame(*whole, Statistics(0, 0, 0, 0, 1, {})), 0
@@ -138,29 +253,87 @@ def paint_in_windows(
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
-def _by_bricks(
-    look: Appearance, clip: Doubles, radius: float, volume: Volume, finish: Finish
-) -> Iterator[Any]:
-    """What a job makes of a look's voxels that are not cut away, brick by brick."""
-
-    def cut(place: Indices, voxels: Voxels) -> Any:
-        if not len(clip):
-            return finish(place, voxels)
-        index = kept_index(voxels, clip, radius)
-        return finish(place[index], chosen_of(voxels, index))
-
-    transfer = transfer_of(volume, look)
-    return classified_by_bricks(volume, transfer, look.needed_gradient, cut)
-
-
-def _lit(look: Appearance, shown: Sighting, voxels: Voxels, steep: Steep | None) -> Samples:
-    """Voxels with their light, of which all together have these gradients."""
-    camera, clip, (near, far) = shown
-    if steep is None:
-        samples = lit_samples(voxels, look.light, camera)
+def _dense(
+    media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
+) -> tuple[Volume, Dense]:
+    """Volumes as they are seen brick by brick, and the scene that they make up."""
+    check_windows(media)
+    light, beside = media[0][1].light, 0
+    if any(is_in_store(look.labels) for _, look in media):
+        beside = memory // OF_LABELS
+    if len(media) == 1:
+        scene, _ = centered(media[0][0])
+        lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].clip)
+        placed: list[Medium] = [(scene, media[0][1])]
     else:
-        across = faced(voxels, clip, steep.longest)
-        samples = lit_samples(across, look.light, camera, steep.components(clip))
+        placed, lattice, _, clip = placement(media)
+        scene = _together(placed, lattice)
+    members = []
+    for volume, look in placed:
+        by = _classifying(volume, replace(look, light=light), looking)
+        first = (0, 0, 0) if lattice is None else _first(volume, lattice)
+        members.append(Member(volume, by, first))
+    cut = Cutting(clip, painter.reconstruction.radius)
+    return scene, Dense(tuple(members), lattice, cut, beside)
+
+
+def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
+    """Volumes in bricks as one on the lattice of all, which is made once."""
+    x, y, z = map(int, lattice.size)
+    bricks: list[Any] = [volume.values for volume, _ in placed]
+    firsts = [_first(volume, lattice) for volume, _ in placed]
+
+    def make() -> Together:
+        pairs = zip(bricks, firsts, strict=True)
+        parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
+        return Together(parts, bricks[0].found)
+
+    values: Any = known_of(placed[0][0], ("together", bricks, firsts, lattice), make)
+    return lattice.volume()._replace(values=values)
+
+
+def _first(volume: Volume, lattice: Lattice) -> Step:
+    """Place of the lattice of all that a volume's first voxel is at."""
+    first = first_in(volume, lattice)
+    if first is None:
+        raise ValueError(
+            f"{volume.name} has voxels beside those of the finest volume; several are painted "
+            "window by window where they share a lattice: resample it, or give more memory"
+        )
+    return first
+
+
+def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
+    """What voxels get their looks by; slopes of all of them are looked at once, if need be."""
+    transfer = transfer_of(volume, look)
+    if look.gradient_opacity is not None:
+        transfer = Faded(transfer, look.gradient_opacity)
+    gradient = look.gradient if transfer.needs_gradient else look.needed_gradient
+    check_gradient(transfer, gradient)
+    steep = 0.0
+    if transfer.needs_gradient:
+        slopes = Slopes(volume, transfer, look.gradient)
+        steep = known_of(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
+    return Classifying(transfer, gradient, steep, look.labels)
+
+
+def is_in_store(labels: Labels | None) -> bool:
+    """Whether labels stay in their file."""
+    return labels is not None and isinstance(labels.values, Bricks)
+
+
+def _lit(shown: Sighting, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
+    """Voxels with their light, of which all together have these gradients."""
+    look, camera, clip, (near, far) = shown
+    lit = []
+    for part, steep in zip(voxels.parts, steeps, strict=True):
+        across = part if steep is None else faced(part, clip, steep.longest)
+        all_of_them = None if steep is None else steep.components(clip)
+        lit.append(lit_samples(across, look.light, camera, all_of_them))
+    if isinstance(voxels, Mixed):
+        samples = added(voxels, [part.color for part in lit])
+    else:
+        (samples,) = lit
     return samples if look.cue is None else cued(samples, camera, look.cue, near, far)
 
 
@@ -168,31 +341,71 @@ def _unheard(share: float) -> None:
     """Progress that nobody wants to know."""
 
 
-def unseen(volume: Volume, appearance: Appearance) -> "Subject":
-    """Volume in bricks of which nothing is in memory: where it is, and cameras around it.
+def unseen(volume: Volume, appearance: Appearance) -> Subject:
+    """As `unseen_together`, of a single volume."""
+    return unseen_together([(volume, appearance)])
+
+
+def unseen_together(
+    media: Sequence[Medium],
+    fit: Fit = "volume",
+    resampler: Resampler | None = None,
+    spent: Spent | None = None,
+    progress: Progress | None = None,
+) -> Subject:
+    """Volumes in bricks of which nothing is in memory: where they are, and cameras around them.
+
+    Parameters
+    ----------
+    media
+        Volumes, each with its look.
+    fit
+        Cameras are placed around all of the volumes, or around what is visible, for which all
+        voxels are looked at.
+    resampler, spent, progress
+        As of `render_in_windows`: who looks at them, and how much memory that may take.
 
     Raises
     ------
     ValueError
-        It cannot be painted window by window.
+        They cannot be painted window by window.
     """
-    scene, middle = centered(volume)
-    _check_windows(scene, appearance)
-    nothing = NO_VOXELS._replace(lattice=lattice_of(scene))
-    clip = planes(scene, appearance.crop, appearance.clip)
-    return Subject(nothing, appearance, ball_around(scene), middle, clip)
+    check_windows(media)
+    look, painter = media[0][1], resampler or BY_DEFAULT
+    if len(media) == 1:
+        whole, middle = centered(media[0][0])
+        clip, steps = planes(whole, look.crop, look.clip), lattice_of(whole)
+    else:
+        placed, lattice, middle, clip = placement(media)
+        whole, steps = lattice.volume(), lattice.steps
+        for volume, _ in placed:
+            _first(volume, lattice)
+    nothing = NO_VOXELS._replace(lattice=steps)
+    if fit == "volume":
+        return Subject(nothing, look, ball_around(whole), middle, clip)
+    allowed = Spent(available_memory() or 0) if spent is None else spent
+    looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
+    scene, dense = _dense(media, painter, allowed.memory, looking)
+    seen = ToSee(scene, dense, clip)
+    outline = known_of(scene, ("outline", dense.kind), lambda: outlined(seen, looking))
+    if not outline.total:
+        return Subject(nothing, look, sphere_around(nothing, whole), middle, clip)
+    keep_looked_at(scene, dense.kind, outline.looked)
+    voxel = float(np.linalg.norm(steps, axis=0).max())
+    ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
+    return Subject(nothing, look, ball, middle, clip)
 
 
-def _check_windows(volume: Volume, look: Appearance) -> None:
-    """Refuse what depends on all visible voxels together."""
-    needs = [name for name in look.extras if name not in {"mesh", "depth-cue"}]
-    needs += ["mesh"] * bool(look.meshes)
-    if look.light is not None and look.light.is_blocked:
-        needs.append("shadows or occlusion")
-    if transfer_of(volume, look).needs_gradient:
-        needs.append("a transfer function of gradients")
-    if look.classification is not Classification.PRE:
-        needs.append("the classification post")
-    if needs or not isinstance(volume.values, Bricks):
-        what = ", ".join(needs) or "a volume in memory"
-        raise ValueError(f"{what} cannot be painted window by window; leave it out")
+def check_windows(media: Sequence[Medium]) -> None:
+    """Refuse what depends on all visible voxels together, or is not in bricks."""
+    for volume, look in media:
+        needs = ["mesh"] * bool(look.meshes)
+        if look.light is not None and look.light.is_blocked:
+            needs.append("shadows or occlusion")
+        if look.classification is not Classification.PRE:
+            needs.append("the classification post")
+        if needs or not isinstance(volume.values, Bricks):
+            what = ", ".join(needs) or f"{volume.name}, which is in memory as a whole,"
+            raise ValueError(f"{what} cannot be painted window by window; leave it out")
+        if look.labels is not None:
+            look.labels.check(volume)

@@ -67,7 +67,14 @@ from resample.engine.ellipsoids.sizes import gather_sizes, resize, stand_alone
 from resample.engine.ellipsoids.steps import Carried, lay_down, leave_out, take_up
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.points.among import Sheet, add_among, new_sheet, put_behind
+from resample.engine.points.among import (
+    Sheet,
+    add_among,
+    before_sheet,
+    is_empty,
+    new_sheet,
+    put_behind,
+)
 from resample.engine.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
 from resample.engine.slabs.keys import key_by_sheets
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
@@ -244,18 +251,29 @@ def _paint_samples(
     for first in range(0, count, BETWEEN_LOOKS):
         if not close_rows(open_groups, rows, window.width, limits.opaque):
             break
-        n, last = first, min(first + BETWEEN_LOOKS, count)
+        n = first
+        end = last = min(first + BETWEEN_LOOKS, count)
+        if mixture is not None:
+            end = first + before_sheet(sheet, room, every[first:last], stage)
         while n < last:
-            offset = every[n:last]
+            if n == end:
+                put_behind(sheet, rows, limits.opaque)
+                end = last
+            offset = every[n:end]
             painted, found = paint_splats_on_rows(
                 rows, open_groups, room, offset, step, formula, limits, mixture
             )
             at_home += found
             n += painted
-            if n < last and mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
+            if painted == offset.size:
+                continue
+            if mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
+                is_new = is_empty(sheet)
                 points += add_among(sheet, rows, open_groups, room, every[n], place, stage)
+                if is_new:
+                    end = n + before_sheet(sheet, room, every[n:last], stage)
                 n += 1
-            elif n < last:
+            else:
                 at_home += paint_cut_splat_on_rows(
                     rows, open_groups, room, every[n], place, stage, limits
                 )
@@ -332,7 +350,7 @@ def paint_runs(
     output
         Film (H, W) written to; a tally (T, 4): numbers of points and of splats painted by the
         tiles that hold their centers, 0, and grids; and what tiles were before and are kept as, if
-        they are painted step by step, which no mixture is.
+        they are painted step by step. Steps of mixtures end between sheets of points.
     """
     eye, shape, _ = optics_of(stage)
     beyond, (film, tally, carried) = beyond_of(mixture, stage), output

@@ -1,7 +1,8 @@
 """Paint tiles step by step: what they are by now is kept until more samples are at hand.
 
-Samples are composited from the nearest on, one after the other, so a tile may stop before any of
-them and go on later. Each step paints those whose keys lie within its limits.
+Samples are composited from the nearest on, so a tile may stop and go on later: before any splat
+that is composited by itself, between two sheets, or between two slabs. Each step paints those
+samples whose keys lie within its limits.
 """
 
 from typing import NamedTuple
@@ -18,6 +19,8 @@ from resample.engine.ellipsoids.rows import (
     GREEN,
     RED,
     WEIGHT,
+    Groups,
+    close_rows,
     index_of,
 )
 from resample.engine.jit import kernel
@@ -28,15 +31,29 @@ KEPT = (RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST)  # numbers of a sub-pixel
 NEW, OPEN, OPAQUE = 0, 1, 2  # what a tile is by now
 
 
+class Step(NamedTuple):
+    """Which samples a step paints, by their keys; layers are composited in the steps they end in.
+
+    Slabs that cut splats are left open behind the last one that is composited. Who has part in them
+    is added once more in the next step, as what they sum is not kept.
+    """
+
+    again: Single  # least key of samples that are added once more
+    first: Single  # least key of those that are painted
+    last: Single  # key of those that are not any more
+    done: int  # number of the first sheet or slab that was not composited before
+    due: int  # number of the first one that is not composited now
+
+
 class Carried(NamedTuple):
     """What tiles keep from step to step, and which samples a step paints."""
 
-    number: Floats  # (len(KEPT) S,) of S sub-pixels, tile after tile
+    number: Floats  # (each S,) of S sub-pixels, tile after tile
+    each: int  # numbers of a sub-pixel: KEPT, and what slabs keep besides
     start: Indices  # (T + 1,) sub-pixels before those of a tile
     state: NDArray[np.uint8]  # (T,) NEW, OPEN or OPAQUE
     is_open: NDArray[np.bool_]  # (T, S, S) pixels of tiles of S px, which something may still reach
-    first: Single  # least key of a sample that is painted now
-    last: Single  # key of those that are not any more
+    step: Step
 
 
 @kernel
@@ -51,13 +68,28 @@ def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count:
 def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried | None) -> None:
     """Put sub-pixels that were kept into rows that are new."""
     if carried is not None and carried.state[tile] != NEW:
-        place = len(KEPT) * carried.start[tile]
+        place = carried.each * carried.start[tile]
         for row in range(height):
             for column in range(width):
                 k = index_of(row, column)
                 for n, name in enumerate(KEPT):
                     rows[k + name] = carried.number[place + n]
                 place += len(KEPT)
+
+
+@kernel
+def go_on(
+    rows: Floats,
+    open_groups: Groups,
+    size: tuple[int, int],
+    opaque: Single,
+    tile: int,
+    carried: Carried | None,
+) -> None:
+    """Put sub-pixels that were kept into rows that are new, and close groups that are opaque."""
+    if carried is not None:
+        take_up(rows, size[0], size[1], tile, carried)
+        close_rows(open_groups, rows, size[1], opaque)
 
 
 @kernel
@@ -80,7 +112,7 @@ def lay_down(
         (height, width), (n, margin), side = size, grid, carried.is_open.shape[1]
         carried.state[tile] = OPEN if is_open else OPAQUE
         carried.is_open[tile] = False
-        place, one = len(KEPT) * carried.start[tile], np.float32(1.0)
+        place, one = carried.each * carried.start[tile], np.float32(1.0)
         for row in range(height if is_open else 0):
             y = min(max(row // n - margin, 0), side - 1)
             for column in range(width):
@@ -98,8 +130,8 @@ def leave_out(line: Pairs, first: int, last: int, carried: Carried | None) -> in
     """Of pairs from one to before another, keep those of this step; gives where they end."""
     if carried is None:
         return last
-    least = np.uint64(bits_of(carried.first)) << HALF
-    behind = np.uint64(bits_of(carried.last)) << HALF
+    least = np.uint64(bits_of(carried.step.again)) << HALF
+    behind = np.uint64(bits_of(carried.step.last)) << HALF
     stay = first
     for n in range(first, last):
         found = line[np.uint64(n)]

@@ -1,6 +1,7 @@
 """Points among splats: summed sheet by sheet in the order of all samples, then put behind.
 
-Those that stand alone, as samples of a size each do, are a sheet each.
+A sheet is put behind before anything that lies behind it is painted. Those points that stand alone,
+as samples of a size each do, are a sheet each.
 """
 
 from typing import NamedTuple
@@ -29,6 +30,7 @@ from resample.engine.ellipsoids.rows import (
     RED,
     WEIGHT,
     Groups,
+    Members,
     bounds_at,
     index_of,
     is_open,
@@ -72,6 +74,31 @@ def width_of(spacing: Single, n: int, style: Style) -> float:
 
 
 @kernel
+def number_of_sheet(key: Single, stage: Stage) -> int:
+    """Number of the sheet that samples of a key lie in."""
+    return int(np.floor(key / np.float32(stage.layers.thickness)))
+
+
+@kernel
+def is_empty(sheet: Sheet) -> bool:
+    """Whether nothing waits to be put behind."""
+    return bool(sheet.dirty[0] >= sheet.dirty[1])
+
+
+@kernel
+def before_sheet(sheet: Sheet, room: Floats, offset: Members, stage: Stage) -> int:
+    """How many of some samples in painting order come before the open sheet is put behind."""
+    if is_empty(sheet):
+        return offset.size
+    n = 0
+    while n < offset.size:
+        if number_of_sheet(room[np.uint64(offset[n]) + KEY], stage) != sheet.dirty[4]:
+            return n
+        n += 1
+    return n
+
+
+@kernel
 def add_among(
     sheet: Sheet,
     rows: Floats,
@@ -81,7 +108,7 @@ def add_among(
     place: Place,
     stage: Stage,
 ) -> int:
-    """Add a point to the open sheet, which is put behind first if it is another's.
+    """Add a point to the open sheet, which is its own, or empty.
 
     Gives 1 if the point is at home in the tile, and not hidden.
     """
@@ -91,10 +118,7 @@ def add_among(
         return 0
     cell, dirty, across, down, is_alone = sheet
     n, style, profile = place.subpixels, stage.style, stage.tables.point
-    number = np.int64(np.floor(room[s + KEY] / np.float32(stage.layers.thickness)))
-    if number != dirty[4]:
-        put_behind(sheet, rows, np.float32(style.opaque))
-        dirty[4] = number
+    dirty[4] = number_of_sheet(room[s + KEY], stage)
     x, y = (room[s + X] - place.x) * n, (room[s + Y] - place.y) * n
     reach = width_of(room[s + SPACING], n, style) * style.point_extent
     box = box_around(cell.shape[:2], x, y, reach, profile, across, down)

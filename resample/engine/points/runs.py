@@ -26,6 +26,7 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
+from resample.engine.ellipsoids.steps import Carried, go_on, lay_down
 from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
@@ -148,6 +149,16 @@ def drop_clipped(
         if is_clipped(position, begin + n, eye, planes):
             k = np.uint64(n)
             room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
+
+
+@kernel
+def leave_out_sheets(room: Doubles, count: int, carried: Carried | None) -> None:
+    """Take samples out of a batch whose sheets are painted in other steps."""
+    if carried is not None:
+        for n in range(count):
+            k = np.uint64(n)
+            if not carried.step.done <= room[k + SHEET] < carried.step.due:
+                room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
 
 
 @kernel
@@ -288,7 +299,7 @@ def paint_point_runs(
     stage: Stage,
     profile: Profile,
     form: Spread,
-    output: tuple[Film, Tally],
+    output: tuple[Film, Tally, Carried | None],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 
@@ -305,12 +316,13 @@ def paint_point_runs(
     profile, form
         Filter of points as a polynomial in the squared distance, and how they are spread.
     output
-        Film (H, W) written to, and a tally (T, 4): numbers of points painted by the tiles that
-        hold their centers, and grids.
+        Film (H, W) written to; a tally (T, 4): numbers of points painted by the tiles that hold
+        their centers, and grids; and what tiles were before and are kept as, if they are painted
+        step by step.
     """
     sight, planes, size = sight_of(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known
-    film, tally = output
+    film, tally, carried = output
     position, extinction = samples.position.reshape(-1), samples.extinction
     layer, opaque = np.float32(form.layer), np.float32(stage.style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
@@ -325,6 +337,7 @@ def paint_point_runs(
         taps = _taps(form, n)
         ring = Ring(height + 2 * taps, width + 2 * taps, taps)
         dirty = no_dirt(ring)
+        go_on(rows, open_groups, (height, width), opaque, tile, carried)
         in_order(known, members)
         front = _sheet_of(known[members[0]], layer)
         slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
@@ -346,6 +359,7 @@ def paint_point_runs(
                 place_points(room, position, extinction, begin, count, sight, own, form)
                 if planes.shape[0] > 0:
                     drop_clipped(room, position, begin, count, sight.optics.eye, planes)
+                leave_out_sheets(room, count, carried)
                 _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
                 _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
                 _share_out(room, count)
@@ -361,4 +375,7 @@ def paint_point_runs(
             else:
                 empty_sheet(cells, dirty, slot, ring)
             slot, front = (slot + 1) % SLOTS, front + 1
+        canvas = (n, stage.tables.pixel_margin)
+        is_open = is_any_open and close_rows(open_groups, rows, width, opaque)
+        lay_down(rows, (height, width), canvas, opaque, tile, is_open, carried)
         resolve_rows(rows, n, pixel_weights(stage.tables, n), home, film)

@@ -30,6 +30,7 @@ from resample.engine.ellipsoids.rows import (
     COLUMNS,
     PAIR,
     RAY,
+    Limits,
     Members,
     cast_rays_of_rows,
     close_rows,
@@ -38,6 +39,7 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
+from resample.engine.ellipsoids.steps import Carried, go_on, lay_down, leave_out
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.adding import MOST_TAPS
@@ -56,6 +58,14 @@ from resample.engine.slabs.integrals import WORK, Integral
 from resample.engine.slabs.keys import end_of_sheet, sort_by_depth
 from resample.engine.slabs.points import add_point
 from resample.engine.slabs.splats import Span, Tools, add_splats, slant_of
+from resample.engine.slabs.steps import (
+    begin_of_step,
+    end_of_added_again,
+    end_of_step,
+    is_added_again,
+    lay_down_slabs,
+    take_up_slabs,
+)
 from resample.engine.slabs.sums import (
     Canvas,
     Cutting,
@@ -64,6 +74,7 @@ from resample.engine.slabs.sums import (
     Slab,
     aligned,
     empty,
+    empty_slab,
     new_sums,
     no_dirt,
 )
@@ -118,6 +129,7 @@ class Ready(NamedTuple):
     tools: Tools
     stage: Stage
     reach: float  # half an ellipsoid's extent along the view axis, scene units
+    done: int  # slabs before this one were composited in an earlier step
 
 
 class Seen(NamedTuple):
@@ -250,8 +262,11 @@ def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int
         near, far = front * thickness, (front + 1) * thickness
         if summed.what != PARTS:
             near, far = -np.inf, np.inf
-        slab = Slab(front, slot, near, far)
-        close(blend, canvas, summed.ring, slab, ready.tools.cutting, opaque)
+        if front < ready.done:
+            empty_slab(canvas.sums, canvas.beside, canvas.dirty, summed.ring, slot)
+        else:
+            slab = Slab(front, slot, near, far)
+            close(blend, canvas, summed.ring, slab, ready.tools.cutting, opaque)
         is_any_open = close_rows(canvas.open_groups, canvas.rows, canvas.width, opaque)
         front, slot = front + 1, (slot + 1) % summed.ring.slots
         if not is_any_open:
@@ -273,7 +288,7 @@ def _add(
 
     Gives where it is then, and how many points and splats were at home in the tile.
     """
-    summed, tools, stage, reach = ready
+    summed, tools, stage, reach, _ = ready
     points, splats, n, thickness = 0, 0, 0, summed.thickness
     is_cutting = summed.what == PARTS
     while n < offset.size and sweep.is_open:
@@ -297,6 +312,16 @@ def _add(
 
 
 @kernel
+def _once_more(ready: Ready) -> Ready:
+    """How samples are added whose coverage has been added before."""
+    summed, tools, stage, reach, done = ready
+    limits, nothing = tools.limits, np.float32(0.0)
+    limits = Limits(limits.opaque, nothing, limits.widest, limits.linear_layer)
+    tools = Tools(tools.slant, limits, tools.integral, tools.cutting, nothing)
+    return Ready(summed, tools, stage, reach, done)
+
+
+@kernel
 def _add_ready(
     blend: Blend,
     canvas: Canvas,
@@ -305,13 +330,16 @@ def _add_ready(
     taken: tuple[Pool, int],
     seen: Seen,
     mixture: Mixture | None,
-    tally: Tally,
+    output: tuple[Tally, Carried | None],
 ) -> Sweep:
     """Add the samples whose turn it is, sheet by sheet where these are summed."""
     (pool, count), (runs, sight, window), first = taken, seen, 0
-    position = runs.samples.position.reshape(-1)
+    position, (tally, carried) = runs.samples.position.reshape(-1), output
     while first < count and sweep.is_open:
-        last = count
+        last, way, share = count, ready, 1
+        if ready.summed.what == PARTS and is_added_again(pool.ready[first], carried):
+            last = end_of_added_again(pool.ready[:count], first, carried)
+            way, share = _once_more(ready), 0
         if ready.summed.what == WHOLES:
             last = end_of_sheet(pool.ready[:count], first)
             sort_by_depth(
@@ -329,9 +357,9 @@ def _add_ready(
         )
         form(sheet, size, runs, sight, window, ready.stage, mixture)
         put_in_order(sheet.ready, sheet.room, sheet.offset)
-        sweep, points, splats = _add(blend, canvas, ready, sweep, sheet.room, sheet.offset, mixture)
-        tally[0] += points
-        tally[1] += splats
+        sweep, points, splats = _add(blend, canvas, way, sweep, sheet.room, sheet.offset, mixture)
+        tally[0] += share * points
+        tally[1] += share * splats
         if ready.summed.what == WHOLES:
             sweep = _closed(blend, canvas, ready, sweep, sweep.front + 1)
         first = last
@@ -346,23 +374,27 @@ def _paint_tile(
     canvas: Canvas,
     ready: Ready,
     mixture: Mixture | None,
-    tally: Tally,
-) -> None:
+    output: tuple[Tally, Carried | None],
+) -> Sweep:
     """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
-    (runs, sight, window), summed = seen, ready.summed
+    (runs, sight, window), summed, (_, carried) = seen, ready.summed, output
     sheets = (summed.layers, summed.what == WHOLES)
     in_order(runs.known, members)
     pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
     shown = (window, canvas.open_groups)
     begin = FAR_AHEAD if summed.what == PARTS else 0
-    sweep = Sweep(begin, 0, FAR_AHEAD, True)
+    sweep = Sweep(begin, 0, 0 if summed.what == ALL else FAR_AHEAD, True)
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         pool = enlarged(pool, queue[0])
+        before = queue[0]
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
+        queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
         queue, count = make_ready(pool, queue, members, runs.known)
-        sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, tally)
-    if sweep.is_open:
-        _closed(blend, canvas, ready, sweep, sweep.behind + 1)
+        sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, output)
+    if sweep.is_open and summed.what == PARTS:
+        end = end_of_step(sweep.behind + 1, carried)
+        sweep = _closed(blend, canvas, ready, sweep, end)
+    return sweep
 
 
 @parallel_kernel
@@ -374,7 +406,7 @@ def paint_summed_runs(
     stage: Stage,
     ways: Ways,
     mixture: Mixture | None,
-    output: tuple[Film, Floats, Tally],
+    output: tuple[Film, Floats, Tally, Carried | None],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 
@@ -387,11 +419,11 @@ def paint_summed_runs(
     mixture
         Where samples are not all splats of exact footprint.
     output
-        Film (H, W) written to; (H, W) what projections of fields measure, or nothing; and a tally
+        Film (H, W) written to; (H, W) what projections of fields measure, or nothing; a tally
         (T, 4): numbers of points and of splats painted by the tiles that hold their centers, 0, and
-        grids.
+        grids; and what tiles were before and are kept as, if they are painted step by step.
     """
-    (eye, shape, _), (film, value, tally) = optics_of(stage), output
+    (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output
     integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
     reach, sight = math.sqrt(shape.covariance[2][2]), sight_of(stage, beyond_of(mixture, stage))
@@ -420,10 +452,18 @@ def paint_summed_runs(
         )  # fmt: skip
         sides = sides_of(eye, shape, place, (height, width), pad)
         seen = Seen(runs, sight, Window(place, height, width, home_of(home), sides))
-        tools = Tools(slant_of(eye, shape, place), limits, integral, cutting)
-        ready = Ready(summed, tools, stage, reach)
+        tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
+        ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        _paint_tile(members, seen, blend, canvas, ready, mixture, tally[tile])
+        go_on(rows, open_groups, (height, width), limits.opaque, tile, carried)
+        take_up_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        kept = (tally[tile], carried)
+        sweep = _paint_tile(members, seen, blend, canvas, ready, mixture, kept)
+        size = (n, tables.pixel_margin)
+        lay_down(rows, (height, width), size, limits.opaque, tile, sweep.is_open, carried)
+        lay_down_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        if summed.what == ALL:
+            _closed(blend, canvas, ready, sweep, 1)
         empty(own.sums, own.beside, own.dirty, summed.ring)
         weight = pixel_weights(tables, n)
         finish(blend, canvas, n, weight, home, value)

@@ -81,10 +81,10 @@ def _spread_opacities(
 ) -> None:
     """Add a point that has an opacity."""
     area, alpha = room[s + AREA], room[s + OPACITY]
-    one, share = np.float32(1.0), alpha / area
+    share = alpha / area
     red, green, blue, depth = room[s + RED], room[s + GREEN], room[s + BLUE], room[s + DEPTH]
     amount = (share, share * red, share * green, share * blue, share * depth)
-    _spread(canvas, canvas.beside, box, slot, area, amount, one, tools)
+    _spread(canvas, canvas.beside, box, slot, area, amount, tools.cover, tools)
 
 
 @kernel

@@ -132,6 +132,7 @@ class Tools(NamedTuple):
     limits: Limits
     integral: Integral
     cutting: Cutting
+    cover: Single  # 1, or 0 where what points cover is known
 
 
 class Leaning(NamedTuple):

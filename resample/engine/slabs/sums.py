@@ -144,16 +144,22 @@ def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
 
 
 @kernel
+def empty_slab(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring, slot: int) -> None:
+    """Empty a slab, of which nothing is composited."""
+    first, last, _, _ = clean(dirty, slot)
+    for pair in range(first, last):
+        begin = sum_at(ring, slot, pair, 0)
+        for n in range(np.uint64(PLANES) * stride_of(ring)):
+            sums[begin + np.uint64(n)] = 0.0
+            if beside.size > 0:
+                beside[begin + np.uint64(n)] = 0.0
+
+
+@kernel
 def empty(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring) -> None:
     """Empty all slabs."""
     for slot in range(ring.slots):
-        first, last, _, _ = clean(dirty, slot)
-        for pair in range(first, last):
-            begin = sum_at(ring, slot, pair, 0)
-            for n in range(np.uint64(PLANES) * stride_of(ring)):
-                sums[begin + np.uint64(n)] = 0.0
-                if beside.size > 0:
-                    beside[begin + np.uint64(n)] = 0.0
+        empty_slab(sums, beside, dirty, ring, slot)
 
 
 @kernel

@@ -1,15 +1,16 @@
 """Pictures as callers have them: arrays of any kind, files, and images of other libraries."""
 
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.addresses import Address, place_of
+
 TAKEN = (
-    "an array (H, W) or (H, W, C), nested lists, a path, an image of Pillow's or SimpleITK's, or "
-    "an xarray.DataArray"
+    "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
+    "or SimpleITK's, or an xarray.DataArray"
 )
 ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
 MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
@@ -22,8 +23,8 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     ----------
     given
         An array of real numbers, of any layout and byte order, masked, mapped or delayed; nested
-        lists; the path of a picture; an image of Pillow's, whose palettes become colors; one of
-        SimpleITK's; or an `xarray.DataArray` with rows along y and columns along x.
+        lists; the path or address of a picture; an image of Pillow's, whose palettes become colors;
+        one of SimpleITK's; or an `xarray.DataArray` with rows along y and columns along x.
     name
         What messages call it.
 
@@ -40,7 +41,7 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     OSError
         The file cannot be read.
     """
-    if isinstance(given, str | PathLike):
+    if isinstance(given, str | PathLike | Address):
         return _read(given)
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
@@ -56,11 +57,11 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     return array
 
 
-def _read(path: str | PathLike[str]) -> NDArray[Any]:
+def _read(path: str | PathLike[str] | Address) -> NDArray[Any]:
     """Levels of a picture of 8 or 16 bits, as they are stored; linear light of all others."""
     from resample.files.pictures import has_levels, read_picture, read_picture_levels
 
-    file = Path(path)
+    file = place_of(path)
     return read_picture_levels(file).data if has_levels(file) else read_picture(file).data
 
 

@@ -8,6 +8,7 @@ taken from the environment, as obstore does: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`
 import os
 from dataclasses import dataclass
 from datetime import timedelta
+from os import PathLike
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -30,6 +31,11 @@ class Address:
         """Last part of its path."""
         parts = urlsplit(self.url)
         return parts.path.rstrip("/").rpartition("/")[2] or parts.netloc
+
+    @property
+    def suffix(self) -> str:
+        """End of the name, from its last dot on."""
+        return Path(self.name).suffix
 
     def resolve(self) -> "Address":
         """The same; paths have this, too."""
@@ -74,6 +80,20 @@ class Address:
 
 
 Place = Path | Address
+
+
+def place_of(name: "str | PathLike[str] | Address") -> Place:
+    """Path or address of a name.
+
+    Examples
+    --------
+    >>> from resample.files.stores.addresses import place_of
+    >>> place_of("s3://bucket/slide.zarr"), place_of("slide.zarr").name
+    (Address(url='s3://bucket/slide.zarr'), 'slide.zarr')
+    """
+    if isinstance(name, Address):
+        return name
+    return Address(str(name)) if is_address(name) else Path(name)
 
 
 def is_address(name: object) -> bool:

@@ -2,14 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.addresses import Address, Place
 from resample.files.stores.metadata import layout_of
-from resample.files.stores.opening import open_node, reading, require_zarr
+from resample.files.stores.opening import ZIPS, is_store, open_node, reading, require_zarr
 from resample.files.writing import beside
 from resample.memory.mapped import array_where_it_fits
 from resample.words import one_line
@@ -19,6 +21,9 @@ SIDE = 256  # px of chunks that are written
 NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their number
 LETTERS = {2: "yx", 3: "yxc"}  # axes of arrays that do not name theirs
 DEPTHS = {"uint8": 8, "uint16": 16, "float16": 32, "float32": 32, "float64": 32}  # bits
+
+
+Part = tuple[slice, slice]  # rows and columns
 
 
 class StoredPicture(NamedTuple):
@@ -44,8 +49,8 @@ class StoredPicture(NamedTuple):
         """Of a value: 8, 16, or 32 for floats."""
         return DEPTHS[self.array.dtype.name]
 
-    def rows(self, first: int, last: int) -> NDArray[Any]:
-        """Rows (N, W, C) as they are stored; floats in 32 bits.
+    def rows(self, first: int, last: int, across: slice = slice(None)) -> NDArray[Any]:
+        """Rows (N, W, C), or some columns of them, as stored; floats in 32 bits at most.
 
         Raises
         ------
@@ -53,7 +58,7 @@ class StoredPicture(NamedTuple):
             They cannot be read.
         """
         where = tuple(
-            {"y": slice(first, last), "x": slice(None), "c": slice(None)}.get(letter, 0)
+            {"y": slice(first, last), "x": across, "c": slice(None)}.get(letter, 0)
             for letter in self.axes
         )
         with reading(self.name):
@@ -62,33 +67,51 @@ class StoredPicture(NamedTuple):
         found = found.reshape(*found.shape, 1) if "c" not in left else found
         order = [[*left, *("c" * ("c" not in left))].index(letter) for letter in "yxc"]
         turned = np.ascontiguousarray(found.transpose(order))
-        return turned.astype(np.float32) if turned.dtype.kind == "f" else turned
+        return turned.astype(np.float32) if turned.dtype.itemsize == 8 else turned
 
-    def levels(self) -> NDArray[Any]:
+    def strips(self, seen: Part | None = None) -> Iterator[NDArray[Any]]:
+        """All rows, or those of a part, as many at a time as a chunk has; errors as of `rows`."""
+        down, across = seen or (slice(0, self.shape[0]), slice(None))
+        step = max(1, self.array.chunks[self.axes.index("y")])
+        ends = [*range(down.start // step * step + step, down.stop, step), down.stop]
+        return (self.rows(*pair, across) for pair in pairwise([down.start, *ends]))
+
+    def levels(self, seen: Part | None = None) -> NDArray[Any]:
         """All rows (H, W, C), in memory or in a file, see `array_where_it_fits`.
+
+        Of a part that is `seen` there is what is stored, elsewhere may be anything.
 
         Raises
         ------
         ValueError, OSError
             They cannot be read, or fit nowhere.
         """
-        kind = self.array.dtype if self.bits < 32 else np.dtype(np.float32)
-        levels = array_where_it_fits(self.shape, kind.newbyteorder("="), self.name)
-        step = max(1, self.array.chunks[self.axes.index("y")])
-        for first in range(0, len(levels), step):
-            levels[first : first + step] = self.rows(first, first + step)
+        stored = self.array.dtype
+        kind = np.dtype(np.float32) if stored.itemsize == 8 else stored.newbyteorder("=")
+        levels = array_where_it_fits(self.shape, kind, self.name)
+        wanted, done = levels if seen is None else levels[seen], 0
+        for rows in self.strips(seen):
+            wanted[done : done + len(rows)] = rows
+            done += len(rows)
         return levels
 
 
-def open_picture(path: Path) -> StoredPicture:
-    """Picture in a folder of zarr, of an OME-Zarr the finest.
+def is_in_store(path: Place) -> bool:
+    """Whether a picture is of zarr: a folder, a zip file, or at an address."""
+    if isinstance(path, Address):
+        return True
+    return is_store(path) or (path.suffix.lower() in ZIPS and path.is_file())
+
+
+def open_picture(path: Place) -> StoredPicture:
+    """Picture in a store of zarr, of an OME-Zarr the finest.
 
     Raises
     ------
     ValueError
         The extra is not installed, it is no picture, or its metadata cannot be read.
     OSError
-        There is nothing of that name, or it must not be read.
+        There is nothing of that name, or it must not be read; or it cannot be fetched.
     """
     node, name = open_node(path), path.name  # says what is missing
     import zarr

@@ -1,9 +1,11 @@
 """What the command line lets a user choose about a warp and a mesh; no numerics in here."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+from cyclopts import Parameter, Token
 from pydantic import BeforeValidator, Field
 
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
@@ -19,6 +21,7 @@ from resample.command.settings import (
     linear_color,
     number,
 )
+from resample.files.stores import addresses
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
@@ -27,6 +30,16 @@ if TYPE_CHECKING:
     from resample_texture.mesh.rendering import Mesh, MeshStyle
 
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
+
+
+def _picture(_kind: Any, words: Sequence[Token]) -> addresses.Place:
+    """Path or address that was given."""
+    return addresses.place_of(words[-1].value)
+
+
+Picture = Annotated[
+    Path | addresses.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
+]
 
 
 class Place(Choices):

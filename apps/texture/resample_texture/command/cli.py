@@ -19,6 +19,7 @@ from resample_texture.command.choices import (
     MeshDrawing,
     MeshFormat,
     MeshView,
+    Picture,
     Place,
     Warping,
 )
@@ -43,7 +44,7 @@ FIGURES, DEMO = Path("figures"), Path("demo")
 
 @app.command
 def warp(
-    images: list[Path],
+    images: list[Picture],
     /,
     *,
     output: flags.Output,
@@ -59,9 +60,10 @@ def warp(
     Parameters
     ----------
     images
-        Any picture; float files are linear light, the others sRGB. All pages of a TIFF, all frames
-        of a .gif, .webp, .apng or film are warped alike; so are several files, a folder or a
-        pattern in quotes, such as "photos/*.jpg".
+        Any picture; float files are linear light, the others sRGB. Or an address of zarr or
+        OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF, all frames of a .gif, .webp,
+        .apng or film are warped alike; so are several files, a folder or a pattern in quotes, such
+        as "photos/*.jpg".
     output
         Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; .tif,
         .gif, .webp, .apng or .mp4 of several pages or frames; a folder of several files.
@@ -119,7 +121,7 @@ for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undist
 
 @app.command
 def rectify(
-    photo: Path,
+    photo: Picture,
     /,
     *,
     corners: Annotated[str, flags.Hyphen],
@@ -211,7 +213,7 @@ def mesh(
 
 @app.command
 def compare(
-    image: Path,
+    image: Picture,
     /,
     *,
     scene: Annotated[str, flags.Hyphen] = "floor",
@@ -284,7 +286,7 @@ def compare(
 
 @app.command
 def animate(
-    image: Path,
+    image: Picture,
     /,
     *,
     output: flags.FilmOutput,
@@ -353,7 +355,7 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 
 
 @app.command
-def figures(*, output: flags.Output = FIGURES, image: Path | None = None) -> None:
+def figures(*, output: flags.Output = FIGURES, image: Picture | None = None) -> None:
     """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
 
     Parameters

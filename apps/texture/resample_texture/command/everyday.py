@@ -7,11 +7,12 @@ from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.settings import Written
+from resample.files.stores.addresses import Address, Place
 from resample_texture.command.aims import Factor, NewSize, Turn, Undistortion
-from resample_texture.command.choices import Besides, Filling, Warping
+from resample_texture.command.choices import Besides, Filling, Picture, Warping
 
 Files = Annotated[
-    list[Path],
+    list[Picture],
     Parameter(
         help="Pictures, pages, films, folders or patterns, as warp takes them, and last what is "
         "written, unless --output says it."
@@ -108,16 +109,19 @@ def undistort(
     warp_all(images, target, aim, warping=warping, written=written, besides=besides)
 
 
-def separated(files: list[Path], output: Path | None) -> tuple[list[Path], Path]:
+def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
     """Pictures, and what is written of them.
 
     Raises
     ------
     ValueError
-        There is nothing to write to.
+        There is nothing to write to, or it is an address.
     """
     if output is not None:
         return files, output
     if len(files) < 2:
         raise ValueError(f"give what is written after {files[0]}, or by --output")
-    return files[:-1], files[-1]
+    *images, target = files
+    if isinstance(target, Address):
+        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
+    return images, target

@@ -26,16 +26,19 @@ from resample.files.pictures import (
     read_picture,
     write_picture,
 )
-from resample.files.rows import writing_rows
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
+from resample.files.stores.addresses import Place
+from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line
 from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
-from resample_texture.command.large import Large, large_picture
+from resample_texture.command.large import Destination, Large, large_picture
 from resample_texture.command.needs import require_room
 from resample_texture.command.rendering import report, sees_all, warped
+
+NOTHING = np.zeros((0, 0, 0), np.float32)
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Job:
         """Where a picture goes."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
-    def require_room(self, source: Path | Picture, output: Path) -> None:
+    def require_room(self, source: Place | Picture, output: Path) -> None:
         """Refuse what memory does not hold, of a file before its pixels are read.
 
         Raises
@@ -102,7 +105,7 @@ class Job:
 
 
 def warp_all(
-    images: Sequence[Path],
+    images: Sequence[Place],
     output: Path,
     aim: Aim,
     *,
@@ -135,7 +138,7 @@ def warp_all(
         write_json(stats, told)
 
 
-def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]:
+def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
     """Warp files into a folder; returns what `--stats` says. What fails is said, the others go on.
 
     Raises
@@ -165,7 +168,9 @@ def warp_batch(images: Sequence[Path], output: Path, job: Job) -> dict[str, Any]
     return {"files": told, "seconds": session.times()}
 
 
-def warp_file(source: Path, output: Path, job: Job, coverage: Path | None = None) -> dict[str, Any]:
+def warp_file(
+    source: Place, output: Path, job: Job, coverage: Path | None = None
+) -> dict[str, Any]:
     """Warp the pictures of a file; returns what `--stats` says.
 
     Raises
@@ -182,7 +187,7 @@ def warp_file(source: Path, output: Path, job: Job, coverage: Path | None = None
         return _warp_frames(session, frames, output, job, progress)
 
 
-def _warp(session: Session, source: Path, output: Path, job: Job) -> dict[str, Any]:
+def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
     """Warp a file without a bar of its own."""
     frames = frames_of(source)
     if frames is None:
@@ -202,7 +207,7 @@ def _warp_frames(
 
 def _warp_picture(
     session: Session,
-    source: Path,
+    source: Place,
     output: Path,
     job: Job,
     coverage: Path | None = None,
@@ -211,7 +216,8 @@ def _warp_picture(
     check_output(output, job.look, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
-        large = large_picture(source, job.aim, job.warping, job.roi)
+        written = Destination(output, job.look)
+        large = large_picture(source, job.aim, job.warping, job.roi, written)
     if large is not None:
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
@@ -220,7 +226,7 @@ def _warp_picture(
         target = job.target(picture)
     job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
-    _say_lost(picture.about, result, output)
+    _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
     with session.stage("write"):
         write_picture(output, result, job.look)
         if coverage is not None:
@@ -232,9 +238,12 @@ def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
     """Warp a picture strip by strip; what is written is the same."""
+    kept = large.kept
+    check_source(output, Picture(NOTHING, kept.kind, kept.about), job.look)
     check_output(output, job.look, transparent=large.kind.has_alpha)
     height, width = large.shape
-    require_room(large.form, large.shape, job.warping, output, in_strips=large.most)
+    require_room(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
+    has_nans = False
     with ExitStack() as files:
         put = files.enter_context(writing_rows(output, height, job.look))
         put_share = None
@@ -243,15 +252,14 @@ def _warp_large(
             put_share = files.enter_context(writing_rows(coverage, height, look))
         progress = files.enter_context(session.stage("warp and write", bar=bar))
         for done, (strip, share) in large.strips():
-            if done == 0:
-                _say_lost(large.levels.about, strip, output)
+            has_nans = has_nans or bool(np.isnan(strip.data).any())
             put(strip)
             if put_share is not None:
                 put_share(coverage_picture(share))
             if progress is not None:
                 progress((done + strip.data.shape[0]) / height)
-    kind = large.kind
-    return report(session, large.levels.data.shape, (height, width), kind, job.warping)
+    _say_lost(kept.about, large.about, output, has_nans=has_nans)
+    return report(session, large.form.shape, (height, width), large.kind, job.warping)
 
 
 def _warped_frames(
@@ -263,17 +271,18 @@ def _warped_frames(
             job.require_room(picture, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
-            _say_lost(picture.about, result, output)
+            nans = bool(np.isnan(result.data).any())
+            _say_lost(picture.about, result.about, output, has_nans=nans)
         if progress is not None:
             progress(min(1.0, (n + 1) / len(frames.seconds)))
         yield result
 
 
-def _say_lost(about: About, result: Picture, output: Path) -> None:
+def _say_lost(about: About, made: About, output: Path, *, has_nans: bool) -> None:
     """Say what of a picture cannot be told any more by its warped one."""
-    before, after = about.geo, result.about.geo
+    before, after = about.geo, made.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):
         say("the place on Earth is left out: the warp is not affine")
     has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)
-    if result.about.number and not has_word and np.isnan(result.data).any():
+    if made.number and not has_word and has_nans:
         say(f"{output.name} has no word for missing values: what is not covered is 0")

@@ -5,38 +5,54 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.colors import to_srgb
 from resample.files.facts.metadata import About
-from resample.files.pictures import Kind, Levels, Picture, has_levels, read_picture_levels
+from resample.files.pictures import Kind, Look, Picture, holds_missing
+from resample.files.stores.addresses import Place
+from resample.files.strips.reading import Keepable, KeptPicture, keepable
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.asking import method_named, within
 from resample_texture.command.choices import Warping
 from resample_texture.command.inputs import Aim, Target
-from resample_texture.command.needs import BYTES_IN_STRIP
+from resample_texture.command.needs import BYTES_IN_STRIP, InStrips
 from resample_texture.command.rendering import (
+    WHOLE,
     as_light,
     bytes_at_once,
+    curved,
     finished,
     placed,
     sees_all,
 )
 from resample_texture.drawing import Drawing, drawn
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
-from resample_texture.types import Edge
+from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.types import Edge, Warped
 
 MOST_AT_ONCE = 1 << 30  # bytes that a warp in one go may take
 MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # values of the target, worked on at a time
 SHARE_OF_STRIP = 8  # that of what --memory allows, one part
+EVERYTHING = 1 << 62  # px of a window
 ROWS = 32  # a strip's are a multiple of, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
 
 
-def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "Large | None":
+class Destination(NamedTuple):
+    """What a large picture is written to."""
+
+    path: Path
+    look: Look
+
+
+def large_picture(
+    path: Place, aim: Aim, choice: Warping, roi: Roi | None, written: Destination
+) -> "Large | None":
     """Picture that is warped strip by strip: one that is large, if its kind and warp allow that.
 
     Raises
@@ -44,12 +60,14 @@ def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "La
     ValueError, OSError
         The file, or a choice, cannot be worked with.
     """
-    form = has_levels(path)
+    form = keepable(path)
     if form is None or choice.total:
         return None
-    target = aim(form[:2])
+    target = aim(form.shape[:2])
     shape = target.shape if roi is None else (roi[3], roi[2])
-    is_small = bytes_at_once(form, shape) <= min(MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2)
+    is_small = bytes_at_once(form.shape, shape) <= min(
+        MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2
+    )
     if is_small or isinstance(target.places, ForwardMap):
         return None
     method = method_named(
@@ -59,7 +77,7 @@ def large_picture(path: Path, aim: Aim, choice: Warping, roi: Roi | None) -> "La
         quality=choice.quality,
     )
     whole = (0, 0, target.shape[1], target.shape[0])
-    large = Large(path, form, target, choice, method, roi or whole)
+    large = Large(form, target, choice, method, roi or whole, written)
     return large if large.looks else None
 
 
@@ -78,24 +96,24 @@ class Large:
 
     Parameters
     ----------
-    path
-        File of the picture.
     form
-        Its height, width and number of channels.
+        What may be kept of the picture.
     target
         Where it goes.
     choice, method
         How it is warped.
     roi
         What of the target is wanted.
+    written
+        What it is written to.
     """
 
-    path: Path
-    form: tuple[int, int, int]
+    form: Keepable
     target: Target
     choice: Warping
     method: Any  # a `Method` that may have `seen_tiles`
     roi: Roi
+    written: Destination
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -110,37 +128,78 @@ class Large:
         is_plane = isinstance(self.target.places, Homography)  # along maps all parts are alike
         geometry, shape, _ = self._part(*((0, self.roi[3]) if is_plane else next(self._rows())))
         edge = Edge(self.choice.edge)
-        return self.method.seen_tiles(self.form[:2], geometry, shape, edge) is not None
+        return self.method.seen_tiles(self.form.shape[:2], geometry, shape, edge) is not None
 
     @cached_property
     def most(self) -> int:
         """Values that are worked on at a time."""
-        return min(most_in_strip(), (self.form[2] + 1) * prod(self.shape))
+        return min(most_in_strip(), (self.form.shape[2] + 1) * prod(self.shape))
+
+    @property
+    def in_strips(self) -> InStrips:
+        """What is held of it."""
+        return InStrips(self.form.size, self.most)
 
     @cached_property
-    def levels(self) -> Levels:
-        """The picture as stored."""
-        return read_picture_levels(self.path)
+    def kept(self) -> KeptPicture:
+        """The picture as it is kept; of encoded light encoded, if it is warped so."""
+        kept = self.form.keep(self._seen.part)
+        if self._is_curved and not kept.has_levels:
+            for first in range(0, len(kept.data), ROWS):
+                rows = kept.data[first : first + ROWS]
+                rows[...] = curved(Picture(rows, kept.kind), to_srgb)
+        return kept
+
+    @property
+    def _seen(self) -> Rect:
+        """Part of the source that is shown."""
+        size = self.form.shape[:2]
+        parts = np.array([self._seen_by(first, count) for first, count in self._rows()])
+        (left, top), (right, bottom) = parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)
+        seen = Rect(int(left), int(top), int(right), int(bottom))
+        return seen if seen.is_within(size) else Rect(0, 0, size[1], size[0])
+
+    def _seen_by(self, first: int, count: int) -> Rect:
+        """Part of the continued source that some rows show."""
+        size = self.form.shape[:2]
+        geometry, shape, _ = self._part(first, count)
+        seen = self.method.seen_tiles(size, geometry, shape, Edge(self.choice.edge))
+        return next(windows_of(seen, size, EVERYTHING)).source
 
     @cached_property
     def kind(self) -> Kind:
         """Of what is made: with transparency, if not all of it shows the picture."""
-        kind = self.levels.kind
-        if kind.has_alpha or self.choice.edge != "transparent" or self._is_whole:
-            return kind
-        return kind._replace(channels=(*kind.channels, "A"))
+        kind = self.kept.kind
+        is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
+        return (
+            kind if is_closed or self._is_whole else kind._replace(channels=(*kind.channels, "A"))
+        )
 
     @cached_property
     def about(self) -> About:
         """What the file of what is made tells."""
-        about = self.levels.about
+        about = self.kept.about
         return about._replace(geo=placed(about.geo, self.target, self.roi))
+
+    @cached_property
+    def keeps_gaps(self) -> bool:
+        """Whether what is not covered is missing, as the file has a word for that."""
+        kept, (path, look) = self.kept, self.written
+        return holds_missing(path, kept.kind, kept.about, look, has_nans=kept.has_nans)
+
+    @property
+    def _is_curved(self) -> bool:
+        """Whether encoded values are warped as they are."""
+        return self.form.is_encoded and not self.choice.linear
 
     @cached_property
     def _is_whole(self) -> bool:
         """Whether every pixel shows the picture and nothing else."""
+        if self.kept.has_gaps:
+            rows = self._rows()
+            return all((self._drawn(*some).coverage >= WHOLE).all() for some in rows)
         if isinstance(self.target.places, Homography):
-            return sees_all(self.target, self.form[:2], self.roi)
+            return sees_all(self.target, self.form.shape[:2], self.roi)
         return all(self._sees_all(first, count) for first, count in self._rows())
 
     def _sees_all(self, first: int, count: int) -> bool:
@@ -149,15 +208,15 @@ class Large:
         assert isinstance(geometry, BackwardMap)
         if not np.isfinite(geometry.x + geometry.y).all():
             return False
-        seen = self.method.seen_tiles(self.form[:2], geometry, shape, Edge.TRANSPARENT)
-        height, width, _ = self.form
+        height, width, _ = self.form.shape
+        seen = self.method.seen_tiles((height, width), geometry, shape, Edge.TRANSPARENT)
         low, high = seen.bounds[:, :2].min(axis=0), seen.bounds[:, 2:].max(axis=0)
         return bool((low >= 0.0).all() and high[0] <= width and high[1] <= height)
 
     def _rows(self) -> Iterator[tuple[int, int]]:
         """First row of each strip, and how many there are."""
         height, width = self.shape
-        most = self.most // ((self.form[2] + 1) * width)
+        most = self.most // ((self.form.shape[2] + 1) * width)
         count = max(ROWS, most // ROWS * ROWS)
         yield from ((first, min(count, height - first)) for first in range(0, height, count))
 
@@ -175,13 +234,24 @@ class Large:
             yield first, self._strip(first, count)
 
     def _strip(self, first: int, count: int) -> tuple[Picture, Floats]:
-        levels, choice = self.levels, self.choice
+        kind, choice = self.kept.kind, self.choice
+        image, coverage = self._drawn(first, count)
+        made = finished(
+            image,
+            coverage,
+            kind,
+            choice,
+            keeps_gaps=self.keeps_gaps,
+            is_whole=not self.kind.has_alpha,
+        )
+        made = as_light(made) if self._is_curved else made
+        return made._replace(about=self.about), coverage
+
+    def _drawn(self, first: int, count: int) -> Warped:
+        """Light of some rows of what is made, and their coverage."""
+        kept, choice = self.kept, self.choice
         geometry, shape, part = self._part(first, count)
         drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
-        is_linear = choice.linear and levels.kind.is_encoded
-        image, coverage = drawn(levels.data, drawing, linear_light=is_linear, alpha=None)
-        image, coverage = image[part], coverage[part]
-        is_whole = not self.kind.has_alpha
-        made = finished(image, coverage, levels.kind, choice, keeps_gaps=False, is_whole=is_whole)
-        made = as_light(made) if levels.kind.is_encoded and not choice.linear else made
-        return made._replace(about=self.about), coverage
+        is_linear = choice.linear and kept.kind.is_encoded
+        image, coverage = drawn(kept.data, drawing, linear_light=is_linear, alpha=None)
+        return Warped(image[part], coverage[part])

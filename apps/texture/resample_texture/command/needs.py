@@ -5,9 +5,11 @@ Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
 
 from math import prod
 from pathlib import Path
+from typing import NamedTuple
 
 from resample.command.session import LIBRARIES, bytes_written, require_picture
 from resample.files.pictures import form_of
+from resample.files.stores.addresses import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
 from resample_texture.asking import method_named
@@ -21,6 +23,13 @@ BYTES_OF_FILM = 16, 60  # of a texel of what a camera flies over, and of a pixel
 REMEDY = "take a smaller size, or a part of it by --roi"
 
 
+class InStrips(NamedTuple):
+    """What is held of a picture that is drawn strip by strip."""
+
+    source: int  # bytes of it as it is kept
+    strip: int  # values that are drawn at a time
+
+
 def require_room(
     form: tuple[int, int, int],
     shape: tuple[int, int],
@@ -28,7 +37,7 @@ def require_room(
     output: Path,
     *,
     has_alpha: bool = False,
-    in_strips: int | None = None,
+    in_strips: InStrips | None = None,
 ) -> None:
     """Refuse a warp that memory does not hold, and say (DEBUG) what it needs.
 
@@ -45,7 +54,7 @@ def require_room(
     has_alpha
         Whether one of the channels is opacity.
     in_strips
-        Values that are drawn at a time of a large picture, which is held as stored.
+        What is held of a large picture, which is drawn strip by strip.
 
     Raises
     ------
@@ -55,8 +64,8 @@ def require_room(
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
     if in_strips is not None:
-        size = prod(form)
-        parts = {"the source": pages_of(size) or size, "a strip": BYTES_IN_STRIP * in_strips}
+        source = pages_of(in_strips.source) or in_strips.source
+        parts = {"the source": source, "a strip": BYTES_IN_STRIP * in_strips.strip}
     else:
         opens = choice.edge == "transparent" and not (has_alpha or choice.total)
         values = form[2] + opens
@@ -68,7 +77,7 @@ def require_room(
     require(what, {"libraries": LIBRARIES if is_ours else LIBRARIES - KERNELS, **parts}, REMEDY)
 
 
-def require_film(source: Path, size: tuple[int, int]) -> None:
+def require_film(source: Place, size: tuple[int, int]) -> None:
     """Refuse a flight over a picture, in frames (height, width), as `require_room` does.
 
     Raises

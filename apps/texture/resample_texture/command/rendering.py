@@ -36,7 +36,7 @@ def warped(
     no number where `keeps_gaps`. Where all is covered no transparency is added.
     """
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
-    source = _curved(picture, to_srgb) if as_encoded else picture.data
+    source = curved(picture, to_srgb) if as_encoded else picture.data
     with session.stage("warp", bar=bar):
         image, coverage = warp(
             source,
@@ -63,7 +63,7 @@ def warped(
 
 def as_light(picture: Picture) -> Picture:
     """Picture of encoded values as one of light."""
-    return picture._replace(data=_curved(picture, from_srgb))
+    return picture._replace(data=curved(picture, from_srgb))
 
 
 def finished(
@@ -136,7 +136,7 @@ def bytes_at_once(source: tuple[int, int, int], shape: tuple[int, int]) -> int:
     return channels * (pictures.BYTES_PER_VALUE * height * width + target)
 
 
-def _curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
+def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
     """Premultiplied values whose straight color went through a curve."""
     data = picture.data
     if not picture.kind.has_alpha:

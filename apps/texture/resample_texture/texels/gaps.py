@@ -15,6 +15,7 @@ from resample_texture.types import Warped
 
 Booleans = NDArray[np.bool_]
 LEAST = 0.5  # of what covers a pixel that must have a value
+ROUNDED = 1e-5  # of the coverage that sums of weights may differ by where no value is missing
 
 
 class Mask(NamedTuple):
@@ -122,12 +123,15 @@ def kept(warped: Warped, gaps: int) -> Mended:
 def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
     """Values, and what is there of them, 0 to the coverage, both by the same factor.
 
-    Negative lobes of a kernel take the latter out of that range beside a gap.
+    Negative lobes of a kernel take the latter out of that range beside a gap. Pixels that see no
+    gap are what they are in a picture without any.
     """
     values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
-    bounded = np.clip(there, 0.0, warped.coverage[..., None])
-    share = np.zeros_like(there)
-    np.divide(bounded, there, out=share, where=there > 0.0)
+    coverage = warped.coverage[..., None]
+    is_all = np.abs(there - coverage) <= ROUNDED * coverage
+    bounded = np.where(is_all, coverage, np.clip(there, 0.0, coverage))
+    share = is_all.astype(there.dtype)
+    np.divide(bounded, there, out=share, where=(there > 0.0) & ~is_all)
     return values * share, bounded
 
 

@@ -104,7 +104,7 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with doing_by(picture.threads, sharing, output, look.fit) as doing:
+    with doing_by(picture.threads, sharing, output) as doing:
         check_targets(output, stats)
         with session.stage("read"):
             shown = media(source, volume, look, added, resampler, hire=doing.hire)

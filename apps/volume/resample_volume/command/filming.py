@@ -46,17 +46,18 @@ from resample_volume.command.media import (
     with_meshes,
 )
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import scene_of
+from resample_volume.command.rendering import scene_of, spent_here
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.series import Ready, Series, is_chunked, whole
-from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import finite_range
-from resample_volume.windows import Spent, paint_in_windows, unseen
+from resample_volume.windows import paint_unseen, unseen_together
 
 Size = tuple[int, int]  # height and width, px
+ROWS, SLOPES = 64, 1.25  # slopes that tell looks of gradients apart, up to so many times the last
 
 
 class Script(NamedTuple):
@@ -172,7 +173,8 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
     Fields want arrays, and so do several volumes.
     """
     resampler = script.look.renderer(script.resampling)
-    if is_chunked(times) and not can_stream(script.look, script.added, resampler):
+    is_alone = not script.added.also and script.added.channels is None
+    if is_chunked(times) and not (is_alone and can_stream(script.look, resampler)):
         times = read_as_whole(times, script.source)
     if is_chunked(times):
         count, *_, deep, down, across = times.values.shape
@@ -192,7 +194,7 @@ def _course(
     """What is seen at each time of a script."""
     meshes = script.beside.with_meshes(script.look, resampler)
     own = replace(labelled(look, series, script.look), meshes=meshes)
-    further = beside(others(script.added.also), script.look, resampler)
+    further = beside(others(script.added.also, script.source), script.look, resampler)
     return filmed(series, own, further, resampler, script.look.fit, sphere)
 
 
@@ -209,12 +211,9 @@ def scene_for(
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
         )
-    except TooManyVoxelsError as error:
-        if look.fit != "volume":
-            raise ValueError(
-                f"{error}; with --fit volume frames are painted window by window"
-            ) from None
-        return ReadScene(shown, unseen(*shown[0]), is_whole=False)
+    except TooManyVoxelsError:
+        subject = unseen_together(shown, look.fit, resampler, spent_here(shown, None))
+        return ReadScene(shown, subject, is_whole=False)
 
 
 def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
@@ -243,10 +242,8 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
         from resample_volume.command.animation import frame
 
         return frame(scene.subject, camera, paint)
-    volume, look = scene.shown[0]
-    bricks: Any = volume.values
-    spent = Spent(bricks.memory or available_memory() or 0, paint.threads)
-    painted, _ = paint_in_windows(volume, look, camera, paint.size, spent, paint.resampler)
+    by = (camera, paint.size, spent_here(scene.shown, paint.threads), paint.resampler)
+    painted, _ = paint_unseen(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 
 
@@ -256,19 +253,34 @@ def _shots(
     """Frames of a scene, made here."""
     if scene.is_whole:
         return shots(scene.subject, cameras, paint, about)
-    made = shots(scene.subject, cameras, paint, {**about, "values": _mark(*scene.shown[0])})
+    marks = " and ".join(_mark(*medium) for medium in scene.shown)
+    made = shots(scene.subject, cameras, paint, {**about, "values": marks})
     return made._replace(frame=lambda n: frame_of(scene, cameras[n], paint))
 
 
-def _mark(volume: Volume, look: Any) -> str:
+def _mark(volume: Volume, look: Appearance) -> str:
     """Text that tells a volume in bricks and its look from others."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         raise TypeError("volumes in memory have voxels")
-    known, (low, high) = values.glance, finite_range(values)
+    low, high = finite_range(values)
+    transfer = transfer_of(volume, look)
+    slopes = np.linspace(0, SLOPES * transfer.steepest(1.0), ROWS if transfer.needs_gradient else 1)
     some = np.linspace(low, high, 1 << 12).astype(values.dtype)
-    looks = look.transfer.looks(some, None, (low, high), 0.0)
-    return fingerprint(known.least, known.greatest, known.some, known.rim, *looks)
+    every, of_each = np.tile(some, slopes.size), np.repeat(slopes.astype(np.float32), some.size)
+    looks = transfer.looks(every, of_each, (low, high), 1.0)
+    marks = [_mark_of(values), fingerprint(*looks), look.gradient, repr(look.gradient_opacity)]
+    if look.labels is not None:
+        marks += [_mark_of(look.labels.values), repr(sorted(look.labels.rules.items()))]
+    return " ".join(marks)
+
+
+def _mark_of(values: Values) -> str:
+    """Text that tells values from others."""
+    if not isinstance(values, Bricks):
+        return fingerprint(values)
+    known = values.glance
+    return fingerprint(known.least, known.greatest, known.some, known.rim)
 
 
 def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:

@@ -156,6 +156,12 @@ def held(source: Source, name: str) -> Recording:
     return open_recording(*_named(source, name))._replace(**_changes(source))
 
 
+def channels_in_chunks(source: Source, name: str) -> Recording | None:
+    """All times and channels of that name, which stay in their file; None: it has no chunks."""
+    found = open_streamed(*_named(source, name))
+    return None if found is None else found._replace(**_changes(source))
+
+
 def stored(source: Source, name: str) -> Recording:
     """What `source` chooses of that name, whose values stay in their file where it has chunks."""
     if source.time is not None or source.channel is not None:

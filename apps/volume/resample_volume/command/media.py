@@ -10,7 +10,15 @@ from resample.command.workers import Hire
 from resample.resampler import Projection, Resampler
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
-from resample_volume.command.inputs import held, prepared, said
+from resample_volume.command.inputs import (
+    allowed_memory,
+    announced,
+    channels_in_chunks,
+    held,
+    prepared,
+    said,
+    with_memory,
+)
 from resample_volume.files.stores.chunks import Chunked
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
@@ -35,22 +43,24 @@ class Other(NamedTuple):
     look: dict[str, str]  # what of the look is its own
 
 
-def others(texts: tuple[str, ...]) -> list[Other]:
+def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
     """Volumes of texts such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
+
+    Those in chunks may take the memory that `source` says.
 
     Raises
     ------
     ValueError
         A text is not of this form.
     """
-    return [_other(text) for text in texts]
+    memory = {"memory": None if source is None else source.memory}
+    found = [_other(text) for text in texts]
+    return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
 
 
-def can_stream(look: Look, added: Added, resampler: Resampler) -> bool:
+def can_stream(look: Look, resampler: Resampler) -> bool:
     """Whether a picture needs no more of a volume than its visible voxels."""
-    is_alone = not added.also and added.channels is None
-    is_composite = resampler.projection is Projection.COMPOSITE
-    return is_alone and is_composite and look.classify == "pre"
+    return resampler.projection is Projection.COMPOSITE and look.classify == "pre"
 
 
 def media(
@@ -72,10 +82,10 @@ def media(
     ValueError, LookupError, OSError
         See `inputs.opened` and `Look.appearance`.
     """
-    further = others(added.also)
+    further = others(added.also, source)
     if added.channels is None:
         if recording is None:
-            is_streamed = can_stream(look, added, resampler)
+            is_streamed = can_stream(look, resampler)
             volume = prepared(source, name, streamed=is_streamed, hire=hire)
         else:
             volume = said(volume_at(recording, None, source.channel))
@@ -89,7 +99,7 @@ def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Mediu
     """Volumes that are shown, too, with their looks."""
     found = []
     for other in further:
-        volume = prepared(other.source, other.name)
+        volume = prepared(other.source, other.name, streamed=can_stream(look, resampler))
         own = _alone(look, other.look.get("transfer", "auto"), other.look.get("window"))
         found.append((volume, own.appearance(volume, resampler)))
     return found
@@ -176,7 +186,8 @@ def _channels(
         raise ValueError("channels are several looks and channel is one of them; give one of both")
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    recording = held(source, name)
+    streamed = channels_in_chunks(source, name) if can_stream(look, resampler) else None
+    recording = held(source, name) if streamed is None else streamed
     words = [word.strip() for word in BETWEEN.split(text)]
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
@@ -189,7 +200,8 @@ def _channels(
     found: list[Medium] = []
     for channel, word in enumerate(words):
         if word != HIDDEN:
-            volume = said(volume_at(recording, source.time, channel))
+            volume = volume_at(recording, source.time, channel)
+            volume = said(announced(with_memory(volume, allowed_memory(source))))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer})

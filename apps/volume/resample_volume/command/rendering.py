@@ -4,6 +4,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -33,7 +34,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, render_in_windows, unseen
+from resample_volume.windows import Spent, is_in_store, paint_unseen, unseen_together
 
 MARK = "picture"  # file in a folder of windows, whose text says what they are of
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -97,22 +98,18 @@ class Doing(NamedTuple):
 
 
 @contextmanager
-def doing_by(
-    threads: int | None, sharing: Sharing, output: Path, fit: Fit = "volume"
-) -> Iterator[Doing]:
+def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Doing]:
     """Who paints a picture, until the end of the block.
 
     Raises
     ------
     ValueError, OSError
-        As of `hiring`; or cameras are placed where windows do not serve.
+        As of `hiring`.
     """
     with hiring(sharing, threads) as hire:
         if not sharing.is_asked:
             yield Doing(threads, sharing, hire, output, [])
             return
-        if fit != "volume":
-            raise ValueError("workers paint windows, for which cameras are placed by --fit volume")
         with inheriting(Path(os.path.realpath(output))) as left:
             yield Doing(threads, sharing, hire, output, left)
 
@@ -126,7 +123,7 @@ def to_paint(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """Volumes ready to be painted; window by window a single one in bricks, if that is too dense.
+    """Volumes ready to be painted; window by window those in bricks, if these are too dense.
 
     So it is where workers are asked for, too.
 
@@ -136,14 +133,13 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if doing.sharing.is_asked:
-        _check_bricks(media[0][0])
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+        for medium in media:
+            _check_bricks(*medium)
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)
-    except TooManyVoxelsError as error:
-        if fit != "volume":
-            raise ValueError(f"{error}; with --fit volume it is painted window by window") from None
-        return _in_windows(session, media, resampler, viewpoint, size, doing)
+    except TooManyVoxelsError:
+        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     camera = subject.camera(viewpoint, *size)
     seen = lit(session, subject, camera)
 
@@ -153,7 +149,7 @@ def to_paint(
     return Painting(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume) -> None:
+def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Refuse to share out a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
@@ -161,21 +157,26 @@ def _check_bricks(volume: Volume) -> None:
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
             "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
         )
+    if look.labels is not None and not is_in_store(look.labels):
+        raise ValueError(
+            "workers read labels from a store, and these are in memory as a whole; convert them to "
+            "OME-Zarr, or leave workers out"
+        )
 
 
 def _in_windows(
     session: Session,
     media: Sequence[Medium],
     resampler: Resampler,
+    fit: Fit,
     viewpoint: Viewpoint,
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """A volume in bricks, of which one window's voxels are in memory at a time."""
-    (volume, look), *others = media
-    subject = unseen(volume, look)
-    if others:
-        raise ValueError("several volumes cannot be painted window by window; leave the others out")
+    """Volumes in bricks, of which one window's voxels are in memory at a time."""
+    spent = spent_here(media, doing.threads)
+    with session.stage("classify", bar="looking at voxels") as progress:
+        subject = unseen_together(media, fit, resampler, spent, progress)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
@@ -183,11 +184,9 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, volume, (look, eye.view(), size, resampler)) as spent,
+            shared(doing, media, (eye.view(), size, resampler)) as spent,
         ):
-            frame, count = render_in_windows(
-                volume, look, viewpoint, size, spent, resampler, progress
-            )
+            frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
             say(f"not all that is seen fits in memory: painted in {count} windows")
         else:
@@ -197,41 +196,51 @@ def _in_windows(
     return Painting(subject, camera, paint)
 
 
-def _mark(volume: Volume, shown: tuple[Any, ...]) -> str | None:
+def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
+    """What windows of volumes in bricks may take where this process paints them."""
+    bricks: Any = media[0][0].values
+    return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
+
+
+def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
     """Text that pictures of equal pixels share; None where values may change unseen."""
-    bricks: Any = volume.values
-    state = None if bricks.keeper is None else bricks.keeper.state()
-    if state is None:
-        return None
-    values = (
-        str(bricks.keeper.store),
-        state,
-        bricks.shape,
-        bricks.dtype.str,
-        bricks.side,
-        bricks.replaced,
-    )
+    known: list[Any] = [version("hybrid-resample"), shown]
+    for volume, look in media:
+        labels = [] if look.labels is None else [look.labels.values]
+        states = [_state_of(values) for values in (volume.values, *labels)]
+        if None in states:
+            return None
+        known += [states, volume[1:], replace(look, labels=None)]
+        known += [] if look.labels is None else [look.labels.rules]
     try:
-        whole = pickle.dumps((version("hybrid-resample"), values, volume[1:], shown))
+        return sha256(pickle.dumps(known)).hexdigest()
     except (pickle.PicklingError, TypeError, AttributeError):
         return None
-    return sha256(whole).hexdigest()
+
+
+def _state_of(values: Any) -> tuple[Any, ...] | None:
+    """What tells whether values in a store are the same; None: nothing does."""
+    keeper: Any = getattr(values, "keeper", None)
+    state = None if keeper is None else keeper.state()
+    if state is None:
+        return None
+    form = (values.shape, values.dtype.str, values.side, values.replaced)
+    return (str(keeper.store), state, *form)
 
 
 @contextmanager
-def shared(doing: Doing, volume: Volume, shown: tuple[Any, ...]) -> Iterator[Spent]:
-    """What windows of a volume in bricks may take, and who paints them, while they do.
+def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Iterator[Spent]:
+    """What windows of volumes in bricks may take, and who paints them, while they do.
 
     Windows of what is shown by the same means, of a command that was killed, are taken.
     """
-    bricks: Any = volume.values
-    allowed = bricks.memory or available_memory() or 0
-    crew = doing.hire()
+    here = spent_here(media, doing.threads)
+    allowed, crew = here.memory, doing.hire()
     if crew is None:
-        yield Spent(allowed, doing.threads)
+        yield here
         return
     each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
-    mark = _mark(volume, shown)
+    mark = _mark(media, shown)
     with beside(Path(os.path.realpath(doing.output))) as folder:
         same = [left for left in doing.left if mark is not None and _mark_in(left) == mark]
         if same:

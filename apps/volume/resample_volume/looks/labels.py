@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Floats
+from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Color
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks, Values
+from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 
 LISTED = 16  # labels that an error message names
@@ -46,7 +49,7 @@ class Labels:
         The labels are no whole numbers.
     """
 
-    values: NDArray[Any]  # (Z, Y, X) integers
+    values: Values  # (Z, Y, X) integers; or bricks of them
     rules: Mapping[int, Rule] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -79,7 +82,7 @@ class Labels:
         """
         if not self.rules:
             return color, opacity
-        label = self.values[np.unravel_index(voxel, self.values.shape)]
+        label = _labels_at(self.values, voxel)
         color, opacity = color.copy(), opacity.copy()
         for number, rule in self.rules.items():
             chosen = label == number
@@ -95,7 +98,7 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     Parameters
     ----------
     path
-        What `open_volume` takes.
+        What `open_volume` takes; of a store the labels stay there, if the volume's values do.
     rules
         Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
     volume
@@ -109,11 +112,9 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     OSError
         The file cannot be read.
     """
-    from resample_volume.files.source import open_volume
-
     chosen = parse_rules(rules)
     try:
-        found = open_volume(path)
+        found = _volume_of(path, isinstance(volume.values, Bricks))
         if found.colors is not None:
             raise ValueError("labels are whole numbers, one for each voxel, not colors")
         labels = Labels(found.values, chosen)
@@ -179,9 +180,7 @@ def _number(text: str) -> float:
 def _check_known(labels: Labels) -> None:
     if not labels.rules:
         return
-    present: set[int] = set()
-    for slab in slabs(labels.values):
-        present.update(np.unique(slab).tolist())
+    present = _present(labels.values)
     for label in labels.rules:
         if label not in present:
             some = ", ".join(map(str, sorted(present)[:LISTED]))
@@ -189,5 +188,47 @@ def _check_known(labels: Labels) -> None:
             raise ValueError(f"no voxel has the label {label}; there are {some}{more}")
 
 
-def _size(values: NDArray[Any]) -> str:
+def _volume_of(path: str, streamed: bool) -> Volume:
+    """Volume of labels, whose values stay in their file if they can and are to."""
+    from resample_volume.files.source import open_streamed, open_volume
+    from resample_volume.media.recordings import volume_at
+
+    held = open_streamed(path) if streamed else None
+    return open_volume(path) if held is None else volume_at(held, None, None)
+
+
+def _labels_at(values: Values, voxel: NDArray[np.int64]) -> NDArray[Any]:
+    """Labels (N,) of voxels by their flat indices; each brick that has some is read once."""
+    at = np.unravel_index(voxel, values.shape)
+    if not isinstance(values, Bricks):
+        return np.asarray(values[at])
+    homes = [n // side for n, side in zip(at, values.side, strict=True)]
+    home = np.ravel_multi_index(homes, values.count)
+    order = np.argsort(home, kind="stable")
+    bricks, starts = np.unique(home[order], return_index=True)
+    found = np.empty(voxel.size, values.dtype)
+    for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
+        z, y, x = (int(n) for n in np.unravel_index(number, values.count))
+        box = values.box((z, y, x))
+        within = tuple(n[own] - part.start for n, part in zip(at, box, strict=True))
+        found[own] = values.brick((z, y, x))[within]
+    return found
+
+
+def _present(values: Values) -> set[int]:
+    """Labels that some voxel has."""
+    present: set[int] = set()
+    if isinstance(values, Bricks):
+        if are_few(values.dtype):
+            return {int(value) for value in counted(values).value}
+        _ = values.ends  # bricks of one label need not be read after that
+        for part in values.each(lambda index: np.unique(values.brick(index)), values.all()):
+            present.update(part.tolist())
+        return present
+    for slab in slabs(values):
+        present.update(np.unique(slab).tolist())
+    return present
+
+
+def _size(values: Values) -> str:
     return " x ".join(map(str, values.shape[::-1]))

@@ -10,6 +10,7 @@ from resample.types import Doubles, Floats
 from resample_volume.files.memory import require_memory
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Step, as_array
 from resample_volume.voxels.visible import finite_range, lattice_of
 
 SAME = 1e-3  # voxels by which lattices may differ that are taken for one
@@ -51,6 +52,16 @@ def common_lattice(volumes: Sequence[Volume]) -> Lattice:
     return Lattice(steps, finest.origin + steps @ first, last - first + 1)
 
 
+def first_in(volume: Volume, lattice: Lattice) -> Step | None:
+    """Place (z, y, x) of a lattice that the first voxel is at; None if voxels are beside them."""
+    to_index = np.linalg.inv(lattice_of(volume))
+    start = to_index @ (lattice.origin - volume.origin)
+    if not _is_same(to_index @ lattice.steps, start, volume):
+        return None
+    x, y, z = (-int(n) for n in np.round(start))
+    return z, y, x
+
+
 def onto(volume: Volume, lattice: Lattice) -> Volume:
     """Volume resampled to the places of a lattice that lie in it.
 
@@ -68,6 +79,7 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
     start = to_index @ (lattice.origin - volume.origin)
     if _is_same(matrix, start, volume):
         return volume
+    volume = as_array(volume)
     first, last = _box(volume, lattice.steps, lattice.origin)
     size = np.maximum(last - first + 1, 1)
     listed = " x ".join(map(str, size))

@@ -29,6 +29,11 @@ class Mixed(NamedTuple):
     parts: tuple[Voxels, ...]  # of each medium
     place: tuple[Indices, ...]  # of each one's voxels among the N
 
+    @property
+    def color(self) -> Floats:
+        """Black (N, 3): what is sent is known of lit parts, see `added`."""
+        return np.zeros_like(self.position)
+
 
 def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
     """Voxels of several media that all lie on one lattice.
@@ -48,14 +53,28 @@ def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
     every = np.unique(np.concatenate(flat))
     order = np.empty(every.size, np.int64)
     brick_order(every, (z, y, x), order)
+    return _mixed(list(zip(flat, parts, strict=True)), lattice, every, order)
+
+
+def mixed_at(parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice) -> tuple[Indices, Mixed]:
+    """Flat indices (N,) into a lattice, ascending, and its voxels there: some of `mixed`."""
+    every = np.unique(np.concatenate([flat for flat, _ in parts]))
+    return every, _mixed(parts, lattice, every, np.arange(every.size))
+
+
+def _mixed(
+    parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice, every: Indices, order: Indices
+) -> Mixed:
+    """Voxels of several media, by flat indices, of which `every` has each once."""
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)
-    place = tuple(rank[np.searchsorted(every, index)] for index in flat)
+    place = tuple(rank[np.searchsorted(every, index)] for index, _ in parts)
     extinction = np.zeros(every.size)
-    for part, index in zip(parts, place, strict=True):
+    for (_, part), index in zip(parts, place, strict=True):
         extinction[index] += part.extinction
     position = positions_at(lattice.volume(), every[order])
-    return Mixed(position, extinction.astype(np.float32), lattice.steps, tuple(parts), place)
+    voxels = tuple(part for _, part in parts)
+    return Mixed(position, extinction.astype(np.float32), lattice.steps, voxels, place)
 
 
 def with_light(media: Mixed, light: Light) -> Mixed:

@@ -73,7 +73,7 @@ class Recent:
     """Bricks that were read last, as many as so many bytes hold."""
 
     def __init__(self, most: int) -> None:
-        self._most, self._size = most, 0
+        self.most, self._size = most, 0
         self._kept: dict[Step, NDArray[Any]] = {}
         self._lock = Lock()
 
@@ -88,10 +88,10 @@ class Recent:
     def keep(self, index: Step, values: NDArray[Any]) -> None:
         """Keep a brick in place of those that were read or found before all others."""
         with self._lock:
-            if index not in self._kept and values.nbytes <= self._most:
+            if index not in self._kept and values.nbytes <= self.most:
                 self._kept[index] = values
                 self._size += values.nbytes
-            while self._size > self._most:
+            while self._size > self.most:
                 self._size -= self._kept.pop(next(iter(self._kept))).nbytes
 
 
@@ -150,6 +150,12 @@ class Bricks:
         own = slice(number * layers, (number + 1) * layers)
         values.__dict__["ends"] = tuple(end[own] for end in self.ends)
         return values
+
+    @property
+    def limits(self) -> Box:
+        """Voxels that there are."""
+        z, y, x = (slice(0, size) for size in self.shape)
+        return z, y, x
 
     def all(self) -> list[Step]:
         """Indices of all bricks, z slowest."""

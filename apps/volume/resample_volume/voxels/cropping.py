@@ -136,8 +136,23 @@ class Steep(NamedTuple):
         away = np.array([self.least, self.greatest])
         along = np.repeat(planes[:, :3], 2, axis=0)
         length = np.maximum(self.near.reshape(-1), np.float32(STEEPER) * self.longest)
-        facing = (along * length[:, np.newaxis])[np.isfinite(self.near.reshape(-1))]
+        is_near = np.isfinite(self.near.reshape(-1))
+        facing = along[is_near] * length[is_near, np.newaxis]
         return np.concatenate([away[np.isfinite(away).all(axis=1)], facing]).astype(np.float32)
+
+
+Steeps = tuple[Steep | None, ...]  # of several volumes; None: nothing was seen of one
+
+
+def steeps_of(parts: Sequence[Voxels], planes: Doubles) -> Steeps:
+    """Extreme gradients of voxels of several volumes, where they have any."""
+    return tuple(Steep.of(part, planes) if len(part.gradient) else None for part in parts)
+
+
+def merged_steeps(one: Steeps, other: Steeps) -> Steeps:
+    """Those of both."""
+    pairs = zip(one, other, strict=True)
+    return tuple(b if a is None else a if b is None else a.merged(b) for a, b in pairs)
 
 
 def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> Kept:

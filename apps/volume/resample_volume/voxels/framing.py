@@ -1,10 +1,13 @@
 """Volumes around the scene's origin, and the ball around what of them is visible."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
@@ -123,16 +126,41 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
         position = ends.astype(np.float32)
     position = _without_strays(position, voxel)
-    low, high = _bounds(position)
+    return sphere_of(*_bounds(position), voxel, partial(farthest_from, position))
+
+
+def sphere_of(
+    low: Doubles, high: Doubles, voxel: float, farthest: Callable[[Doubles], float]
+) -> Sphere:
+    """Ball around voxels.
+
+    Parameters
+    ----------
+    low, high
+        (3,) their least and greatest coordinates, scene units.
+    voxel
+        Longest step of the lattice, scene units.
+    farthest
+        Gives the distance of the farthest one from a place.
+
+    Raises
+    ------
+    ValueError
+        It is larger than float32 can reckon with.
+    """
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
             f"the volume reaches from {low} to {high} scene units; {FARTHEST:g} is the most, so "
             "give another spacing"
         )
     center = (low + high) / 2
+    return Sphere(center, farthest(center) + voxel)
+
+
+def farthest_from(position: Floats, center: Doubles) -> float:
+    """Distance of the farthest of places (N, 3) from one."""
     away = position - center.astype(np.float32)
-    farthest = float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
-    return Sphere(center, farthest + voxel)
+    return float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
 
 
 def around_both(ball: Sphere, corner: Doubles) -> Sphere:
@@ -148,31 +176,60 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 
 def _without_strays(position: Floats, voxel: float) -> Floats:
     """Places (N, 3) without the few that are far away from all others along an axis."""
-    most = max(min(FEW, len(position) // 500), int(STRAY_SHARE * len(position)))
+    most = most_strays(len(position))
     low, high = _bounds(position)
     extent = high - low
     if not most or not np.isfinite(extent).all() or _is_filled(position, low, extent, most):
         return position
     kept = np.ones(len(position), bool)
-    for axis in np.flatnonzero(extent > 0):
-        size = extent[axis]
-        along = position[:, axis] - np.float32(low[axis])
-        code = np.minimum((along * np.float32(BINS / size)).astype(np.int64), BINS - 1)
+    for axis in wide_axes(extent):
+        code = codes_along(position, low, extent, axis)
         count = np.bincount(code, minlength=BINS)
-        full = np.flatnonzero(count)
-        gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
-        first, last = ends((full + 0.5) * (size / BINS), count[full], most, gap)
-        kept &= (code >= full[first]) & (code <= full[last])
+        first, last = full_codes(count, float(extent[axis]), most, voxel)
+        kept &= (code >= first) & (code <= last)
     return position if kept.all() else position[kept]
+
+
+def most_strays(count: int) -> int:
+    """How many of so many visible voxels may be strays at one end of an axis."""
+    return max(min(FEW, count // 500), int(STRAY_SHARE * count))
+
+
+def wide_axes(extent: Doubles) -> list[int]:
+    """Axes along which there is more than one place."""
+    return [axis for axis in range(3) if extent[axis] > 0]
+
+
+def codes_along(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArray[np.int64]:
+    """Bins (N,) of places (N, 3) along an axis, from the least to the greatest."""
+    along = position[:, axis] - np.float32(low[axis])
+    return np.minimum((along * np.float32(BINS / extent[axis])).astype(np.int64), BINS - 1)
+
+
+def full_codes(count: NDArray[np.int64], size: float, most: int, voxel: float) -> tuple[int, int]:
+    """First and last bin that has no strays, where bins (BINS,) have so many voxels."""
+    full = np.flatnonzero(count)
+    gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
+    first, last = ends((full + 0.5) * np.float64(size / BINS), count[full], most, gap)
+    return int(full[first]), int(full[last])
 
 
 def _is_filled(position: Floats, low: Doubles, extent: Doubles, most: int) -> bool:
     """Whether more voxels than strays can be are near all six sides of their box, as some show."""
-    some = position[SOME // 2 :: SOME]
-    least = 2 + 2 * most // SOME
+    near = near_ends(position[SOME // 2 :: SOME], low, extent)
+    return bool(near.min() > least_near(most))
+
+
+def least_near(most: int) -> int:
+    """Voxels of one in so many that have to be near a side, if there may be so many strays."""
+    return 2 + 2 * most // SOME
+
+
+def near_ends(some: Floats, low: Doubles, extent: Doubles) -> NDArray[np.int64]:
+    """How many places are near the low sides of their box, and near the high ones, (2, 3)."""
     near_low = (some <= low + STRAY_GAP * extent).sum(axis=0)
     near_high = (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
-    return bool(min(near_low.min(), near_high.min()) > least)
+    return np.stack([near_low, near_high])
 
 
 def _bounds(position: Floats) -> tuple[Doubles, Doubles]:

@@ -94,20 +94,58 @@ def brick_by_brick(
         The job, of voxels and their brick's box; done for several bricks at a time.
     """
 
-    def see(index: Step, around: dict[Step, NDArray[Any]]) -> R:
-        box = bricks.box(index)
-        if wanted.gradient is None:
-            values, corner = bricks.brick(index), (box[0].start, box[1].start, box[2].start)
-        else:
-            values, corner = _padded(box, around, bricks)
-        return finish(_seen(values, box, corner, bricks, wanted), box)
+    def only(found: list[Candidates], boxes: list[Box]) -> R:
+        return finish(found[0], boxes[0])
+
+    return bricks_together([OnGrid(bricks, wanted, chosen)], only)
+
+
+class OnGrid(NamedTuple):
+    """Bricks of one of several volumes on one grid."""
+
+    bricks: Bricks
+    wanted: Looked  # what they are looked at with
+    chosen: Sequence[Step]  # that may have something to see, ascending
+
+    def seen(self, index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
+        """What is seen of a brick, which is there with those beside it if slopes ask for them."""
+        box = self.bricks.box(index)
+        if self.wanted.gradient is None:
+            corner = (box[0].start, box[1].start, box[2].start)
+            return _seen(self.bricks.brick(index), box, corner, self.bricks, self.wanted)
+        values, corner = _padded(box, around, self.bricks)
+        return _seen(values, box, corner, self.bricks, self.wanted)
+
+
+def bricks_together(
+    parts: Sequence[OnGrid], finish: Callable[[list[Candidates], list[Box]], R]
+) -> Iterator[R]:
+    """What a job makes of the visible voxels of each brick that some volume has, in their order.
+
+    Parameters
+    ----------
+    parts
+        Volumes, whose bricks are of one grid.
+    finish
+        The job, of each volume's voxels and its brick's box; done for several bricks at a time.
+    """
+    own = [set(part.chosen) for part in parts]
+    chosen = sorted(set().union(*own))
+
+    def see(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
+        found = [
+            part.seen(index, near) if index in some else _nothing(part.bricks)
+            for part, near, some in zip(parts, around, own, strict=True)
+        ]
+        return finish(found, [part.bricks.box(index) for part in parts])
 
     threads = threads_at_work()
     pool, waiting = ThreadPoolExecutor(threads), deque[Future[R]]()
-    window = _Window(bricks, chosen if wanted.gradient else (), pool, threads)
+    windows = [_Window(part, chosen, pool, threads) for part in parts]
     try:
-        for n, index in enumerate(chosen):
-            waiting.append(pool.submit(see, index, window.around(n) if wanted.gradient else {}))
+        for n in range(len(chosen)):
+            around = [window.around(n) for window in windows]
+            waiting.append(pool.submit(see, chosen[n], around))
             if len(waiting) > threads:
                 yield waiting.popleft().result()
         while waiting:
@@ -178,12 +216,13 @@ class _Window:
     """Bricks that are near those that are looked at: read once, a little ahead, and let go."""
 
     def __init__(
-        self, bricks: Bricks, chosen: Sequence[Step], pool: ThreadPoolExecutor, ahead: int
+        self, part: OnGrid, chosen: Sequence[Step], pool: ThreadPoolExecutor, ahead: int
     ) -> None:
+        bricks = part.bricks
         self._bricks, self._chosen, self._pool, self._ahead = bricks, chosen, pool, ahead
         self._held: dict[Step, Future[NDArray[Any]]] = {}
         is_needed = np.zeros([n + 2 for n in bricks.count], bool)
-        for z, y, x in chosen:
+        for z, y, x in part.chosen if part.wanted.gradient else ():
             is_needed[z : z + 3, y : y + 3, x : x + 3] = True
         self._left = deque(i for i in bricks.all() if is_needed[i[0] + 1, i[1] + 1, i[2] + 1])
 
@@ -206,8 +245,10 @@ def _padded(
     box: Box, around: dict[Step, NDArray[Any]], bricks: Bricks
 ) -> tuple[NDArray[Any], Step]:
     """Values of a box and of one voxel around it, within the volume; and where they begin."""
-    sizes = zip(box, bricks.shape, strict=True)
-    limits = [(max(0, part.start - 1), min(size, part.stop + 1)) for part, size in sizes]
+    limits = [
+        (max(most.start, part.start - 1), min(most.stop, part.stop + 1))
+        for part, most in zip(box, bricks.limits, strict=True)
+    ]
     values = np.empty([stop - start for start, stop in limits], bricks.dtype)
     for index, brick in around.items():
         own = bricks.box(index)

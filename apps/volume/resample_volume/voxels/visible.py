@@ -1,7 +1,6 @@
 """Which voxels are seen: the transfer function applied, the transparent ones left out."""
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +19,13 @@ from resample_volume.looks.transfer import (
 )
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Box, Bricks, Values
+from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.parts import side_by_side, slabs
 from resample_volume.voxels.streaming import (
     Candidates,
     Looked,
-    brick_by_brick,
-    near_to_each_other,
     seen_in_bricks,
     slopes_at,
-    visible_bricks,
 )
 
 if TYPE_CHECKING:
@@ -44,7 +40,6 @@ BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
 ALL_REACHED = np.empty((0, 2), np.float32)  # nothing is in the way of light
 
 Indices = NDArray[np.int64]
-R = TypeVar("R")
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
@@ -57,6 +52,11 @@ class Voxels(NamedTuple):
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     reached: Floats = ALL_REACHED  # (N, 2) shares of light that gets there; see `reaching`
+
+    @property
+    def parts(self) -> tuple["Voxels", ...]:
+        """Those of each volume, of which there is one; as of `Mixed`."""
+        return (self,)
 
 
 def classify(
@@ -92,14 +92,14 @@ def classify(
         the voxels do not fit in memory.
     """
     whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
-    _check(whole, gradient)
+    check_gradient(whole, gradient)
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     seen = seen_with_slopes(volume, whole, data_range, gradient)
     slope = seen.slope
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    color, opacity = _looks(whole, seen.value, length, data_range)
+    color, opacity = looks_of(whole, seen.value, length, data_range, steepness(length))
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
     if labels is not None:
@@ -117,53 +117,11 @@ def classify(
         thickness = extinction(opacity, unit)
     else:
         value = seen.value if kept.size == seen.value.size else seen.value[kept]
-        thickness = _extinctions(whole, value, data_range, unit)
+        thickness = extinctions_of(whole, value, data_range, unit)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
-def classified_by_bricks(
-    volume: Volume,
-    transfer: Transfer,
-    gradient: str | None,
-    finish: Callable[[Indices, Voxels], R],
-) -> Iterator[R]:
-    """What a job makes of the visible voxels of one brick after the other.
-
-    Parameters
-    ----------
-    volume
-        Whose values are `Bricks`.
-    transfer
-        Of values alone: what depends on slopes needs all voxels together.
-    gradient
-        As of `classify`.
-    finish
-        The job, of flat indices (N,) into the volume and their voxels, which are those that
-        `classify` gives; done for several bricks at a time.
-    """
-    values: Any = volume.values
-    data_range = finite_range(values) if transfer.normalized else (0.0, 1.0)
-    unit, lattice = unit_of(transfer, volume), lattice_of(volume)
-
-    def job(found: Candidates, box: Box) -> R:
-        seen = near_to_each_other(found, box, values.shape)
-        color, opacity = _looks(transfer, seen.value, None, data_range)
-        kept = np.flatnonzero(opacity > 0)
-        if kept.size < opacity.size:
-            slope = seen.slope[kept] if len(seen.slope) else seen.slope
-            seen, color = Candidates(seen.place[kept], seen.value[kept], slope), color[kept]
-        if volume.colors is not None:
-            color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
-        thickness = _extinctions(transfer, seen.value, data_range, unit)
-        position = positions_at(volume, seen.place)
-        return finish(seen.place, Voxels(position, color, thickness, seen.slope, lattice))
-
-    wanted = Looked(transfer, data_range, gradient, _to_scene(volume))
-    chosen = visible_bricks(values, transfer, data_range)
-    return brick_by_brick(values, wanted, chosen, job)
-
-
-def _extinctions(
+def extinctions_of(
     transfer: Transfer, value: NDArray[Any], data_range: DataRange, unit: float
 ) -> Floats:
     """Optical depths (N,) per scene unit of values, whose slopes make no difference."""
@@ -180,12 +138,15 @@ def _extinctions(
     return found
 
 
-def _looks(
-    transfer: Transfer, value: NDArray[Any], length: Floats | None, data_range: DataRange
+def looks_of(
+    transfer: Transfer,
+    value: NDArray[Any],
+    length: Floats | None,
+    data_range: DataRange,
+    steep: float,
 ) -> tuple[Floats, Floats]:
-    """Colors (N, 3) and opacities (N,) of values and lengths of gradients."""
+    """Colors (N, 3) and opacities (N,) of values and lengths of gradients; see `Transfer`."""
     color, opacity = np.empty((value.size, 3), np.float32), np.empty(value.size, np.float32)
-    steep = steepness(length)
 
     def find(share: slice) -> None:
         slopes = None if length is None else length[share]
@@ -204,7 +165,23 @@ def steepness(length: Floats | None) -> float:
         (N,) data units per scene unit, of the voxels whose value the transfer function can show.
         Without any it is 0.
     """
-    return float(np.percentile(length, STEEP)) if length is not None and length.size else 0.0
+    if length is None or not length.size:
+        return 0.0
+    first, share = steep_rank(length.size)
+    last = min(first + 1, length.size - 1)
+    ordered = np.partition(length, [first, last])
+    return steep_between(float(ordered[first]), float(ordered[last]), share)
+
+
+def steep_rank(count: int) -> tuple[int, float]:
+    """Of so many ascending lengths, after which a full surface's is, and how far on to the next."""
+    place = (count - 1) * STEEP / 100
+    return int(place), place - int(place)
+
+
+def steep_between(low: float, high: float, share: float) -> float:
+    """Length of a full surface, a share of the way between two."""
+    return low if low == high else low + share * (high - low)
 
 
 def unit_of(transfer: Transfer, volume: Volume) -> float:
@@ -245,7 +222,7 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     gradient
         One of `GRADIENTS`; see `classify`.
     """
-    values, to_scene = np.asarray(volume.values), _to_scene(volume)
+    values, to_scene = np.asarray(volume.values), to_scene_of(volume)
     slope = np.empty((voxel.size, 3), np.float32)
 
     def find(share: slice) -> None:
@@ -255,7 +232,7 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     return slope
 
 
-def _to_scene(volume: Volume) -> Doubles:
+def to_scene_of(volume: Volume) -> Doubles:
     """Matrix (3, 3) that takes slopes per voxel to slopes per scene unit."""
     return np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
 
@@ -334,7 +311,8 @@ def _nearer(marked: NDArray[np.uint8], distance: float) -> NDArray[np.uint8]:
     return near
 
 
-def _check(transfer: Transfer, gradient: str | None) -> None:
+def check_gradient(transfer: Transfer, gradient: str | None) -> None:
+    """Refuse gradients that are unknown, or missing where a look needs them."""
     if gradient is not None and gradient not in GRADIENTS:
         raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
     if gradient is None and transfer.needs_gradient:
@@ -351,7 +329,7 @@ def seen_with_slopes(
     """
     values: Values = volume.values
     if isinstance(values, Bricks):
-        wanted = Looked(transfer, data_range, gradient, _to_scene(volume))
+        wanted = Looked(transfer, data_range, gradient, to_scene_of(volume))
         return seen_in_bricks(values, wanted, volume.name)
     seen = _in_bricks(_seen(volume, transfer, data_range), volume)
     if gradient is None:

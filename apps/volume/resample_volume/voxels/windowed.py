@@ -9,7 +9,9 @@ import pickle
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
-from itertools import pairwise, product
+from io import BytesIO
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -19,37 +21,37 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
 from resample.painting.plans import SPLATS, PicturePlan, Window
-from resample.painting.steps import SamplesInParts
+from resample.painting.steps.parts import SamplesInParts
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
-from resample_volume.voxels.bricks import Asked, Bricks, Recent
-from resample_volume.voxels.cropping import Steep
+from resample_volume.voxels.bricks import Bricks, Recent
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.dense.looked import Classified, LookedAt
+from resample_volume.voxels.dense.passes import Looking, between, passed
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
-from resample_volume.voxels.visible import Voxels, lattice_of
+from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
 LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
-PARTS = 8  # in which several processes do so
 WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
 RECENT = 4  # share of memory, inverted, that takes bricks which were read lately
 STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
 LEAST = 1 << 19  # voxels of a step, at least
+LARGE = 1 << 16  # bytes of an array that is told by where it is
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
-Finish = Callable[[Indices, Voxels], Any]
-Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
-Lit = Callable[[Voxels, Steep | None], Samples]  # of voxels, and of extreme gradients of all
+Lit = Callable[[Any, Steeps], Samples]  # of voxels, and of extreme gradients of all
 
 
 class Work(NamedTuple):
     """How a volume in bricks is painted; for other processes all of it has to pickle."""
 
-    volume: Volume  # around the scene's origin
+    volume: Volume  # around the scene's origin; in `Bricks`, or several `Together`
     classified: Classified
     lit: Lit
     resampler: Resampler
@@ -59,32 +61,32 @@ class Work(NamedTuple):
     memory: int  # bytes that a process may take for voxels and bricks
     threads: int | None = None  # that a process takes
     folder: Path | None = None  # windows are written there; None: they are in memory
+    sifts: bool = False  # whether voxels that may be seen turn out to be transparent
+    beside: int = 0  # bytes of the memory that something else takes
+    volumes: int = 1  # that are seen together
+    depends: Any = None  # what is the same where the same is seen; None: what classifies voxels
+
+    @property
+    def kind(self) -> Any:
+        """What is the same where the same is seen."""
+        return self.depends or self.classified
 
 
 class Surveyed(NamedTuple):
     """What is known of a picture after each visible voxel was looked at once."""
 
     plan: PicturePlan
-    steep: Steep | None  # if voxels have gradients
+    steep: Steeps  # of voxels that have gradients
     blocks: Blocks
-
-
-class LookedAt(NamedTuple):
-    """What any picture of the same look depends on."""
-
-    steep: Steep | None
-    number: Indices  # (N,) blocks with visible voxels, by flat indices
-    seen: Indices  # (N,) how many these are
 
 
 class FoundInLayers(NamedTuple):
     """What was found in some layers of blocks."""
 
     plans: list[PicturePlan]
-    steep: list[Steep]  # of bricks whose voxels have gradients
+    steep: list[Steeps]  # of bricks
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
     spaced: PicturePlan | None  # that knows how fine the tiles are which show them
-    reads: int  # of bricks
 
 
 class Task(NamedTuple):
@@ -140,7 +142,7 @@ def painted_in_windows(
     parts = shared_out(executor, common, tasks)
     for n in range(len(tasks)):
         first, last = (LOOKING + (1 - LOOKING) * float(shares[at]) for at in (n, n + 1))
-        with told(_between(tell, first, last)):
+        with told(between(tell, first, last)):
             window, film, reads = next(parts)
         bricks.reads += reads
         if film is None and work.folder is not None:
@@ -151,26 +153,19 @@ def painted_in_windows(
         yield window, film
 
 
-def _between(tell: Progress, first: float, last: float) -> Progress:
-    """Tells the share of a part of the work."""
-    return lambda share: tell(first + (last - first) * share)
-
-
 def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """What a picture depends on, found a brick at a time; None if nothing is seen."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    lattice, name = lattice_for(bricks.shape), _name_of(work)
+    lattice, name = (
+        lattice_for(bricks.shape),
+        _name_of(work.volume, work.kind),
+    )
     before = _known_before(work, lattice, bricks.found.get(name))
     if before is not None:
         return before
-    layers = _layers(bricks, lattice, 1 if executor is None else PARTS)
-    guess = _guessed(work)
-    found, parts = [], shared_out(executor, partial(_look, work, lattice, guess), layers)
-    for n in range(len(layers)):
-        first, last = (LOOKING * at / len(layers) for at in (n, n + 1))
-        with told(_between(tell, first, last)):
-            found.append(next(parts))
-        bricks.reads += found[-1].reads
+    job = partial(_look, work, lattice, _guessed(work))
+    looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
+    found = passed(bricks, lattice, job, looking)
     plans = [plan for part in found for plan in part.plans]
     if not plans:
         return None
@@ -178,27 +173,74 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     for index, count in (counted for part in found for counted in part.seen):
         seen[index] += count
     index = np.flatnonzero(seen)
-    every = [one for part in found for one in part.steep]
-    steep = reduce(Steep.merged, every) if every else None
+    steep = reduce(merged_steeps, [one for part in found for one in part.steep])
     if name is not None:
-        bricks.found[name] = LookedAt(steep, index, seen[index])
+        bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.kind)
     bounds = _in_parts(work, lattice, index, seen[index]).bounds
     plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
 
 
-def _name_of(work: Work) -> bytes | None:
-    """What is the same for pictures of which the same is visible; None: that cannot be said."""
+def known_of(volume: Volume, depends: Any, find: Callable[[], R]) -> R:
+    """What is found of a volume in bricks, which keep it for as long as they are.
+
+    Parameters
+    ----------
+    volume
+        Whose values keep it.
+    depends
+        What else it depends on; where that does not pickle, it is found each time.
+    find
+        Finds it.
+    """
+    bricks: Any = volume.values
+    name = _name_of(volume, depends)
+    if name is None:
+        return find()
+    if name not in bricks.found:
+        bricks.found[name] = _Found(find(), depends)
+    known: R = bricks.found[name].result
+    return known
+
+
+def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
+    """Let pictures of a look do with what is known already; arguments as of `known_of`."""
+    bricks: Any = volume.values
+    name = _name_of(volume, depends)
+    if name is not None:
+        bricks.found[name] = _Found(looked, depends)
+
+
+class _Found(NamedTuple):
+    """What was found."""
+
+    result: Any
+    depends: Any  # on what: as long as it is here, no other has its place in memory
+
+
+class _Pickler(pickle.Pickler):
+    """Tells large arrays and bricks by where they are in memory."""
+
+    def persistent_id(self, thing: Any) -> int | None:
+        is_large = isinstance(thing, np.ndarray) and thing.nbytes > LARGE
+        return id(thing) if is_large or isinstance(thing, Bricks) else None
+
+
+def _name_of(volume: Volume, depends: Any) -> bytes | None:
+    """What is the same where the same is found of a volume; None: that cannot be said."""
+    name = BytesIO()
     try:
-        return pickle.dumps((work.classified, work.volume[1:4]))
+        _Pickler(name).dump((depends, volume[1:4]))
+        return name.getvalue()
     except (pickle.PicklingError, TypeError, AttributeError):
         return None
 
 
-def _known_before(work: Work, lattice: Lattice, looked: LookedAt | None) -> Surveyed | None:
+def _known_before(work: Work, lattice: Lattice, found: _Found | None) -> Surveyed | None:
     """What is known of a picture because all voxels were looked at for another, if that will do."""
-    if looked is None:
+    if found is None:
         return None
+    looked: LookedAt = found.result
     height, width = work.size
     source = _in_parts(work, lattice, looked.number, looked.seen)
     plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
@@ -228,46 +270,29 @@ def _spaced(plan: PicturePlan, parts: list[PicturePlan | None]) -> PicturePlan:
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int]]:
-    """Layers of blocks, from one to before another, that are looked at together."""
-    count = bricks.count[0]
-    cuts = [count * n // parts * bricks.side[0] // lattice.side for n in range(parts)]
-    ends = [*sorted(set(cuts)), lattice.blocks[0]]
-    return [(first, last) for first, last in pairwise(ends) if first < last]
-
-
 def _look(
-    work: Work, lattice: Lattice, spaced: PicturePlan | None, layers: tuple[int, int]
+    work: Work, lattice: Lattice, spaced: PicturePlan | None, bricks: Bricks
 ) -> FoundInLayers:
-    """What is found of a picture in some layers of blocks."""
-    from resample.engine.jit import threads
+    """What is found of a picture in bricks of which some layers are asked for."""
+    values: Any = bricks
+    found = FoundInLayers([], [], [], None)
 
-    is_asked = np.zeros(lattice.blocks, bool)
-    is_asked[layers[0] : layers[1]] = True
-    values: Bricks = work.volume.values  # type: ignore[assignment]
-    bricks: Any = values.within(Asked(lattice.side, is_asked))
-    found = FoundInLayers([], [], [], None, 0)
-
-    def counted(place: Indices, voxels: Voxels) -> tuple[tuple[Indices, Indices], Voxels]:
+    def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
 
     height, width = work.size
-    with threads(work.threads):
-        for seen, voxels in work.classified(work.volume._replace(values=bricks), counted):
-            if not len(voxels.position):
-                continue
-            if len(voxels.gradient):
-                found.steep.append(Steep.of(voxels, work.clip))
-            samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
-            plan = work.resampler.plan(
-                samples, work.camera, height=height, width=width, clip=work.clip
-            )
-            if plan.seen:
-                found.plans.append(plan)
-            if plan.seen and spaced is not None:
-                spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
-            found.seen.append(seen)
-    return found._replace(spaced=spaced, reads=bricks.reads)
+    for seen, voxels in work.classified(work.volume._replace(values=values), counted):
+        if not len(voxels.position):
+            continue
+        found.steep.append(steeps_of(voxels.parts, work.clip))
+        samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
+        plan = work.resampler.plan(samples, work.camera, height=height, width=width, clip=work.clip)
+        if plan.seen:
+            found.plans.append(plan)
+        if plan.seen and spaced is not None:
+            spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
+        found.seen.append(seen)
+    return found._replace(spaced=spaced)
 
 
 def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
@@ -311,7 +336,7 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
     task = Task(window, number, seen, 0)
-    free = work.memory - _bytes_of_bricks(work, blocks, are_asked)
+    free = work.memory - work.beside - _bytes_of_bricks(work, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     values: Bricks = work.volume.values  # type: ignore[assignment]
@@ -343,7 +368,10 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
     threads = work.threads or threads_at_work()
     within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
     each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
-    return (held + threads) * bricks.bytes_each + (threads + 1) * each
+    if work.sifts:
+        most = min(int(np.bincount(within).max()) * lattice.side**3, prod(bricks.side))
+        each = max(each, most * BYTES_PER_CANDIDATE)
+    return (held + threads) * bricks.bytes_each + (threads + 1) * work.volumes * each
 
 
 def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
@@ -408,7 +436,7 @@ def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples
     values: Any = bricks
     volume = work.volume._replace(values=values)
 
-    def lit(_: Indices, voxels: Voxels) -> Samples:
+    def lit(_: Indices, voxels: Any) -> Samples:
         return work.lit(voxels, known.steep)
 
     lattice = np.eye(3)

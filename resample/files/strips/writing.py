@@ -1,4 +1,4 @@
-"""Pictures larger than memory, written as their rows come."""
+"""Pictures written as their rows come."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -58,7 +58,7 @@ class _Rows:
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
-        page = page_of(self.path, picture, self.look)
+        page = page_of(self.path, picture, self.look, tells=self.target is None)
         shape = self.height, *page.data.shape[1:]
         if self.target is None:
             self.stored = Stored(page.about, shape, page.data.dtype.name)

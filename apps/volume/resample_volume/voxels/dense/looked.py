@@ -1,0 +1,114 @@
+"""What pictures of a look depend on, whatever their camera: found by one look at all voxels."""
+
+from collections.abc import Callable, Iterator
+from functools import partial, reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_volume.types import Volume
+from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
+from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.dense.passes import Looking, passed
+
+FINE = 8  # voxels per side of the bricks that voxels in memory are ordered by
+
+Finish = Callable[[Indices, Any], Any]  # of places, and `Voxels` there or `Mixed` ones
+Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
+
+
+class LookedAt(NamedTuple):
+    """What any picture of the same look depends on."""
+
+    steep: Steeps  # of voxels that have gradients
+    number: Indices  # (N,) blocks with visible voxels, by flat indices
+    seen: Indices  # (N,) how many these are
+
+
+class Outline(NamedTuple):
+    """Where voxels are seen."""
+
+    looked: LookedAt
+    fine: Indices  # (M,) bricks of `FINE` voxels per side with visible ones, by flat indices
+    fine_seen: Indices  # (M,) how many these are
+    low: Floats  # (3,) least coordinates of all, scene units; inf where nothing is seen
+    high: Floats  # (3,) greatest; -inf
+
+    @property
+    def total(self) -> int:
+        """Visible voxels."""
+        return int(self.looked.seen.sum())
+
+
+class ToSee(NamedTuple):
+    """What is to be looked at."""
+
+    volume: Volume  # as of `Work`
+    classified: Classified
+    clip: Doubles  # (M, 4) planes
+
+
+def outlined(seen: ToSee, looking: Looking) -> Outline:
+    """Where voxels are seen, after each was looked at once; a process holds few of them."""
+    bricks: Any = seen.volume.values
+    lattice = lattice_for(bricks.shape)
+    parts = passed(bricks, lattice, partial(_outlined, seen, lattice), looking)
+    return reduce(_both, parts)
+
+
+def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
+    """Outline of bricks of which some layers are asked for."""
+    values: Any = bricks
+    fine = lattice._replace(side=FINE)
+    steeps: list[Steeps] = []
+    counts = [np.zeros(int(np.prod(one.blocks)), np.int32) for one in (lattice, fine)]
+    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+
+    def found(place: Indices, voxels: Any) -> tuple[Any, ...]:
+        ends = voxels.position.min(0, initial=np.inf), voxels.position.max(0, initial=-np.inf)
+        counted = lattice.counted(place), fine.counted(place)
+        return counted, ends, steeps_of(voxels.parts, seen.clip)
+
+    for each, ends, own in seen.classified(seen.volume._replace(values=values), found):
+        for count, (index, more) in zip(counts, each, strict=True):
+            count[index] += more.astype(np.int32)
+        low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
+        steeps.append(own)
+    (number, seen_there), (small, seen_in_small) = (_filled(count) for count in counts)
+    steep: Steeps = reduce(merged_steeps, steeps) if steeps else ()
+    return Outline(LookedAt(steep, number, seen_there), small, seen_in_small, low, high)
+
+
+def _filled(count: NDArray[np.int32]) -> tuple[Indices, Indices]:
+    """Which numbers there are, and how often."""
+    index = np.flatnonzero(count)
+    return index, count[index].astype(np.int64)
+
+
+def _both(one: Outline, other: Outline) -> Outline:
+    """Outline of two."""
+    looked, more = one.looked, other.looked
+    pairs = [
+        _summed((looked.number, looked.seen), (more.number, more.seen)),
+        _summed((one.fine, one.fine_seen), (other.fine, other.fine_seen)),
+    ]
+    steep = (
+        merged_steeps(looked.steep, more.steep)
+        if looked.steep and more.steep
+        else (looked.steep or more.steep)
+    )
+    ends = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
+    return Outline(LookedAt(steep, *pairs[0]), *pairs[1], *ends)
+
+
+def _summed(
+    one: tuple[Indices, Indices], other: tuple[Indices, Indices]
+) -> tuple[Indices, Indices]:
+    """Counts of numbers that ascend, added up."""
+    index, home = np.unique(np.concatenate([one[0], other[0]]), return_inverse=True)
+    total = np.zeros(index.size, np.int64)
+    np.add.at(total, home, np.concatenate([one[1], other[1]]))
+    return index, total

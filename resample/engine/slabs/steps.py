@@ -1,0 +1,100 @@
+"""What slabs keep from step to step, besides rows of sub-pixels.
+
+See `resample.engine.ellipsoids.steps`. A sum of all samples is kept as it is; of slabs that cut
+splats, which are many, nothing is: samples that have part in those that are open are added once
+more, in the order in which they were added before.
+"""
+
+import numpy as np
+
+from resample.engine.ellipsoids.steps import KEPT, NEW, Carried
+from resample.engine.jit import kernel
+from resample.engine.slabs.fields import START
+from resample.engine.slabs.sums import PLANES, Canvas, Ring, stride_of, sum_at, touch
+from resample.engine.sorting import HALF, Pairs, bits_of
+
+SEEN = START  # numbers of what a ray has seen of a field
+
+
+@kernel
+def begin_of_step(first: int, carried: Carried | None) -> int:
+    """Number of the first slab that was not composited before, `first` if there are no steps."""
+    if carried is None:
+        return first
+    return carried.step.done
+
+
+@kernel
+def end_of_step(last: int, carried: Carried | None) -> int:
+    """Number of the first slab that is not composited now, `last` if there are no more steps."""
+    if carried is None:
+        return last
+    return min(last, carried.step.due)
+
+
+@kernel
+def is_added_again(pair: np.uint64, carried: Carried | None) -> bool:
+    """Whether a sample was added in an earlier step."""
+    if carried is None:
+        return False
+    return bool(pair < np.uint64(bits_of(carried.step.first)) << HALF)
+
+
+@kernel
+def end_of_added_again(ready: Pairs, first: int, carried: Carried | None) -> int:
+    """One past the last sample that was added in an earlier step, of sorted ones."""
+    last = first
+    while last < ready.size and is_added_again(ready[last], carried):
+        last += 1
+    return last
+
+
+@kernel
+def take_up_slabs(
+    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried | None
+) -> None:
+    """Put what was kept of rays, and of the sum of all samples, where it belongs."""
+    if carried is None or carried.state[tile] == NEW:
+        return
+    height, width, number = canvas.height, canvas.width, carried.number
+    place = carried.each * carried.start[tile] + len(KEPT) * height * width
+    if canvas.state.size > 0:
+        for row in range(height):
+            for column in range(width):
+                for n in range(SEEN):
+                    canvas.state[row, column, n] = number[place + n]
+                place += SEEN
+    if is_one_sum:
+        stride = stride_of(ring)
+        touch(canvas.dirty, 0, 0, height, 0, width)
+        for row in range(height):
+            for column in range(width):
+                k = sum_at(ring, 0, row >> 1, column) + np.uint64(row & 1)
+                for n in range(PLANES):
+                    canvas.sums[k + np.uint64(n) * stride] = number[place + n]
+                place += PLANES
+
+
+@kernel
+def lay_down_slabs(
+    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried | None
+) -> None:
+    """Keep what rays have seen, and the sum of all samples, until the next step."""
+    if carried is None:
+        return
+    height, width, number = canvas.height, canvas.width, carried.number
+    place = carried.each * carried.start[tile] + len(KEPT) * height * width
+    if canvas.state.size > 0:
+        for row in range(height):
+            for column in range(width):
+                for n in range(SEEN):
+                    number[place + n] = canvas.state[row, column, n]
+                place += SEEN
+    if is_one_sum:
+        stride = stride_of(ring)
+        for row in range(height):
+            for column in range(width):
+                k = sum_at(ring, 0, row >> 1, column) + np.uint64(row & 1)
+                for n in range(PLANES):
+                    number[place + n] = canvas.sums[k + np.uint64(n) * stride]
+                place += PLANES

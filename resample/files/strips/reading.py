@@ -1,0 +1,160 @@
+"""Pictures that are kept as their files store them, in memory or in a file meanwhile.
+
+Levels of 8 and 16 bits stay levels, and halves of light stay halves; all else is kept as light, or
+as numbers, of 32 bits.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.facts.metadata import About, upright
+from resample.files.images import holds_half, light_of, number_rows, read_levels, read_rows
+from resample.files.pictures import (
+    Header,
+    Kind,
+    alpha_last,
+    header_in_store,
+    header_of,
+    is_plain,
+    with_gaps,
+)
+from resample.files.stores.addresses import Address, Place
+from resample.files.stores.pictures import Part, StoredPicture, is_in_store, open_picture
+from resample.memory.mapped import array_where_it_fits
+from resample.types import Floats
+
+WIDE = ("int32", "uint32")  # numbers that 32 bits of floating point do not hold
+
+
+class KeptPicture(NamedTuple):
+    """A picture as it is kept, upright."""
+
+    data: NDArray[Any]  # (H, W, C) levels of straight alpha; or light, premultiplied, or numbers
+    kind: Kind
+    about: About
+    has_nans: bool = False  # values that are missing
+    has_gaps: bool = False  # values that are not finite: those, and infinite ones
+
+    @property
+    def has_levels(self) -> bool:
+        """Whether values are levels, which are not light yet."""
+        return self.data.dtype.kind == "u"
+
+
+@dataclass(frozen=True, eq=False)
+class Keepable:
+    """A picture that may be kept, of which nothing but the header is read as yet."""
+
+    path: Place
+    header: Header
+    stored: StoredPicture | None  # of zarr
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and channels, upright."""
+        return (*self.header.size, len(self.header.kind.channels))
+
+    @property
+    def is_encoded(self) -> bool:
+        """Whether there are levels of the sRGB curve, or light that was made of such."""
+        return self.header.kind.is_encoded
+
+    @cached_property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the values that are kept."""
+        if self.is_plain:
+            return np.dtype(np.uint8 if self.header.kind.bits == 8 else np.uint16)
+        if self.stored is not None:
+            is_half = self.stored.array.dtype.name == "float16"
+        else:
+            is_light = not (self.header.about.number or self.is_encoded)
+            is_half = is_light and holds_half(self._file)
+        return np.dtype(np.float16 if is_half else np.float32)
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether its levels are all that there is to it."""
+        return is_plain(self.path, self.header)
+
+    @property
+    def size(self) -> int:
+        """Bytes that are kept."""
+        height, width, channels = self.shape
+        return height * width * channels * self.dtype.itemsize
+
+    def keep(self, seen: Part | None = None) -> KeptPicture:
+        """Read the picture as `read_picture` does, but as it is stored, where that is smaller.
+
+        What memory should not hold is in a file, see `array_where_it_fits`.
+
+        Parameters
+        ----------
+        seen
+            Rows and columns that are wanted. Others of levels that are in chunks are not read.
+
+        Raises
+        ------
+        OSError
+            The file is missing or damaged.
+        ValueError
+            It fits nowhere.
+        """
+        header = self.header
+        if self.is_plain:
+            levels = self._levels(seen)
+            return KeptPicture(levels, header.kind, header.upright_about)
+        kind, channels = alpha_last(header.kind)
+        shape = (*header.shape[:2], len(channels))
+        data = array_where_it_fits(shape, self.dtype, self.path.name)
+        done, has_nans, has_gaps = 0, False, False
+        for strip in self._strips():
+            light = with_gaps(strip[..., channels], kind, header.about)
+            data[done : done + len(light)] = light
+            done += len(light)
+            has_gaps = has_gaps or not bool(np.isfinite(light).all())
+            has_nans = has_nans or bool(np.isnan(light).any())
+        turned = upright(data, header.orientation)
+        return KeptPicture(turned, kind, header.upright_about, has_nans, has_gaps)
+
+    @property
+    def _file(self) -> Path:
+        assert isinstance(self.path, Path)  # what is elsewhere is in a store
+        return self.path
+
+    def _levels(self, seen: Part | None) -> NDArray[Any]:
+        """Levels (H, W, C), upright."""
+        if self.stored is not None:
+            return self.stored.levels(seen)
+        levels = read_levels(self._file, self.header.kind.channels)
+        return upright(levels, self.header.orientation)
+
+    def _strips(self) -> Iterator[Floats]:
+        """Light, or numbers, as pixels are stored, from the top."""
+        kind = self.header.kind
+        if self.stored is not None:
+            rows = self.stored.strips()
+            return (light_of(strip, kind.channels, is_encoded=kind.is_encoded) for strip in rows)
+        return number_rows(self._file) if self.header.about.number else read_rows(self._file)[1]
+
+
+def keepable(path: Place) -> Keepable | None:
+    """Picture of a file; None of numbers that 32 bits of floating point do not hold.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    stored = None
+    if isinstance(path, Address) or is_in_store(path):
+        stored = open_picture(path)
+        header = header_in_store(stored)
+    else:
+        header = header_of(path, 0, as_data=True)
+    return None if header.about.number in WIDE else Keepable(path, header, stored)

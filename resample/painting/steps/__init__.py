@@ -1,0 +1,1 @@
+"""Windows whose samples come part by part, nearest first."""

@@ -1,0 +1,152 @@
+"""Who paints a picture whose samples are looked at part by part."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.painting.plans import MIXTURE, POINTS, SPLATS, PicturePlan, PlansOfPart, together
+from resample.painting.points import can_defer_points, plan_of_points, suits_points
+from resample.painting.scene import Scene, size_of_tiles
+from resample.painting.slabs import columns_of, planned_as_summed
+from resample.painting.splats import are_splats_exact, has_points, planned_as
+from resample.painting.steps.parts import SLACK, SamplesInParts
+from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
+
+EVERYBODY = (SPLATS, POINTS, MIXTURE)
+MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that reach as far on both sides of their center
+
+
+class Painters(NamedTuple):
+    """Who may paint samples of some choices."""
+
+    is_streamed: bool  # splats are composited one by one
+    has_point_filter: bool  # the filter of points is a formula
+
+
+def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
+    """Px, side of a tile of a picture of such samples."""
+    from resample.engine.grid import grid
+
+    columns = MOST_COLUMNS if by.is_streamed else columns_of(scene, plan.least)
+    return size_of_tiles(grid(plan.least, scene.style), scene.tables.pixel_margin, columns)
+
+
+def plans_of(scene: Scene, samples: Samples, by: Painters, asked: Sequence[str]) -> PlansOfPart:
+    """Plans of some samples, as far as they are asked for and there may be such a painter."""
+    planned = planned_as if by.is_streamed else planned_as_summed
+    splats = points = mixture = None
+    if SPLATS in asked and are_splats_exact(scene):
+        splats = planned(scene, samples, SPLATS)
+    if POINTS in asked and _may_be_points(scene, by):
+        points = plan_of_points(scene, samples)
+    if MIXTURE in asked:
+        mixture = planned(scene, samples, MIXTURE)
+    return PlansOfPart(splats, points, mixture)
+
+
+def _may_be_points(scene: Scene, by: Painters) -> bool:
+    return by.is_streamed and by.has_point_filter and can_defer_points(scene)
+
+
+def plan_of_all(scene: Scene, by: Painters, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+    """Plan that all samples would have together; None: more of their plans are needed."""
+    splats, points, mixture = (_together(plans) for plans in zip(*parts, strict=True))
+    found = None
+    if are_splats_exact(scene):
+        if splats is None:
+            return None
+        found = None if has_points(scene, splats) else splats
+    if found is None and _may_be_points(scene, by):
+        if points is None:
+            return None
+        found = points if suits_points(scene, points) else None
+    found = found or mixture
+    if found is None:
+        return None
+    return found._replace(tile=_tile_of(scene, by, found), spacing=None)
+
+
+def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
+    """Plan of one painter for all parts, if it is known of each."""
+    known = [plan for plan in plans if plan is not None]
+    return together(known) if len(known) == len(plans) else None
+
+
+def reach_beyond(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
+    """How far samples are painted beyond their exact footprints.
+
+    Returns
+    -------
+    Whether on one side of their center as far as they reach on the other; and px, at most.
+    """
+    from resample.engine.points.adding import MOST_TAPS
+
+    style = scene.style
+    if plan.painter == SPLATS:
+        return False, 0.0
+    widened = style.inflated * scene.ellipsoid.radius + float(np.sqrt(style.blurred))
+    of_points = 0.0
+    if style.threshold > 0:
+        spacing = min(float(plan.most), style.threshold)
+        width = np.sqrt(style.variance * spacing**2 + 1 / 12) if style.variance else 1.0
+        # Points are no wider than that, in sub-pixels.
+        of_points = min(style.point_extent * float(width), 0.5 * MOST_TAPS + 0.5)
+    return style.model in MIRRORED, max(widened, of_points)
+
+
+def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> PicturePlan | None:
+    """Plan of splats of exact footprint, if places of parts say enough; None: they do not.
+
+    They do where sub-pixels of the whole picture are as fine, and no sample may be a point. Layers
+    do not begin at the first sample.
+    """
+    from resample.engine.grid import grid
+
+    least, most = _spacings(scene, source)
+    finest = grid(least, scene.style)
+    if finest != grid(most, scene.style) or least * finest <= scene.style.threshold:
+        return None
+    low, high = source.bounds[:, :2].min(axis=0), source.bounds[:, 2:].max(axis=0)
+    plan = PicturePlan(
+        SPLATS,
+        (scene.screen.height, scene.screen.width),
+        1,
+        scene.screen.margin,
+        np.float32(least),
+        np.float32(most),
+        np.inf,
+        np.inf,
+        scene.layers,
+        (float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+        int(source.sizes.sum()),
+    )
+    return plan._replace(tile=_tile_of(scene, by, plan))
+
+
+def _spacings(scene: Scene, source: SamplesInParts) -> tuple[float, float]:
+    """No less and no more are spacings of samples, px; 0 where one may be cut by the near plane.
+
+    As `_spacings_of` of `resample.engine.ellipsoids.run_bounds`, of balls.
+    """
+    view, ellipsoid = scene.view, scene.ellipsoid
+    center = source.center @ view.rotation.T + view.translation
+    half = source.radius + SLACK * (np.abs(center).sum(axis=1) + np.abs(view.translation).sum())
+    v, (fx, fy), z = ellipsoid.covariance, view.focal, center[:, 2]
+    near = z - half
+    front = near.min() - np.sqrt(v[2, 2])
+    if front <= view.near or (view.perspective and front <= 0):
+        return 0.0, np.inf
+    x, y = center[:, :2].T / z if view.perspective else np.zeros((2, len(z)))
+    xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
+    yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
+    xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
+    mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
+    largest = np.sqrt(mean + np.sqrt(np.maximum(0.0, mean * mean - determinant)))
+    largest /= ellipsoid.radius
+    if not view.perspective:
+        return (1 - SLACK) * float(largest.min()), (1 + SLACK) * float(largest.max())
+    turn = np.hypot(half + np.abs(x) * half, half + np.abs(y) * half) / near
+    change = max(fx, fy) * turn * np.sqrt(v[2, 2]) / ellipsoid.radius
+    least, most = (largest - change) / (z + half), (largest + change) / near
+    return (1 - SLACK) * float(least.min()), (1 + SLACK) * float(most.max())

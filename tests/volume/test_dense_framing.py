@@ -1,0 +1,83 @@
+"""Cameras around what is visible of volumes in bricks stand where those of volumes in memory do."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from resample_volume.rendering import Appearance, Subject
+from resample_volume.voxels.dense import ball
+from resample_volume.windows import Spent, paint_unseen, unseen_together
+from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
+
+CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
+
+
+def with_strays(rng):
+    """A block of smoke in nothing, and two voxels far from it."""
+    volume = smoke(rng)
+    values = np.zeros((70, 60, 90), np.uint8)
+    values[12:58] = rng.integers(0, 200, (46, 60, 90))
+    values[3, 20, 30] = values[2, 2, 2] = 150
+    return volume._replace(values=values)
+
+
+@pytest.mark.parametrize("side", [(8, 8, 8), (16, 5, 33)])
+@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize("has_strays", [False, True])
+def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypatch):
+    told = []
+    is_filled = ball._is_filled
+    # Strays are looked for in any case.
+    monkeypatch.setattr(ball, "_is_filled", lambda *given: told.append(is_filled(*given)))
+    monkeypatch.setattr(ball, "TOGETHER", 1000)
+    volume = with_strays(rng) if has_strays else smoke(rng)
+    for look in (Appearance("60..190"), Appearance("60..190", **CUT)):
+        wanted = Subject.of(volume, look).sphere
+        with ThreadPoolExecutor(workers or 1) as executor:
+            spent = Spent(1 << 30, executor=executor if workers else None)
+            found = unseen_together([(in_bricks(volume, side), look)], "visible", None, spent)
+        assert found.sphere.radius == wanted.radius
+        assert found.sphere.center.tolist() == wanted.center.tolist()
+    assert len(told) == 2
+
+
+@pytest.mark.parametrize("has_strays", [False, True])
+def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monkeypatch):
+    volume = with_strays(rng) if has_strays else smoke(rng)
+    told = []
+    is_filled = ball._is_filled
+    monkeypatch.setattr(
+        ball, "_is_filled", lambda *given: told.append(is_filled(*given)) or told[-1]
+    )
+    found = unseen_together([(in_bricks(volume, (8, 9, 32)), Appearance("60..190"))], "visible")
+    assert told == [not has_strays]
+    assert found.sphere.radius == Subject.of(volume, Appearance("60..190")).sphere.radius
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory(several, rng):
+    media = [(smoke(rng), Appearance("60..190", **CUT))]
+    if several:
+        moved = media[0][0]._replace(origin=media[0][0].origin + media[0][0].spacing * [3, 0, -5])
+        media.append((moved, Appearance("0..30")))
+    dense = [(in_bricks(volume, (8, 8, 8)), look) for volume, look in media]
+    subject = unseen_together(dense, "visible")
+    reads = [volume.values.reads for volume, _ in dense]
+    assert unseen_together(dense, "visible").sphere == subject.sphere
+    assert reads == [volume.values.reads for volume, _ in dense]
+    spent = Spent(1_300_000 if several else 700_000)
+    found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+    assert windows >= 1
+    assert_same(found, whole_of(media, "visible"))
+
+
+def test_where_nothing_is_visible_cameras_are_around_the_volume(rng):
+    volume, look = smoke(rng), Appearance("250..255")
+    found = unseen_together([(in_bricks(volume, (8, 8, 8)), look)], "visible")
+    wanted = Subject.of(volume, look).sphere
+    assert (found.sphere.radius, found.is_empty) == (wanted.radius, True)
+    media = [(in_bricks(volume, (8, 8, 8)), look)]
+    camera = found.camera(EYE, *SIZE)
+    frame, windows = paint_unseen(media, found, camera, SIZE, Spent(1 << 30))
+    assert (windows, float(frame.coverage.max())) == (0, 0.0)
