@@ -21,7 +21,7 @@ from tests.killing import Killing
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 TIMES, SHAPE = 3, (18, 13, 16)  # a layer of bricks is thinner than the others
 LONG = (18, 13, 120)  # so that windows show parts of it
-LARGE = ["--path", "still", "--size", "96", "--frames", "4"]
+LARGE = ["--path", "still", "--size", "64", "--frames", "4"]
 FILM = ["--path", "still", "--size", "24", "--frames", "4"]
 
 
@@ -126,7 +126,7 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
 def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     beats("uint8", shape=LONG)
     words = [*LARGE, "--transfer"]
-    dense, few = "0/white/0.02,240/red/0.5", ["--memory", "1800kB"]
+    dense, few = "0/white/0.02,240/red/0.5", ["--memory", "2500kB"]
     assert ended("animate", "a.npy", *words, dense, "-o", "a") == 0
     assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b") == 0
     assert "frames are painted window by window" in capsys.readouterr().err
@@ -137,16 +137,13 @@ def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     other = dense.replace("red", "blue")
     assert ended("animate", "a.zarr", *words, other, *few, "-o", "b", "--resume") == 2
     assert "holds frames of another animation" in capsys.readouterr().err
-    assert ended("animate", "a.zarr", *words, dense, "--memory", "20kB", "-o", "c") == 2
-    assert "fit in the memory that is allowed" in capsys.readouterr().err.splitlines()[-1]
-    assert not Path("c").exists()
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("pickled")
 def test_windows_of_times_are_painted_by_others_too():
     beats("uint8", shape=LONG)
-    words = [*LARGE, "--transfer", "0/white/0.02,240/red/0.5", "--memory", "3600kB"]
+    words = [*LARGE, "--transfer", "0/white/0.02,240/red/0.5", "--memory", "5MB"]
     assert ended("animate", "a.npy", *words[:-2], "-o", "a") == 0
     assert ended("animate", "a.zarr", *words, "-o", "b", "--workers", "2") == 0
     assert frames("a") == frames("b")
