@@ -20,6 +20,8 @@ from tests.killing import Killing
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 TIMES, SHAPE = 3, (18, 13, 16)  # a layer of bricks is thinner than the others
+LONG = (18, 13, 120)  # so that windows show parts of it
+LARGE = ["--path", "still", "--size", "64", "--frames", "4"]
 FILM = ["--path", "still", "--size", "24", "--frames", "4"]
 
 
@@ -30,11 +32,11 @@ def elsewhere(tmp_path, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
-def beats(kind, *, channels=None, padding=None):
+def beats(kind, *, channels=None, padding=None, shape=SHAPE):
     """Balls that move and become brighter, as a file in memory and as a store."""
-    z, y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in SHAPE), indexing="ij")
+    z, y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
     rng = np.random.default_rng(4)
-    values = np.empty((TIMES, channels or 1, *SHAPE))
+    values = np.empty((TIMES, channels or 1, *shape))
     for time, channel in np.ndindex(values.shape[:2]):
         away = np.sqrt((x - 0.3 * time) ** 2 + (y + 0.2 * channel) ** 2 + z**2)
         values[time, channel] = (60 + 40 * time) * np.clip(3 * (0.7 - away), 0, 1)
@@ -120,15 +122,31 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
     ]
 
 
-def test_a_time_that_does_not_fit_is_refused_in_a_line(capsys):
-    beats("uint8")
-    words = [*FILM, "--transfer", "0/white/0.5,9/white/0.5", "--memory", "100kB", "-o", "c"]
-    capsys.readouterr()
-    assert ended("animate", "a.zarr", *words) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith("resample: error: a with ")
-    assert "0.10 MiB are allowed" in error
-    assert not Path("c").exists()
+@pytest.mark.slow
+def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
+    beats("uint8", shape=LONG)
+    words = [*LARGE, "--transfer"]
+    dense, few = "0/white/0.02,240/red/0.5", ["--memory", "2500kB"]
+    assert ended("animate", "a.npy", *words, dense, "-o", "a") == 0
+    assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b") == 0
+    assert "frames are painted window by window" in capsys.readouterr().err
+    assert frames("a") == frames("b")
+    Path("b/frame-0002.png").unlink()
+    assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b", "--resume") == 0
+    assert frames("a") == frames("b")
+    other = dense.replace("red", "blue")
+    assert ended("animate", "a.zarr", *words, other, *few, "-o", "b", "--resume") == 2
+    assert "holds frames of another animation" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("pickled")
+def test_windows_of_times_are_painted_by_others_too():
+    beats("uint8", shape=LONG)
+    words = [*LARGE, "--transfer", "0/white/0.02,240/red/0.5", "--memory", "5MB"]
+    assert ended("animate", "a.npy", *words[:-2], "-o", "a") == 0
+    assert ended("animate", "a.zarr", *words, "-o", "b", "--workers", "2") == 0
+    assert frames("a") == frames("b")
 
 
 class Elsewhere:

@@ -273,17 +273,12 @@ def shots_over_time(
     course: Course,
     cameras: Sequence[AnyCamera],
     paint: Paint,
+    made: Frames,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
-    """Frames of a volume that changes, all its times spread evenly over them; see `shots`."""
+    """Frames of a volume that changes, which are made by their number; see `shots`."""
     job = _job(course[0].facts() | {"times": course.marks}, cameras, paint, about)
-    return Shots(len(cameras), frames_over_time(course, cameras, paint), job)
-
-
-def frames_over_time(course: Course, cameras: Sequence[AnyCamera], paint: Paint) -> Frames:
-    """What makes frames of a volume that changes, by their number."""
-    total = len(cameras)
-    return lambda n: frame(course[n * course.times // total], cameras[n], paint)
+    return Shots(len(cameras), made, job)
 
 
 def _job(

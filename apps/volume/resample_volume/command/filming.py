@@ -1,7 +1,7 @@
 """Films by their words, so that any process can make frames of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
 from typing import Any, NamedTuple
@@ -26,7 +26,6 @@ from resample_volume.command.animation import (
     cameras_of,
     drawing,
     finished,
-    frames_over_time,
     over_time,
     shots,
     shots_over_time,
@@ -49,7 +48,7 @@ from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import scene_of, spent_here
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.series import Ready, Series, is_chunked, whole
-from resample_volume.rendering import Appearance, Medium, Subject, transfer_of
+from resample_volume.rendering import Appearance, Fit, Medium, Subject, transfer_of
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
@@ -158,12 +157,17 @@ def _film_of_times(
     with progress_bar("looking at bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = look_over_time(series, script.look, paint.resampler)
-    course = _course(script, series, look, paint.resampler)
+    scenes = _scenes(script, series, look, paint.resampler)
+    course = filmed(scenes.subject, len(series))
     known = KnownOfTimes(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
-    made = shots_over_time(course, cameras, paint, about)
+    if scenes.dense:
+        say("not all that is seen fits in memory: frames are painted window by window")
+        about = {**about, "values": _mark(series.all(), scenes.look)}
+    frames = _frames_over(course, scenes, cameras, paint)
+    made = shots_over_time(course, cameras, paint, frames, about)
     return ReadyFilm(made, cameras, paint, is_chunked(times), known)
 
 
@@ -184,18 +188,56 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
     return times, partial(with_memory, allowed=allowed, hire=hire)
 
 
-def _course(
-    script: Script,
-    series: Series,
-    look: Appearance,
-    resampler: Resampler,
-    sphere: Sphere | None = None,
-) -> Course:
-    """What is seen at each time of a script."""
+@dataclass
+class Scenes:
+    """What a script shows at each time, of which the last one is kept."""
+
+    series: Series
+    look: Appearance  # of all times
+    further: list[Medium]  # volumes that stay as they are
+    resampler: Resampler
+    fit: Fit
+    dense: set[int] = field(default_factory=set)  # times of which not all that is seen fits
+    last: tuple[int, list[Medium]] | None = None
+
+    def at(self, time: int) -> list[Medium]:
+        """Volumes of a time with their looks."""
+        if self.last is None or self.last[0] != time:
+            self.last = None  # two of them need not fit in memory
+            self.last = time, [(self.series[time], self.look), *self.further]
+        return self.last[1]
+
+    def subject(self, time: int) -> Subject:
+        """What is seen at a time; without voxels where these do not fit."""
+        shown = self.at(time)
+        try:
+            return Subject.of_several(shown, self.resampler, self.fit)
+        except TooManyVoxelsError:
+            self.dense.add(time)
+            return unseen_together(shown, self.fit, self.resampler, spent_here(shown, None))
+
+
+def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> Scenes:
+    """What a script shows at each time, by a look of all of them."""
     meshes = script.beside.with_meshes(script.look, resampler)
     own = replace(labelled(look, series, script.look), meshes=meshes)
     further = beside(others(script.added.also, script.source), script.look, resampler)
-    return filmed(series, own, further, resampler, script.look.fit, sphere)
+    return Scenes(series, own, further, resampler, script.look.fit)
+
+
+def _frames_over(
+    course: Course, scenes: Scenes, cameras: Sequence[AnyCamera], paint: Paint
+) -> Frames:
+    """What makes frames of a volume that changes, by their number; times are spread over them."""
+    total = len(cameras)
+
+    def frame(n: int) -> Levels:
+        time = n * course.times // total
+        subject = course[time]
+        scene = ReadScene(scenes.at(time), subject, is_whole=time not in scenes.dense)
+        return frame_of(scene, cameras[n], paint)
+
+    return frame
 
 
 def scene_for(
@@ -232,8 +274,9 @@ def _frames_of_times(
         raise OSError(f"{script.volume} has changed while it was filmed; try again")
     times, ready = _read(script, times, None)
     series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
-    course = _course(script, series, known.look, paint.resampler, known.sphere)
-    return frames_over_time(course, cameras, paint)
+    scenes = _scenes(script, series, known.look, paint.resampler)
+    course = Course(len(series), scenes.subject, sphere=known.sphere)
+    return _frames_over(course, scenes, cameras, paint)
 
 
 def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:

@@ -1,10 +1,10 @@
 """Scenes of several volumes as the command line names them."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from resample.cameras.viewpoints import Sphere
 from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
 from resample.resampler import Projection, Resampler
@@ -25,7 +25,7 @@ from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
 from resample_volume.media.recordings import volume_at, with_times_first
 from resample_volume.media.series import Series
-from resample_volume.rendering import Appearance, Fit, Medium, Subject
+from resample_volume.rendering import Appearance, Medium, Subject
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 
@@ -127,39 +127,10 @@ def times_of(source: Source, recording: Recording) -> Recording | None:
     return ordered if ordered.values.shape[0] > 1 else None
 
 
-def filmed(
-    series: Series,
-    own: Appearance,
-    further: list[Medium],
-    resampler: Resampler,
-    fit: Fit,
-    sphere: Sphere | None = None,
-) -> Course:
-    """Times of a series, with other volumes that stay as they are.
-
-    Parameters
-    ----------
-    series
-        The times.
-    own
-        Their look, with meshes that stay as well.
-    further
-        The others, see `beside`.
-    resampler
-        Paints frames.
-    fit
-        What cameras are placed around.
-    sphere
-        Around all that is seen; None: all times are looked at for that.
-    """
-
-    def subject(time: int) -> Subject:
-        return Subject.of_several([(series[time], own), *further], resampler, fit)
-
-    if sphere is not None:
-        return Course(len(series), subject, sphere=sphere)
+def filmed(subject: Callable[[int], Subject], times: int) -> Course:
+    """What is seen at so many times, each of which is looked at."""
     with progress_bar("looking at all times") as progress:
-        return Course(len(series), subject, progress)
+        return Course(times, subject, progress)
 
 
 def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
