@@ -1,6 +1,6 @@
 """What a point cloud is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles, Floats
 
 FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+AXES = ("x", "y", "z")
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
@@ -49,6 +50,29 @@ def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     )
 
 
+def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
+    """Cloud with those columns that are wanted; None: all of them.
+
+    Raises
+    ------
+    ValueError
+        There is no such column.
+    """
+    if wanted is None:
+        return cloud
+    for name in wanted:
+        if name not in (*cloud.columns, *AXES):
+            known = ", ".join(columns_of(cloud))
+            raise ValueError(f"there is no column {name!r}; there are {known}")
+    kept = {name: column for name, column in cloud.columns.items() if name in wanted}
+    return cloud._replace(columns=kept)
+
+
+def columns_of(cloud: Cloud) -> list[str]:
+    """Names of what a cloud can be colored by."""
+    return [*AXES, *(name for name in cloud.columns if name not in AXES)]
+
+
 def places(cloud: Cloud) -> Floats | Doubles:
     """Positions (N, 3) of those points that have one.
 
@@ -58,8 +82,8 @@ def places(cloud: Cloud) -> Floats | Doubles:
         Positions are no array of that shape.
     """
     position: Floats | Doubles = part_of(cloud, "position")
-    known: Floats | Doubles = position[np.isfinite(position).all(axis=1)]
-    return known
+    known = np.isfinite(position).all(axis=1)
+    return position if known.all() else position[known]
 
 
 def checked(cloud: Cloud) -> Cloud:

@@ -12,6 +12,7 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
+from resample.watching import told
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
@@ -333,8 +334,10 @@ def cloud(
     check_memory([], shape, output)
     session = Session()
     scene = scene_of(session, file, look)
-    with session.stage("paint", bar="painting"):
-        frame = scene.picture(aim.camera_for(scene.surfels, shape), shape)
+    with session.stage("paint", bar="painting") as progress:
+        camera = aim.camera_for(scene.surfels, shape)
+        with told(progress):
+            frame = scene.picture(camera, shape)
     form.write(output, frame, scene)
 
 
