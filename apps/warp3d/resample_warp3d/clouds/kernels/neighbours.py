@@ -53,6 +53,7 @@ class Search(NamedTuple):
     listed: Numbers  # (LISTED,) points to look at
     near: Doubles  # (3, LISTED) where they are
     gap: Doubles  # (LISTED,) squares of distances
+    picked: Numbers  # (LISTED + 1,) which of the listed are within a bound
     stack: Numbers  # (DEEPEST * FAN, 2) blocks that wait, and their sizes
 
 
@@ -85,6 +86,7 @@ def search(count: int) -> Search:
         np.empty(LISTED, np.int64),
         np.empty((3, LISTED)),
         np.empty(LISTED),
+        np.empty(LISTED + 1, np.int64),
         np.empty((DEEPEST * FAN, 2), np.int64),
     )
 
@@ -236,17 +238,24 @@ def _hold(looking: Search, row: int, listed: int) -> None:
     """Hold those of the listed points that may be neighbours."""
     gap, names, wanted = looking.gap, looking.listed, looking.found.shape[1]
     _measure(looking.near, _place(looking, row), listed, gap)
-    bound, many = looking.bound[row], looking.many[row]
-    if _within(gap, listed, bound) > wanted + SPARE:
+    bound = looking.bound[row]
+    inside = _within(gap, listed, bound)
+    if inside > wanted + SPARE:
         bound = _bounded(gap, listed, wanted, 0.9 * bound, bound)
         looking.bound[row] = bound
+        inside = _within(gap, listed, bound)
+    many, picked, total = looking.many[row], looking.picked, 0
     for n in range(listed):
+        picked[total] = n
+        total += int(gap[n] <= bound)
+    for k in range(inside):
         if many > HELD - 1:
             looking.many[row] = many
             _let_go(looking, row)
-            many, bound = looking.many[row], looking.bound[row]
+            many = looking.many[row]
+        n = picked[k]
         looking.away[row, many], looking.held[row, many] = gap[n], names[n]
-        many += int(gap[n] <= bound)
+        many += 1
     looking.many[row] = many
 
 
