@@ -100,8 +100,9 @@ def checked(cloud: Cloud) -> Cloud:
         known &= np.isfinite(parts["color"]).all(axis=1)
     if len(parts["radius"]):
         known &= np.isfinite(parts["radius"]) & (parts["radius"] > 0)
-    position, normal, color, radius, _ = some_of(Cloud(**parts), known)
-    farthest = float(np.abs(position).max(initial=0.0))
+    whole = Cloud(**parts)
+    position, normal, color, radius, _ = whole if known.all() else some_of(whole, known)
+    farthest = max(float(position.max(initial=0)), -float(position.min(initial=0)))
     if farthest > FARTHEST:
         raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
     is_normal = np.isfinite(normal).all(axis=1, keepdims=True)

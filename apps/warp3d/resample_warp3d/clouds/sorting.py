@@ -62,7 +62,10 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
         return _by_buckets(cloud, radius, max(TOGETHER, pages // SORTED))
     points = _drawn(cloud, radius)
     origin = _middle(*corners(points.position)) if len(points.position) else np.zeros(3)
-    relative = points._replace(position=(points.position - origin).astype(np.float32))
+    position = np.empty((len(points.position), 3), np.float32)
+    for rows in rows_of(position):
+        position[rows] = points.position[rows] - origin
+    relative = points._replace(position=position)
     order = canonical(relative, curve_through(relative.position))
     return Ordered(origin, some_of(relative, order))
 

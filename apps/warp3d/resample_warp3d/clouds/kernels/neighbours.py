@@ -20,7 +20,9 @@ from resample.types import Doubles, Floats
 Numbers = NDArray[np.int64]
 
 BLOCK = 16  # points
-FAN = 8  # blocks of a larger one
+SHIFT = 3
+FAN = 1 << SHIFT  # blocks of a larger one
+AROUND = 2  # sizes larger is the block in which neighbours are looked for at first
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
 LISTED = 512  # points that are looked at together
 HELD = 192  # points that may be a point's neighbours
@@ -291,8 +293,10 @@ def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) ->
     stack, farthest, listed = looking.stack, 0.0, 0
     for row in range(count):
         farthest = max(farthest, looking.bound[row])
-    stack[0, 0], stack[0, 1], waiting = 0, blocks.first.size - 2, 1
+    stack[0, 0], stack[0, 1], waiting, beyond = 0, blocks.first.size - 2, 1, -1
     while waiting > 0:
+        if waiting == beyond and listed > 0:  # what is around the block has been listed
+            farthest, listed, beyond = _look(count, listed, looking), 0, -1
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
         if size == 0:
@@ -300,11 +304,17 @@ def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) ->
             if listed > LISTED - BLOCK:
                 farthest, listed = _look(count, listed, looking), 0
             continue
+        own = block >> (SHIFT * (size - 1))  # the child that holds the block: it comes first
+        if size == AROUND and node == own >> SHIFT:
+            beyond = waiting
         before = blocks.first[size - 1]
         for child in range(node * FAN, min(node * FAN + FAN, blocks.first[size] - before)):
-            if _apart(blocks, before + child, low, high) <= farthest:
+            if child != own and _apart(blocks, before + child, low, high) <= farthest:
                 stack[waiting, 0], stack[waiting, 1] = child, size - 1
                 waiting += 1
+        if own >> SHIFT == node:
+            stack[waiting, 0], stack[waiting, 1] = own, size - 1
+            waiting += 1
     _look(count, listed, looking)
     for row in range(count):
         _settle(looking, row)
