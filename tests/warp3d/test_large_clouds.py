@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from resample.command.session import Session
 from resample.files.images import read_image
 from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
@@ -18,6 +19,7 @@ from resample_warp3d.clouds.framing import ball_around, framed, framed_together
 from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
 from resample_warp3d.command import cli
+from resample_warp3d.command.clouds import CloudLook, film_of, frames_of, memory_of_each, scene_of
 from tests import commands
 from tests.bits import assert_same
 
@@ -307,6 +309,22 @@ def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
         name = f"frame-{n:04}.png"
         assert np.array_equal(read_image(f"a/{name}"), read_image(f"b/{name}"))
     assert list((tmp_path / "cache").glob("tmp*")) == []
+
+
+def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monkeypatch, caplog):
+    scene = scene_of(Session(), scan, CloudLook(no_cache=True))
+    cameras = [framed(scene.surfels, size=(32, 24), azimuth=angle) for angle in (0, 90)]
+    film = film_of(scene, cameras, (24, 32), (0.0, 0.0, 0.0))
+    monkeypatch.setattr(parts, "PER_POINT", 10**6)
+    with allowing("3GiB"):
+        share = memory_of_each(2)
+        assert share == 1 << 30
+        assert memory_of_each(0) == share  # from now on
+    with caplog.at_level("INFO", "resample"):
+        elsewhere = frames_of(scan, scene.look, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
+    assert "and 1.00 GiB may be taken: they are in files" in caplog.text
+    for n in range(2):
+        assert np.array_equal(elsewhere(n), film.frame(n))
 
 
 @pytest.mark.usefixtures("scan")

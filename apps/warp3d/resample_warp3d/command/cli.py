@@ -434,11 +434,12 @@ def animate_cloud(
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
     check_memory([], shape, output, sharing.workers or 0)
+    memory = None if sharing.scheduler else clouds.memory_of_each(sharing.workers or 0)
     session = Session()
     scene = clouds.scene_of(session, file, look)
     cameras = clouds.cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = clouds.film_of(scene, cameras, shape, behind)
-    again = partial(clouds.frames_of, file, look, cameras, shape, behind)
+    again = partial(clouds.frames_of, file, look, cameras, shape, behind, memory)
     with at_work(sharing, look.threads) as crew, session.stage("film", bar="moving") as progress:
         film, executor = made_by(crew, film, again)
         write_film(output, film, fps, resume=resume, progress=progress, executor=executor)

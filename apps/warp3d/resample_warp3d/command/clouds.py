@@ -491,13 +491,29 @@ def frames_of(
     cameras: Sequence[Any],
     shape: Shape,
     background: Any,
+    memory: int | None,
     threads: int,
 ) -> "Frames":
-    """Frames of the cloud of a file; errors as of `scene_of`."""
+    """Frames of the cloud of a file, within so many bytes; errors as of `scene_of`."""
     from resample.command.session import Session
+    from resample.memory import allow, allowing
 
-    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
+    with allowing(None):
+        if memory is not None:
+            allow(memory)
+        scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
     return film_of(scene, cameras, shape, background).frame
+
+
+def memory_of_each(workers: int) -> int | None:
+    """Bytes of `--memory` for this process and each of so many others; None: what is free."""
+    from resample.memory import ALLOWED, allow
+
+    allowed = ALLOWED.get()
+    if allowed is None or not workers:
+        return allowed
+    allow(allowed // (1 + workers))
+    return ALLOWED.get()
 
 
 def _sized(viewpoint: Any, shape: Shape) -> Any:
