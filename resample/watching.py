@@ -122,6 +122,31 @@ def told(progress: Progress | None, shares: Doubles | None = None) -> Iterator[N
         progress(1.0)
 
 
+@contextmanager
+def portion(first: float, last: float) -> Iterator[None]:
+    """Let what is done here be that part of the work, from one share of all to another.
+
+    Examples
+    --------
+    >>> from resample.watching import look, portion, told
+    >>> with told(print), portion(0.5, 0.75):
+    ...     look(1, 2)
+    0.625
+    1.0
+    """
+    progress = _watch.get().progress
+    if progress is None:
+        yield
+        return
+    token = _watch.set(
+        _Watch(_watch.get().cancel, lambda share: progress(first + share * (last - first)))
+    )
+    try:
+        yield
+    finally:
+        _watch.reset(token)
+
+
 def is_watched() -> bool:
     """Whether someone wants to stop what is done here, or to know how far it is."""
     watch = _watch.get()

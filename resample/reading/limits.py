@@ -117,11 +117,29 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
     >>> from resample.reading.limits import check_unpacked
     >>> check_unpacked("a.npz", packed=1000, unpacked=1_000_000)
     """
+    check_ratio(what, packed, unpacked)
+    check_free(what, unpacked)
+
+
+def check_ratio(what: str, packed: int, unpacked: int) -> None:
+    """Refuse what becomes more than the file can honestly hold, wherever it is put.
+
+    Parameters
+    ----------
+    what
+        Name for the message.
+    packed, unpacked
+        Bytes in the file, and of what it becomes.
+
+    Raises
+    ------
+    ValueError
+        It is more.
+    """
     known = limits()
     if unpacked > known.unpacked and unpacked > known.ratio * max(1, packed):
         found = f"{amount(packed)} that unpack to {amount(unpacked)} or more"
         raise refused(what, found, "ratio")
-    check_free(what, unpacked)
 
 
 def check_animation(what: str, packed: int, frame: int, count: int) -> None:

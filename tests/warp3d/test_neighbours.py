@@ -9,6 +9,7 @@ from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.kernels.cells import Spaced
 from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
 from resample_warp3d.clouds.kernels.neighbours import blocks_of
+from resample_warp3d.clouds.sorting import canonical, curve_through
 from resample_warp3d.clouds.spacing import prepare_cloud
 
 RNG = np.random.default_rng(5)
@@ -37,7 +38,7 @@ CLOUDS = {
 
 def sorted_along(place):
     place = np.unique(place.astype(np.float32), axis=0)
-    return np.ascontiguousarray(place[np.argsort(spacing._codes(place), kind="stable")])
+    return np.ascontiguousarray(place[np.argsort(curve_through(place).codes(place), kind="stable")])
 
 
 def nearest_of(place):
@@ -79,20 +80,24 @@ def test_of_points_that_are_equally_far_the_first_come_first(place):
     np.testing.assert_array_equal(nearest_of(place), expected)
 
 
+def canonical_order(place):
+    nothing = np.zeros((0, 3), np.float32)
+    return canonical(Cloud(place, nothing, nothing, np.zeros(0)), curve_through(place))
+
+
 def test_a_stray_point_far_away_changes_no_disc():
     place = sphere(4000).astype(np.float32)
     far = np.concatenate([place, np.full((1, 3), 1e9, np.float32)])
-    nothing = np.zeros((0, 3), np.float32)
 
     def axes_of(position):
-        order = spacing._canonical(Cloud(position, nothing, nothing, np.zeros(0)))
+        order = canonical_order(position)
         ordered, count = position[order], len(position)
         normal, axes = np.zeros((count, 3), np.float32), np.zeros((count, 2, 3), np.float32)
         spacing._measured(ordered, normal, axes, np.inf)
         return axes[np.argsort(order)][: len(place)]
 
-    order = spacing._canonical(Cloud(far, nothing, nothing, np.zeros(0)))
-    assert spacing._is_crowded(far[order][::16])
+    order = canonical_order(far)
+    assert spacing._is_crowded(far[order])
     np.testing.assert_array_equal(axes_of(far), axes_of(place))
 
 

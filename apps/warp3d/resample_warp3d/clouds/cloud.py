@@ -1,6 +1,6 @@
 """What a point cloud is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles, Floats
 
 FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+AXES = ("x", "y", "z")
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
@@ -49,6 +50,29 @@ def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     )
 
 
+def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
+    """Cloud with those columns that are wanted; None: all of them.
+
+    Raises
+    ------
+    ValueError
+        There is no such column.
+    """
+    if wanted is None:
+        return cloud
+    for name in wanted:
+        if name not in (*cloud.columns, *AXES):
+            known = ", ".join(columns_of(cloud))
+            raise ValueError(f"there is no column {name!r}; there are {known}")
+    kept = {name: column for name, column in cloud.columns.items() if name in wanted}
+    return cloud._replace(columns=kept)
+
+
+def columns_of(cloud: Cloud) -> list[str]:
+    """Names of what a cloud can be colored by."""
+    return [*AXES, *(name for name in cloud.columns if name not in AXES)]
+
+
 def places(cloud: Cloud) -> Floats | Doubles:
     """Positions (N, 3) of those points that have one.
 
@@ -58,8 +82,8 @@ def places(cloud: Cloud) -> Floats | Doubles:
         Positions are no array of that shape.
     """
     position: Floats | Doubles = part_of(cloud, "position")
-    known: Floats | Doubles = position[np.isfinite(position).all(axis=1)]
-    return known
+    known = np.isfinite(position).all(axis=1)
+    return position if known.all() else position[known]
 
 
 def checked(cloud: Cloud) -> Cloud:
@@ -76,8 +100,9 @@ def checked(cloud: Cloud) -> Cloud:
         known &= np.isfinite(parts["color"]).all(axis=1)
     if len(parts["radius"]):
         known &= np.isfinite(parts["radius"]) & (parts["radius"] > 0)
-    position, normal, color, radius, _ = some_of(Cloud(**parts), known)
-    farthest = float(np.abs(position).max(initial=0.0))
+    whole = Cloud(**parts)
+    position, normal, color, radius, _ = whole if known.all() else some_of(whole, known)
+    farthest = max(float(position.max(initial=0)), -float(position.min(initial=0)))
     if farthest > FARTHEST:
         raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
     is_normal = np.isfinite(normal).all(axis=1, keepdims=True)

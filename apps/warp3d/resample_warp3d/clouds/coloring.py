@@ -1,17 +1,22 @@
 """Colors of clouds by what was measured at their points."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import mapped
+from resample.colors import from_srgb, mapped
 from resample.types import Floats
-from resample_warp3d.clouds.cloud import Cloud, part_of
+from resample_warp3d.clouds.cloud import AXES, Cloud, columns_of, part_of
+from resample_warp3d.clouds.fields import COLORS
+from resample_warp3d.clouds.parts import quantile_of, room_beside, rows_of, span_in
 
-AXES = ("x", "y", "z")
 UNKNOWN = 0.2  # linear gray of points at which nothing was measured
 LEVELS = 1024  # colors of a scale
+SCANNED = ("intensity", "classification")  # columns that give points colors if nothing else does
+BRIGHT = 0.98  # share of the points that are darker than white, of intensities
+CLASSES = 20  # colors of classes, of the colormap tab20
 
 Range = tuple[float, float]
 
@@ -58,22 +63,69 @@ def colored(
     ValueError
         There is no such column or colormap, or the span is none.
     """
-    value = np.asarray(_column(cloud, column), np.float64)
-    known = np.isfinite(value)
-    if not known.any():
+    value = _column(cloud, column)
+    whole = span_in(value)
+    if whole is None:
         raise ValueError(f"column {column!r} has no finite value")
-    low, high = span_of(span, value[known])
-    share = (
-        np.clip((value - low) / (high - low), 0.0, 1.0) if low < high else np.full_like(value, 0.5)
-    )
-    color = mapped(colormap, np.where(known, share, 0.0))
-    color[~known] = UNKNOWN
+    low, high = span_of(span, value, whole)
+
+    def color_of(rows: slice) -> Floats:
+        part = np.asarray(value[rows], np.float64)
+        known = np.isfinite(part)
+        share = np.full_like(part, 0.5)
+        if low < high:
+            share = np.clip((part - low) / (high - low), 0.0, 1.0)
+        color = mapped(colormap, np.where(known, share, 0.0))
+        color[~known] = UNKNOWN
+        return color
+
+    color = _per_point(cloud, color_of)
     return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high)))
 
 
-def columns_of(cloud: Cloud) -> list[str]:
-    """Names of what a cloud can be colored by."""
-    return [*AXES, *(name for name in cloud.columns if name not in AXES)]
+def colored_as_scanned(cloud: Cloud) -> Cloud:
+    """Cloud of a laser scanner, by its levels of red, green and blue, which are no longer columns.
+
+    Levels have 16 bits, or 8 where none is above 255. Where there are none, or all are black,
+    points have the gray of their intensity, of which the 98 % quantile is white, or else a color
+    per class.
+    """
+    rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
+    levels = [cloud.columns[name] for name in COLORS[0] if name in cloud.columns]
+    intensity, number = (rest.get(name, np.zeros(1, np.uint8)) for name in SCANNED)
+    cloud = cloud._replace(columns=rest)
+    most = max((int(level.max(initial=0)) for level in levels), default=0)
+    white = np.float32(255 if most <= 255 else 65535)
+
+    def light(rows: slice) -> Floats:
+        level = np.stack([each[rows] for each in levels], axis=1)
+        return np.asarray(from_srgb(level.astype(np.float32) / white))
+
+    def gray(rows: slice) -> Floats:
+        share = np.minimum(intensity[rows].astype(np.float32) / brightest, np.float32(1))
+        return np.repeat(share[:, None], 3, axis=1)
+
+    def by_class(rows: slice) -> Floats:
+        return mapped("tab20", (number[rows].astype(np.int64) % CLASSES + 0.5) / CLASSES)
+
+    if most:
+        return cloud._replace(color=_per_point(cloud, light))
+    if len(cloud.color):
+        return cloud
+    if intensity.min() < intensity.max():
+        brightest = np.float32(max(quantile_of(intensity, BRIGHT), 1.0))
+        return cloud._replace(color=_per_point(cloud, gray))
+    if number.min() < number.max():
+        return cloud._replace(color=_per_point(cloud, by_class))
+    return cloud
+
+
+def _per_point(cloud: Cloud, color_of: Callable[[slice], Floats]) -> Floats:
+    """Colors (N, 3) of all points, some at a time."""
+    color: Floats = room_beside(cloud.position, (len(cloud.position), 3), np.float32)
+    for rows in rows_of(color):
+        color[rows] = color_of(rows)
+    return color
 
 
 def _column(cloud: Cloud, name: str) -> NDArray[Any]:
@@ -87,7 +139,7 @@ def _column(cloud: Cloud, name: str) -> NDArray[Any]:
     return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
 
 
-def span_of(given: str | Range | None, values: NDArray[Any]) -> Range:
+def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Range:
     """Span in numbers, of words, of numbers, or of the least and the greatest of some values.
 
     Raises
@@ -96,7 +148,7 @@ def span_of(given: str | Range | None, values: NDArray[Any]) -> Range:
         The words are none, a number is not finite, or the first is not below the last.
     """
     if given is None:
-        return float(values.min()), float(values.max())
+        return whole
     words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]
     try:
         first, last = (_end(word.strip(), values) for word in words)
@@ -115,7 +167,7 @@ def span_of(given: str | Range | None, values: NDArray[Any]) -> Range:
 def _end(word: str, values: NDArray[Any]) -> float:
     """An end of a span."""
     if word.endswith("%"):
-        return float(np.quantile(values, float(word[:-1]) / 100.0))
+        return quantile_of(values, float(word[:-1]) / 100.0)
     number = float(word)
     if not np.isfinite(number):
         raise ValueError

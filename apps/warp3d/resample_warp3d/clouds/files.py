@@ -2,7 +2,7 @@
 
 import errno
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,12 +10,15 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory.mapped import is_in_file
 from resample.reading.arrays import read_npz
 from resample.reading.limits import check_size, check_unpacked
 from resample.types import Doubles
-from resample_warp3d.clouds.cloud import Cloud, some_of
+from resample.watching import look
+from resample_warp3d.clouds.cloud import Cloud, kept_columns, some_of
 from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud_of
 from resample_warp3d.clouds.las import read_las
+from resample_warp3d.clouds.parts import STEP, Gathering, storage_for
 
 LONGEST_HEADER = 1000  # lines
 COMMENTS = ("#", "//")  # what lines that are no numbers begin with
@@ -37,8 +40,12 @@ PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
-def read_cloud(path: str | Path, *, level: int = 0) -> Cloud:
+def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
     """Read a point cloud.
+
+    One that memory, or what `resample.memory.allowing` lets it take, does not hold is read part by
+    part into arrays in files, of which memory holds some pages: LAS, LAZ and COPC, PLY and PCD in
+    binary. Who uses them need not know.
 
     Parameters
     ----------
@@ -53,6 +60,8 @@ def read_cloud(path: str | Path, *, level: int = 0) -> Cloud:
         of their intensities, or else of their classes.
     level
         So many of the finest levels of a COPC file are left out.
+    columns
+        Names of columns that are kept, of those that a cloud can be colored by. Left out, all are.
 
     Returns
     -------
@@ -61,7 +70,8 @@ def read_cloud(path: str | Path, *, level: int = 0) -> Cloud:
     Raises
     ------
     ValueError
-        The format is unknown, the file is none of its kind, or it has no points.
+        The format is unknown, the file is none of its kind, it has no points or not that column,
+        or neither memory nor the disk has room for it.
     OSError
         The file is missing, cut off or damaged.
 
@@ -87,13 +97,17 @@ def read_cloud(path: str | Path, *, level: int = 0) -> Cloud:
     if level and source.suffix.lower() not in LASER:
         raise ValueError(f"{source.name} has no levels, which COPC files have")
     try:
-        cloud = read_las(source, level) if level else reader(source)
+        if source.suffix.lower() in LASER:
+            return read_las(source, level, columns)
+        cloud = kept_columns(reader(source), columns)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
+    if is_in_file(cloud.position):
+        return cloud
     known = np.asarray(np.isfinite(cloud.position).all(axis=1))
     if not known.any():
-        raise ValueError(f"{source.name} has no points")
-    return some_of(cloud, known)
+        raise ValueError(f"{source.name}: has no points")
+    return cloud if known.all() else some_of(cloud, known)
 
 
 def _read_arrays(path: Path) -> Cloud:
@@ -189,7 +203,7 @@ def _read_ply(path: Path) -> Cloud:
             for _ in islice(file, min(lines, path.stat().st_size)):
                 pass
             return cloud_of(_text_fields(path, file, count, kind))
-        return cloud_of(_binary_fields(path, file, count, kind))
+        return _binary_cloud(path, file, count, kind)
 
 
 def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]]:
@@ -230,13 +244,19 @@ def _length(words: list[str]) -> int:
     return int(words[2])
 
 
-def _binary_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
+def _binary_cloud(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Cloud:
+    """Cloud of so many points of a type that follow each other."""
     wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
     if not 0 <= wanted <= given or count > given:  # points of nothing have no bytes
         raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
-    data = file.read(wanted)
-    points = np.frombuffer(data, kind, count)
-    return {name: points[name] for name in kind.names or ()}
+    gathering = Gathering(storage_for(count, path.name))
+    for first in range(0, max(count, 1), STEP):
+        some = min(STEP, count - first)
+        points = np.frombuffer(file.read(some * kind.itemsize), kind, some)
+        fields = {name: points[name] for name in kind.names or () if points[name].ndim == 1}
+        gathering.add(cloud_of(fields))
+        look(first + some, count)
+    return gathering.cloud()
 
 
 def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
@@ -271,10 +291,10 @@ def _read_pcd(path: Path) -> Cloud:
         header = {words[0].upper(): words[1:] for words in _header(file, "DATA") if words}
         count, kind = _pcd_points(header)
         encoding = " ".join(header["DATA"]).lower()
+        if encoding == "binary":
+            return _binary_cloud(path, file, count, kind)
         if encoding == "ascii":
             fields = _text_fields(path, file, count, kind)
-        elif encoding == "binary":
-            fields = _binary_fields(path, file, count, kind)
         elif encoding == "binary_compressed":
             fields = _compressed_fields(path, file, count, kind)
         else:

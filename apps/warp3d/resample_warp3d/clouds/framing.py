@@ -1,5 +1,6 @@
 """Cameras that look at clouds."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from resample.cameras.viewpoints import Sphere
 from resample.resampler import shape_of
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, places
+from resample_warp3d.clouds.parts import STEP, room_beside, rows_of
 from resample_warp3d.clouds.spacing import Surfels
 
 FIELD = 40.0  # degrees that `framed` sees along the frame's shorter side
@@ -20,25 +22,68 @@ DIRECTIONS = 25  # of all that a film looks along, which its distance is made fo
 LEAST = 1e-12  # scene units from the eye to what it looks at
 STRAY = 0.01  # of all points: clumps that stand apart and hold less than this are not framed
 PER_CELL = 8  # points, on average, if they were spread evenly in the box around them
+ROUNDING = 1e-12  # of what is compared, more than sums of three products are off
 LEAST_CELLS, MOST_CELLS = 3, 32  # along the longest side of the box
 
 Flags = NDArray[np.bool_]
 
 
 class Framing(NamedTuple):
-    """What of a cloud a frame should hold."""
+    """What of a cloud a frame should hold: N points, and boxes around M parts that hold some."""
 
-    position: Doubles  # (N, 3)
+    position: Floats | Doubles  # (N, 3)
+    origin: Doubles  # (3,) which is added to them
     axes: Floats  # (N, 2, 3) half axes of the discs; or (0, 2, 3)
+    kept: Flags  # (N,) which of them
+    part: NDArray[np.int64]  # (M,) which parts of `STEP` points
+    low: Doubles  # (M, 3) least coordinates of parts, without the origin
+    high: Doubles  # (M, 3) greatest
     reach: float  # scene units, how far the largest disc reaches
+    middle: Doubles  # (3,) what directions begin at, scene units
 
     def farthest(self, along: Doubles) -> float:
-        """Greatest product of a direction (3,) and a place on a disc."""
-        center = self.position @ along
-        if not len(self.axes):
-            return float(center.max())
-        near = center >= center.max() - self.reach * np.linalg.norm(along)
-        return float((center[near] + np.linalg.norm(self.axes[near] @ along, axis=1)).max())
+        """Greatest product of a direction (3,) and a place on a disc.
+
+        Parts are looked at as long as their boxes may hold a greater one.
+        """
+        x, y, z = (float(part) for part in along)
+        corner = np.maximum(self._placed(self.low) * along, self._placed(self.high) * along)
+        bound = corner.sum(axis=1) + self.reach * math.sqrt(x * x + y * y + z * z)
+        slack = ROUNDING * (np.abs(corner).sum(axis=1) + np.abs(bound))
+        bound, most = bound + slack, -np.inf
+        for n in np.argsort(-bound, kind="stable"):
+            if bound[n] < most:
+                break
+            most = max(most, self._farthest_of(int(self.part[n]), (x, y, z)))
+        return most
+
+    def _placed(self, position: Floats | Doubles) -> Doubles:
+        return np.asarray(position + self.origin - self.middle, np.float64)
+
+    def _farthest_of(self, part: int, along: tuple[float, float, float]) -> float:
+        """The same of a part alone."""
+        x, y, z = along
+        kept = self.kept[part * STEP : (part + 1) * STEP]
+        place = self._placed(self.position[part * STEP : (part + 1) * STEP][kept])
+        value = place[:, 0] * x + place[:, 1] * y + place[:, 2] * z
+        if len(self.axes):
+            axes = self.axes[part * STEP : (part + 1) * STEP][kept].astype(np.float64)
+            sides = axes[..., 0] * x + axes[..., 1] * y + axes[..., 2] * z
+            value += np.sqrt(sides[:, 0] * sides[:, 0] + sides[:, 1] * sides[:, 1])
+        return float(value.max())
+
+    def box_middle(self) -> Doubles:
+        """Middle (3,) of the box around the points, scene units."""
+        low, high = self._placed(self.low.min(axis=0)), self._placed(self.high.max(axis=0))
+        return np.asarray(0.5 * (low + high), np.float64)
+
+    def farthest_from(self, middle: Doubles) -> float:
+        """Distance of the farthest point from a place, scene units."""
+        most, about = 0.0, self._replace(middle=middle)
+        for rows in rows_of(self.position):
+            place = about._placed(self.position[rows][self.kept[rows]])
+            most = max(most, float((place * place).sum(axis=1).max(initial=0.0)))
+        return math.sqrt(most)
 
 
 def framed(
@@ -96,7 +141,7 @@ def framed(
         return camera.moved(pose)
     if not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"a distance of {distance}; give a length above 0")
-    return camera.moved(orbit(_middle(seen.position), distance, azimuth, elevation, up))
+    return camera.moved(orbit(seen.box_middle(), distance, azimuth, elevation, up))
 
 
 def framed_together(
@@ -122,9 +167,9 @@ def framed_together(
         As of `framed`.
     """
     seen = _visible(cloud)
-    middle, camera = _middle(seen.position), _camera(size, fov)
+    middle, camera = seen.box_middle(), _camera(size, fov)
     slope = _slopes(camera, size)
-    around = seen._replace(position=seen.position - middle)
+    around = seen._replace(middle=middle)
     away = LEAST
     for pair in _some(angles):
         sides = _sides(around, orbit(np.zeros(3), 1.0, *pair, up)[:3, :3], slope)
@@ -141,9 +186,8 @@ def ball_around(cloud: Cloud | Surfels) -> Sphere:
         The cloud has no points.
     """
     seen = _visible(cloud)
-    middle = _middle(seen.position)
-    away = float(np.linalg.norm(seen.position - middle, axis=1).max())
-    return Sphere(middle, max(away + seen.reach, LEAST))
+    middle = seen.box_middle()
+    return Sphere(middle, max(seen.farthest_from(middle) + seen.reach, LEAST))
 
 
 def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -184,48 +228,76 @@ def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
     return np.array([*(0.5 * (right - left)), depth])
 
 
-def _middle(points: Doubles) -> Doubles:
-    """Middle of the box around points."""
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)), np.float64)
-
-
 def _visible(cloud: Cloud | Surfels) -> Framing:
     """Points of a cloud without those that stand apart."""
     position = cloud.position if isinstance(cloud, Surfels) else places(cloud)
     if not len(position):
         raise ValueError("a cloud without points cannot be looked at")
-    kept = np.arange(len(position))
-    stray = int(STRAY * len(position))  # how many may be left out in all
+    axes = cloud.axes if isinstance(cloud, Surfels) else np.zeros((0, 2, 3), np.float32)
+    kept: Flags = room_beside(position, (len(position),), np.bool_)
+    kept[:] = True
+    left = len(position)
+    stray = int(STRAY * left)  # how many may be left out in all
     while stray > 0:
-        is_near = _together(position[kept], stray)
-        if is_near.all():
+        before = left
+        left = _leave_out(position, kept, stray)
+        if left == before:
             break
-        stray -= len(kept) - int(is_near.sum())
-        kept = kept[is_near]
-    if isinstance(cloud, Surfels):
-        reach = np.linalg.norm(cloud.axes[kept], axis=(1, 2)).max()
-        return Framing(cloud.position[kept] + cloud.origin, cloud.axes[kept], float(reach))
-    return Framing(np.asarray(position[kept], np.float64), np.zeros((0, 2, 3), np.float32), 0.0)
+        stray -= before - left
+    part, low, high = _boxes(position, kept)
+    reach = max((_reach(axes[rows], kept[rows]) for rows in rows_of(axes)), default=0.0)
+    origin = cloud.origin if isinstance(cloud, Surfels) else np.zeros(3)
+    return Framing(position, origin, axes, kept, part, low, high, reach, np.zeros(3))
 
 
-def _together(position: Floats | Doubles, most: int) -> Flags:
-    """Which points are not in one of the smallest clumps, which hold at most so many together.
+def _boxes(position: Floats | Doubles, kept: Flags) -> tuple[NDArray[np.int64], Doubles, Doubles]:
+    """Parts of points that hold some that are kept, and their least and greatest coordinates."""
+    found = []
+    for part, rows in enumerate(rows_of(position)):
+        some = position[rows][kept[rows]]
+        if len(some):
+            found.append((part, some.min(axis=0), some.max(axis=0)))
+    parts, lows, highs = zip(*found, strict=True)
+    return np.array(parts), np.array(lows, np.float64), np.array(highs, np.float64)
 
-    Clumps are points in cells that touch, of a lattice over the box around all points.
+
+def _reach(axes: Floats, kept: Flags) -> float:
+    """How far the largest of some discs reaches at most."""
+    part = axes[kept].reshape(-1, 6).astype(np.float64)
+    square = part[:, 0] * part[:, 0]
+    for c in range(1, 6):
+        square += part[:, c] * part[:, c]
+    return math.sqrt(float(square.max(initial=0.0)))
+
+
+def _leave_out(position: Floats | Doubles, kept: Flags, most: int) -> int:
+    """Keep no points of the smallest clumps, which hold at most so many; how many are left.
+
+    Clumps are points in cells that touch, of a lattice over the box around all that are kept.
     """
     from scipy import ndimage
 
-    count = round((len(position) / PER_CELL) ** (1 / 3))
+    _, lows, highs = _boxes(position, kept)
+    low, high = lows.min(axis=0), highs.max(axis=0)
+    count = round((int(np.count_nonzero(kept)) / PER_CELL) ** (1 / 3))
     cells = min(max(count, LEAST_CELLS), MOST_CELLS)
-    low = position.min(axis=0).astype(np.float64)
-    side = float((position.max(axis=0) - low).max()) / cells or 1.0
-    cell = np.minimum((position - low) / side, cells - 1).astype(np.int64)
-    where = np.ravel_multi_index(tuple(cell.T), (cells,) * 3)
-    held = np.bincount(where, minlength=cells**3)
+    side = float((high - low).max()) / cells or 1.0
+
+    def cell_of(rows: slice) -> NDArray[np.int64]:
+        cell = np.minimum((position[rows][kept[rows]] - low) / side, cells - 1).astype(np.int64)
+        return np.asarray(np.ravel_multi_index(tuple(cell.T), (cells,) * 3), np.int64)
+
+    held = np.zeros(cells**3, np.int64)
+    for rows in rows_of(position):
+        held += np.bincount(cell_of(rows), minlength=cells**3)
     clump, _ = ndimage.label(held.reshape((cells,) * 3) > 0, np.ones((3, 3, 3)))
     holds = np.bincount(clump.ravel(), held).astype(np.int64)
     order = np.argsort(holds, kind="stable")
     is_stray = np.zeros(len(holds), np.bool_)
     is_stray[order] = np.cumsum(holds[order]) <= most
-    kept: Flags = ~is_stray[clump.ravel()[where]]
-    return kept
+    left = 0
+    for rows in rows_of(position):
+        together = ~is_stray[clump.ravel()[cell_of(rows)]]
+        kept[rows][kept[rows]] = together
+        left += int(np.count_nonzero(together))
+    return left

@@ -7,7 +7,7 @@ stand in an octree: each of its levels adds points between those of the levels b
 
 import logging
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -15,13 +15,13 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import mapped
-from resample.memory import amount, available_memory
-from resample.reading.limits import check_free, check_unpacked
-from resample.types import Floats
+from resample.reading.limits import check_free, check_ratio
+from resample.watching import look
 from resample.words import one_line
-from resample_warp3d.clouds.cloud import Cloud
+from resample_warp3d.clouds.cloud import Cloud, kept_columns
+from resample_warp3d.clouds.coloring import SCANNED, colored_as_scanned
 from resample_warp3d.clouds.fields import COLORS, Fields, cloud_of
+from resample_warp3d.clouds.parts import PER_POINT, STEP, Gathering, memory_left, storage_for
 
 ENTRY = np.dtype(
     {
@@ -35,13 +35,11 @@ ITEMS = 34  # where the parts of a point begin, in what LAZ says of itself; thei
 LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # that parts of a point are packed in, by their kinds
 BYTES = 14  # kind of extra bytes, each of which is a layer
 PAGE = -1  # points of an entry that names another page
-PER_POINT = 100  # bytes that a point takes beside those of its record, while it is read
+UNPACKED = 100  # bytes that a point takes beside those of its record, while it is unpacked
 LEFT_OUT = {  # what is of use to no picture
     *("X", "Y", "Z", "red", "green", "blue", "withheld", "x_t", "y_t", "z_t"),
     *("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location"),
 }
-BRIGHT = 0.98  # share of the points that are darker than white, of intensities
-CLASSES = 20  # colors of classes, of the colormap tab20
 
 
 class _Laser(NamedTuple):
@@ -71,7 +69,7 @@ class _Laser(NamedTuple):
         return packing
 
 
-def read_las(path: Path, level: int = 0) -> Cloud:
+def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
     """Cloud of a LAS, LAZ or COPC file.
 
     Parameters
@@ -80,6 +78,8 @@ def read_las(path: Path, level: int = 0) -> Cloud:
         Of any version and format of points. Points that are marked as withheld are left out.
     level
         So many of the finest levels of a COPC file are left out.
+    columns
+        Names of those that are kept; None: all are.
 
     Returns
     -------
@@ -90,7 +90,8 @@ def read_las(path: Path, level: int = 0) -> Cloud:
     Raises
     ------
     ValueError
-        The extra is not installed, there is no such level, or it does not fit into memory.
+        The extra is not installed, there is no such level or column, or neither memory nor the
+        disk has room for it.
     OSError
         The file is damaged or cut off.
     """
@@ -105,14 +106,36 @@ def read_las(path: Path, level: int = 0) -> Cloud:
         if level and entries is None:
             raise ValueError("has no levels, which COPC files have; leave out the level")
         if not level:
-            _check_room(laser, entries)
-        if entries is None:
-            record = _all_points(laspy, laser)
-        else:
-            record = _some_points(laspy, laser, _coarse(entries, level))
-        with _damage(path):
-            fields = _fields(laser, record)
-    return _colored(cloud_of(fields))
+            _check_length(laser)
+        return _gathered(laspy, laser, entries, level, columns)
+
+
+def _gathered(
+    laspy: Any,
+    laser: _Laser,
+    entries: NDArray[Any] | None,
+    level: int,
+    columns: Sequence[str] | None,
+) -> Cloud:
+    """All points of a file, or those of the coarser levels of its entries."""
+    if entries is None and not (laser.header.are_points_compressed and laser.header.point_count):
+        records, count = _bare_in_parts(laspy, laser), laser.header.point_count
+    else:
+        chunks = _chunks(laser) if entries is None else _coarse(entries, level)
+        count = _checked_points(laser, chunks)
+        records = _chunks_in_parts(laspy, laser, chunks)
+    gathering, read = Gathering(storage_for(count, laser.path.name, _hint(entries, level))), 0
+    for record in records:
+        with _damage(laser.path):
+            levels, fields = _fields(laser, record)
+        part = cloud_of(fields)
+        kept = kept_columns(part, columns)
+        shown = {name: part.columns[name] for name in SCANNED if name in part.columns}
+        gathering.add(kept._replace(columns={**kept.columns, **shown, **levels}))
+        read += len(record)
+        look(read, count)
+    cloud = colored_as_scanned(gathering.cloud())
+    return cloud if columns is None else kept_columns(cloud, columns)
 
 
 def _required(name: str) -> Any:
@@ -206,43 +229,38 @@ def _coarse(entries: NDArray[Any], level: int) -> NDArray[Any]:
     return kept[np.argsort(kept["offset"], kind="stable")]
 
 
-def _check_room(laser: _Laser, entries: NDArray[Any] | None) -> None:
-    """Refuse what cannot be there, and what is more than memory holds."""
-    header, name = laser.header, laser.path.name
-    size = header.point_format.size
+def _check_length(laser: _Laser) -> None:
+    """Refuse points that cannot be there."""
+    header, size = laser.header, laser.header.point_format.size
     if header.are_points_compressed:
-        check_unpacked(name, laser.length, header.point_count * size)
+        check_ratio(laser.path.name, laser.length, header.point_count * size)
     elif header.point_count * size > laser.length - header.offset_to_point_data:
         given = max(0, laser.length - header.offset_to_point_data) // size
         raise OSError(f"{laser.path} is cut off: {given} of {header.point_count} points are there")
-    needed, free = header.point_count * (size + PER_POINT), available_memory()
-    if free is not None and needed > free and entries is not None:
-        most = free // (size + PER_POINT)
-        raise ValueError(
-            f"needs {amount(needed)} of memory and {amount(free)} are free; "
-            + (f"--level {fits} fits" if (fits := _fitting(entries, most)) else "free some")
-        )
-    check_free(name, needed)
 
 
-def _fitting(entries: NDArray[Any], most: int) -> int | None:
-    """Least level at which a file has at most so many points, if there is one."""
+def _hint(entries: NDArray[Any] | None, level: int) -> str:
+    """The level of a file that memory holds, for the message that it does not hold all points."""
+    left = memory_left()
+    if entries is None or left is None:
+        return ""
     deepest = int(entries["level"].max())
-    for level in range(1, deepest + 1):
-        if _coarse(entries, level)["points"].sum(dtype=np.int64) <= most:
-            return level
-    return None
+    for coarser in range(level + 1, deepest + 1):
+        if int(_coarse(entries, coarser)["points"].sum(dtype=np.int64)) * PER_POINT <= left:
+            return f"; --level {coarser} fits"
+    return ""
 
 
-def _all_points(laspy: Any, laser: _Laser) -> Any:
-    """All points of a file without levels, as laspy has them."""
-    header = laser.header
-    if header.are_points_compressed and header.point_count:
-        return _some_points(laspy, laser, _chunks(laser))
+def _bare_in_parts(laspy: Any, laser: _Laser) -> Iterator[Any]:
+    """Points that are not packed, as laspy has them."""
     with _damage(laser.path):
         laser.file.seek(0)
         reader = laspy.LasReader(laser.file, closefd=False, read_evlrs=False)
-        return reader.read_points(-1)
+        yield reader.read_points(min(STEP, laser.header.point_count))
+    for _ in range(STEP, laser.header.point_count, STEP):
+        with _damage(laser.path):
+            record = reader.read_points(STEP)
+        yield record
 
 
 def _chunks(laser: _Laser) -> NDArray[Any]:
@@ -272,14 +290,27 @@ def _chunks(laser: _Laser) -> NDArray[Any]:
     return chunks
 
 
-def _some_points(laspy: Any, laser: _Laser, chunks: NDArray[Any]) -> Any:
-    """Points of some chunks of a LAZ file, as laspy has them."""
+def _checked_points(laser: _Laser, chunks: NDArray[Any]) -> int:
+    """How many points some chunks have; refused if their bytes cannot hold them."""
+    count = int(chunks["points"].sum(dtype=np.int64))
+    check_ratio(laser.path.name, laser.length, count * laser.header.point_format.size)
+    return count
+
+
+def _chunks_in_parts(laspy: Any, laser: _Laser, chunks: NDArray[Any]) -> Iterator[Any]:
+    """Points of some chunks of a LAZ file, as laspy has them, chunks of `STEP` points at a time."""
+    packing = laser.packing
+    part = (np.cumsum(chunks["points"], dtype=np.int64) - 1) // STEP
+    for some in np.split(chunks, 1 + np.flatnonzero(np.diff(part))):
+        yield _unpacked(laspy, laser, some, packing)
+
+
+def _unpacked(laspy: Any, laser: _Laser, chunks: NDArray[Any], packing: bytes) -> Any:
+    """Points of some chunks of a LAZ file."""
     import lazrs
 
     count, size = int(chunks["points"].sum(dtype=np.int64)), laser.header.point_format.size
-    check_unpacked(laser.path.name, laser.length, count * size)
-    check_free(laser.path.name, count * (size + PER_POINT))
-    packing = laser.packing
+    check_free(laser.path.name, count * (size + UNPACKED))
     with _damage(laser.path):
         packed = bytearray()
         for offset, length in zip(chunks["offset"].tolist(), chunks["size"].tolist(), strict=True):
@@ -308,34 +339,17 @@ def _check_layers(chunk: bytes, length: int, size: int, packing: bytes) -> None:
             raise ValueError("layers of its points are not there")
 
 
-def _fields(laser: _Laser, record: Any) -> Fields:
-    """Columns of points, without those that are marked as withheld."""
+def _fields(laser: _Laser, record: Any) -> tuple[Fields, Fields]:
+    """Levels of red, green and blue, if there are, and all other columns of points.
+
+    Those that are marked as withheld are left out.
+    """
     kept = ~np.asarray(record["withheld"], np.bool_)
     names = [name for name in record.point_format.dimension_names if name not in LEFT_OUT]
     columns = {name: np.asarray(record[name])[kept] for name in names}
     fields = {name: column for name, column in columns.items() if column.ndim == 1}
     for axis, scale, offset in zip("xyz", laser.header.scales, laser.header.offsets, strict=True):
         fields[axis] = record[axis.upper()][kept] * np.float64(scale) + np.float64(offset)
-    if "red" in record.point_format.dimension_names:
-        levels = [np.asarray(record[name])[kept] for name in COLORS[0]]
-        most = max(int(level.max(initial=0)) for level in levels)
-        kind = np.uint8 if most <= 255 else np.uint16
-        if most:
-            fields |= {n: c.astype(kind) for n, c in zip(COLORS[0], levels, strict=True)}
-    return fields
-
-
-def _colored(cloud: Cloud) -> Cloud:
-    """Cloud whose points have colors, of intensities or classes if of nothing else."""
-    if len(cloud.color) or not len(cloud.position):
-        return cloud
-    intensity = np.asarray(cloud.columns.get("intensity", np.zeros(1)), np.float32)
-    number = np.asarray(cloud.columns.get("classification", np.zeros(1)), np.int64)
-    if intensity.min() < intensity.max():
-        white = max(float(np.quantile(intensity, BRIGHT)), 1.0)
-        gray = np.minimum(intensity / np.float32(white), np.float32(1))
-        return cloud._replace(color=np.repeat(gray[:, None], 3, axis=1))
-    if number.min() < number.max():
-        color: Floats = mapped("tab20", (number % CLASSES + 0.5) / CLASSES)
-        return cloud._replace(color=color)
-    return cloud
+    if "red" not in record.point_format.dimension_names:
+        return {}, fields
+    return {name: np.asarray(record[name])[kept] for name in COLORS[0]}, fields

@@ -10,17 +10,31 @@ from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample import registry
 from resample.cameras.models import AnyCamera, Camera
+from resample.memory.mapped import most_of
 from resample.painting.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.resampler import shape_of
-from resample.types import Floats, Frame, Screen, Statistics
+from resample.types import Floats, Frame, Records, Screen, Statistics
+from resample.watching import told
 from resample_warp3d.clouds.cloud import Cloud
+from resample_warp3d.clouds.parts import room_beside, rows_of
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
+from resample_warp3d.clouds.windows import (
+    POINT,
+    SEEN,
+    SHOWN,
+    SPLAT,
+    STAGES,
+    Canvas,
+    See,
+    Seen,
+    kinds_of,
+    paint_in_windows,
+)
 
 if TYPE_CHECKING:
     from resample_warp3d.clouds.kernels.discs import Eye
@@ -29,8 +43,6 @@ TILE = 16  # px
 MOST_SUBPIXELS = 16
 TOLERANCE = 1.5  # radii; discs that differ by more in depth are of two surfaces
 GRAY = 0.8  # albedo of clouds without colors
-POINT, SPLAT, SHOWN = 1, 2, 4  # what is known of a disc on the screen
-STAGES = "project", "sort", "paint"
 
 
 class Light(StrEnum):
@@ -154,12 +166,14 @@ def render_cloud(
             raise ValueError("backs cannot be left out: the cloud's file gives no normals")
         prepared = perf_counter() - start
         painted = _drawn(surfels, camera, shape, chosen, filter)
-    seen = painted.seen
+    held = np.zeros(SEEN, np.int64)
+    for rows in rows_of(painted.seen):
+        held += np.bincount(painted.seen[rows], minlength=SEEN)
     statistics = Statistics(
-        len(seen),
-        int((seen & POINT > 0).sum()),
-        int((seen & SPLAT > 0).sum()),
-        int(((seen > 0) & (seen & SHOWN == 0)).sum()),
+        len(painted.seen),
+        int(held[POINT] + held[POINT | SHOWN]),
+        int(held[SPLAT] + held[SPLAT | SHOWN]),
+        int(held[POINT] + held[SPLAT]),
         painted.subpixels,
         {"prepare": prepared, **painted.seconds},
     )
@@ -187,7 +201,7 @@ class Painted(NamedTuple):
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
     first_depth: Floats  # (H, W)
-    seen: NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if it is in the frame, and `SHOWN`
+    seen: Seen
     subpixels: int  # per side of a pixel
     seconds: dict[str, float]  # per stage
 
@@ -196,30 +210,50 @@ def _painted(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> Painted:
     """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
-    from resample_warp3d.clouds.kernels.discs import SURFEL, see
-    from resample_warp3d.clouds.kernels.painting import CloudPicture, Discs, paint
+    from resample_warp3d.clouds.kernels.discs import see
+    from resample_warp3d.clouds.kernels.painting import CloudPicture
 
-    times = [perf_counter()]
-    color = surfels.color if len(surfels.color) else np.full_like(surfels.position, GRAY)
-    records = np.zeros(len(surfels.position), SURFEL)
-    see(surfels.position, surfels.axes, color, eye_of(surfels, camera, shape, style), records)
-    times.append(perf_counter())
-    screen = Screen(shape[1], shape[0], 0.0, np.zeros((4, 4)))
-    tiles = dealt_to_tiles(records, screen, tile)
-    times.append(perf_counter())
     picture = CloudPicture(
         np.zeros((*shape, 4), np.float32),
         np.full(shape, np.inf, np.float32),
         np.full(shape, np.inf, np.float32),
     )
-    discs = Discs(records, np.zeros(len(records), np.uint8))
-    paint(discs, tiles, style.subpixels, picture)
-    times.append(perf_counter())
-    kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
-    seen = np.where(records["left"] <= records["right"], kind, np.uint8(0))
-    seen |= np.where((discs.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
-    seconds = dict(zip(STAGES, np.diff(times).tolist(), strict=True))
+    canvas = Canvas(
+        Screen(shape[1], shape[0], 0.0, np.zeros((4, 4))), tile, style.subpixels, picture
+    )
+    eye = eye_of(surfels, camera, shape, style)
+
+    def see_some(rows: slice, records: Records) -> None:
+        position, axes = surfels.position[rows], surfels.axes[rows]
+        color = surfels.color[rows] if len(surfels.color) else np.full_like(position, GRAY)
+        see(position, axes, color, eye, records)
+
+    pages = most_of(surfels.position)
+    if pages is None:
+        seen, seconds = _painted_at_once(len(surfels.position), see_some, canvas)
+    else:
+        seen, seconds = paint_in_windows(surfels, see_some, canvas, pages)
     return Painted(*picture, seen, style.subpixels, seconds)
+
+
+def _painted_at_once(count: int, see: See, canvas: Canvas) -> tuple[Seen, dict[str, float]]:
+    """Paint so many discs; gives what is seen of each, and seconds per stage."""
+    from resample_warp3d.clouds.kernels.discs import SURFEL
+    from resample_warp3d.clouds.kernels.painting import Discs, paint
+
+    times = [perf_counter()]
+    records = np.zeros(count, SURFEL)
+    with told(None):
+        see(slice(0, count), records)
+        times.append(perf_counter())
+        tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
+    times.append(perf_counter())
+    discs = Discs(records, np.zeros(count, np.uint8))
+    paint(discs, tiles, canvas.subpixels, canvas.picture)
+    times.append(perf_counter())
+    seen = kinds_of(records)
+    seen |= np.where((discs.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
+    return seen, dict(zip(STAGES, np.diff(times).tolist(), strict=True))
 
 
 def _filtered(
@@ -230,7 +264,8 @@ def _filtered(
 
     n = parts.count
     sums, first = np.zeros((*shape, 5), np.float32), np.full(shape, np.inf, np.float32)
-    seen, seconds = np.zeros(len(surfels.position), np.uint8), dict.fromkeys(STAGES, 0.0)
+    seen: Seen = room_beside(surfels.position, (len(surfels.position),), np.uint8)
+    seconds = dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(shape):
         moved = replace(camera, matrix=strip.matrix @ camera.matrix)
         fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)

@@ -9,17 +9,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory import amount
+from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats
-from resample_warp3d.clouds.cloud import Cloud, checked, some_of
+from resample.watching import portion
+from resample_warp3d.clouds.cloud import Cloud
+from resample_warp3d.clouds.parts import memory_left, room_beside, rows_of
+from resample_warp3d.clouds.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # of points around which those leave a gap
 LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
-TOGETHER = 256  # points that are compared at a time
-CROWDED = 0.1  # share of the blocks that begin where the one before does
+F4 = np.float32
+SORTING, MEASURING = 0.2, 0.95  # shares of the work, of all and of what comes after sorting
+RANKED = 48  # bytes that a point takes while it is put in order by ranks
+CROWDED = 0.1  # share of the blocks that begin on the step that the one before begins on
 
 Indices = NDArray[np.int64]
-Codes = NDArray[np.uint64]
 
 
 class Surfels(NamedTuple):
@@ -83,80 +89,32 @@ def prepare_cloud(
     >>> round(float(np.median(np.linalg.norm(discs.axes, axis=2))), 1)  # half a diagonal
     0.7
     """
-    points = checked(cloud)
     if not largest > 0:
         raise ValueError(f"discs of at most {largest:g} times their neighbours'; give above 0")
-    if radius is not None:
-        if not (np.isfinite(radius) and radius > 0):
-            raise ValueError(f"a radius of {radius}; give a length above 0")
-        points = points._replace(radius=np.full(len(points.position), radius, np.float32))
-    origin = _middle(points.position)
-    position = (points.position - origin).astype(np.float32)
-    order = _canonical(points._replace(position=position))
+    if radius is not None and not (np.isfinite(radius) and radius > 0):
+        raise ValueError(f"a radius of {radius}; give a length above 0")
     from resample.engine import jit
 
     with jit.threads(jit.workers() if threads is None else threads):
-        ordered = some_of(points._replace(position=position), order)
-        return _discs(origin, ordered, largest, cache)
+        with portion(0.0, SORTING):
+            ordered = in_order(cloud, radius)
+        with portion(SORTING, 1.0):
+            return _discs(ordered, largest, cache)
 
 
-def _middle(position: Floats | Doubles) -> Doubles:
-    """Middle of the box around all points."""
-    if not len(position):
-        return np.zeros(3)
-    low, high = _corners(position)
-    return np.asarray(0.5 * low + 0.5 * high, np.float64)
-
-
-def _corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
-    """Least and greatest coordinates (3,) of points, of which there is one at least."""
-    whole = len(position) // TOGETHER * TOGETHER
-    if not whole:
-        return position.min(axis=0), position.max(axis=0)
-    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long ones are compared quickly
-    low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
-    rest = position[whole:]
-    return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
-
-
-def _canonical(cloud: Cloud) -> Indices:
-    """Order along a curve through space; points on one place of it by all that they are."""
-    code = _codes(cloud.position)
-    order = np.argsort(code)  # in any order where codes are equal, as that is settled below
-    ordered = code[order]
-    again = np.concatenate([[False], ordered[1:] == ordered[:-1]])
-    shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
-    if shared.size:
-        among = order[shared]
-        columns = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
-        keys = [column for columns_of in columns for column in columns_of[::-1]]
-        order[shared] = among[np.lexsort([*keys, code[among]])]
-    return order
-
-
-def _codes(position: Floats | Doubles) -> Codes:
-    """Places along a Morton curve with 2²¹ steps per axis, (N,)."""
-    if not len(position):
-        return np.zeros(0, np.uint64)
-    from resample_warp3d.clouds.kernels.curve import codes
-
-    place = np.ascontiguousarray(position, np.float32)
-    low, high = np.asarray(_corners(place), np.float32)
-    extent = float((high - low).max()) or 1.0
-    code: Codes = np.empty(len(place), np.uint64)
-    codes(place, low, (2**21 - 1) / extent, code)
-    return code
-
-
-def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfels:
-    """Discs of points that are in order and relative to an origin."""
-    count = len(cloud.position)
-    normal = cloud.normal.copy() if len(cloud.normal) else np.zeros((count, 3), np.float32)
-    is_oriented = bool(count) and bool(normal.any(axis=1).all())
-    axes = np.zeros((count, 2, 3), np.float32)
+def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
+    """Discs of points that are in order."""
+    cloud = ordered.cloud
+    position = np.asarray(cloud.position, F4)
+    count = len(position)
+    normal, axes = room_beside(position, (count, 3), F4), room_beside(position, (count, 2, 3), F4)
+    is_oriented = bool(count) and len(cloud.normal) > 0
+    if len(cloud.normal):
+        for rows in rows_of(position):
+            normal[rows] = cloud.normal[rows]
+            is_oriented = is_oriented and bool(normal[rows].any(axis=1).all())
     if count and not (is_oriented and len(cloud.radius)):
-        position = np.asarray(cloud.position, np.float32)
-        if len(cloud.radius) or not cache:
+        if len(cloud.radius) or not cache or is_in_file(position):
             _measured(position, normal, axes, None if len(cloud.radius) else largest)
         else:
             from resample_warp3d.clouds.storing import measured_once
@@ -167,29 +125,66 @@ def _discs(origin: Doubles, cloud: Cloud, largest: float, cache: bool) -> Surfel
         from resample_warp3d.clouds.kernels.cells import lay
 
         lay(normal, cloud.radius, axes)
-    return Surfels(origin, np.asarray(cloud.position, np.float32), axes, cloud.color, is_oriented)
+    return Surfels(ordered.origin, position, axes, cloud.color, is_oriented)
 
 
 def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
     """Fill in normals and discs by the neighbours of each point; None: discs are not needed."""
-    from resample_warp3d.clouds.kernels.neighbours import BLOCK
-
-    is_first = np.ones(len(position), np.bool_)
-    is_first[1:] = _differ(position[1:], position[:-1])
-    place = position if is_first.all() else np.ascontiguousarray(position[is_first])
-    if len(place) == 1 and largest is not None:
+    is_first, count = _first_of_each_place(position)
+    if count == 1 and largest is not None:
         raise ValueError("all points are in one place, so their size is unknown; give a radius")
-    is_crowded = _is_crowded(place[::BLOCK])
+    place = position if count == len(position) else _taken(position, is_first, count)
+    is_crowded = _is_crowded(place)
     if place is position and not is_crowded:
         _measured_places(place, normal, axes, largest)
         return
-    owner, upward = np.cumsum(is_first) - 1, normal[is_first]
+    upward = _taken(normal, is_first, count)
     if is_crowded:
-        along = np.argsort(_codes(_ranks(place)), kind="stable")
-        place, upward, owner = place[along], upward[along], np.argsort(along)[owner]
-    found = np.zeros((len(place), 2, 3), np.float32)
+        along = _along_ranks(place)
+        place, upward = _permuted(place, along), _permuted(upward, along)
+    found = room_beside(place, (count, 2, 3), F4)
     _measured_places(place, upward, found, largest)
-    normal[:], axes[:] = upward[owner], found[owner]
+    if is_crowded:
+        back = np.argsort(along)
+        upward, found = _permuted(upward, back), _permuted(found, back)
+    first = 0
+    for rows in rows_of(position):
+        owner = first + np.cumsum(is_first[rows]) - 1
+        normal[rows], axes[rows] = upward[owner], found[owner]
+        first = int(owner[-1]) + 1
+
+
+def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
+    """Which points (N,) along a curve are not where the one before is, and how many."""
+    is_first = room_beside(position, (len(position),), np.bool_)
+    count = 0
+    for rows in rows_of(position):
+        first = max(1, rows.start)
+        is_first[rows.start] = True
+        is_first[first : rows.stop] = _differ(
+            position[first : rows.stop], position[first - 1 : rows.stop - 1]
+        )
+        count += int(np.count_nonzero(is_first[rows]))
+    return is_first, count
+
+
+def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
+    """Those rows (count, ...) of values that are taken."""
+    taken: Floats = room_beside(values, (count, *values.shape[1:]), F4)
+    first = 0
+    for rows in rows_of(values):
+        some = values[rows][is_taken[rows]]
+        taken[first : first + len(some)] = some
+        first += len(some)
+    return taken
+
+
+def _permuted(values: Floats, order: Indices) -> Floats:
+    """Rows of values in an order."""
+    permuted: Floats = room_beside(values, values.shape, F4)
+    for rows in rows_of(values):
+        permuted[rows] = values[order[rows]]
+    return permuted
 
 
 def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
@@ -199,20 +194,25 @@ def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: fl
     from resample_warp3d.clouds.kernels.neighbours import blocks_of
 
     count = len(position)
-    discs = Spaced(axes, np.zeros(count, np.float32))
+    discs = Spaced(axes, room_beside(position, (count,), F4))
     wanted = Wanted(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
-    nearest = np.empty((count, wanted.few - 1), np.int32)
-    measure_all(blocks_of(position), wanted, normal, discs, nearest)
+    nearest = room_beside(position, (count, wanted.few - 1), np.int32)
+    with portion(0.0, MEASURING):
+        measure_all(blocks_of(position), wanted, normal, discs, nearest)
     if count > 1 and largest is not None and np.isfinite(largest):
-        limit(nearest, discs.spacing, _sizes(axes), float(largest), axes)
+        with portion(MEASURING, 1.0):
+            limit(nearest, discs.spacing, _sizes(axes), float(largest), axes)
 
 
 def _sizes(axes: Floats) -> Floats:
     """Lengths (N,) of the longer half axes."""
-    square = axes[:, :, 0] * axes[:, :, 0]
-    for c in (1, 2):
-        square += axes[:, :, c] * axes[:, :, c]
-    size: Floats = np.sqrt(np.maximum(square[:, 0], square[:, 1]))
+    size: Floats = room_beside(axes, (len(axes),), F4)
+    for rows in rows_of(axes):
+        part = axes[rows]
+        square = part[:, :, 0] * part[:, :, 0]
+        for c in (1, 2):
+            square += part[:, :, c] * part[:, :, c]
+        size[rows] = np.sqrt(np.maximum(square[:, 0], square[:, 1]))
     return size
 
 
@@ -225,13 +225,31 @@ def _differ(position: Floats, other: Floats) -> NDArray[np.bool_]:
 
 def _is_crowded(position: Floats) -> bool:
     """Whether many places of a sorted cloud share a step of the curve, as far strays leave few."""
-    code = _codes(position)
-    return bool((code[1:] == code[:-1]).mean() > CROWDED) if len(code) > 1 else False
+    from resample_warp3d.clouds.kernels.neighbours import BLOCK
+
+    if len(position) <= BLOCK:
+        return False
+    code = curve_through(position).codes(position[::BLOCK])
+    return bool((code[1:] == code[:-1]).mean() > CROWDED)
 
 
-def _ranks(position: Floats) -> Floats:
-    """Places (N, 3) by how many have lesser coordinates, of each axis by itself."""
+def _along_ranks(position: Floats) -> Indices:
+    """Order (N,) along a curve through ranks, of places that strays leave few steps of their own.
+
+    Raises
+    ------
+    ValueError
+        Memory does not hold the ranks of a cloud in files.
+    """
+    if is_in_file(position):
+        left = memory_left()
+        if left is not None and RANKED * len(position) > left:
+            raise ValueError(
+                "some points lie so far away that all others are nearly in one place, which takes "
+                f"{amount(RANKED * len(position))} of memory, and {amount(left)} may be taken; "
+                "leave them out, or allow more"
+            )
     ranks = np.empty(position.shape, np.float32)
     for axis in range(3):
         ranks[np.argsort(position[:, axis], kind="stable"), axis] = np.arange(len(position))
-    return ranks
+    return np.argsort(curve_through(ranks).codes(ranks), kind="stable")

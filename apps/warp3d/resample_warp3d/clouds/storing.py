@@ -77,7 +77,7 @@ def _code() -> str:
     from resample.engine.jit import SOURCES
 
     here = Path(__file__).parent
-    sources = [here / "spacing.py", here / "kernels" / "cells.py"]
+    sources = [here / "spacing.py", *sorted((here / "kernels").glob("*.py"))]
     read = b"".join(source.read_bytes() for source in sources)
     return hashlib.sha256(SOURCES.encode() + read).hexdigest()
 

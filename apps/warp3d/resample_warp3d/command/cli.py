@@ -12,6 +12,7 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
+from resample.watching import told
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
@@ -333,8 +334,10 @@ def cloud(
     check_memory([], shape, output)
     session = Session()
     scene = scene_of(session, file, look)
-    with session.stage("paint", bar="painting"):
-        frame = scene.picture(aim.camera_for(scene.surfels, shape), shape)
+    with session.stage("paint", bar="painting") as progress:
+        camera = aim.camera_for(scene.surfels, shape)
+        with told(progress):
+            frame = scene.picture(camera, shape)
     form.write(output, frame, scene)
 
 
@@ -431,11 +434,12 @@ def animate_cloud(
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
     check_memory([], shape, output, sharing.workers or 0)
+    memory = None if sharing.scheduler else clouds.memory_of_each(sharing.workers or 0)
     session = Session()
     scene = clouds.scene_of(session, file, look)
     cameras = clouds.cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = clouds.film_of(scene, cameras, shape, behind)
-    again = partial(clouds.frames_of, file, look, cameras, shape, behind)
+    again = partial(clouds.frames_of, file, look, cameras, shape, behind, memory)
     with at_work(sharing, look.threads) as crew, session.stage("film", bar="moving") as progress:
         film, executor = made_by(crew, film, again)
         write_film(output, film, fps, resume=resume, progress=progress, executor=executor)

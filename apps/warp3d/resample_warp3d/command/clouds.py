@@ -20,6 +20,7 @@ from resample.command.settings import (
     linear_color,
     number,
 )
+from resample.watching import told
 
 if TYPE_CHECKING:
     from resample.cameras.lens_files import Calibration
@@ -287,11 +288,12 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
     from resample_warp3d.clouds.files import read_cloud
     from resample_warp3d.clouds.spacing import LARGEST, prepare_cloud
 
-    with session.stage("read"):
-        cloud, scale = read_cloud(file, level=look.level), None
+    columns = () if look.color_by is None else (look.color_by,)
+    with session.stage("read", bar="reading") as progress, told(progress):
+        cloud, scale = read_cloud(file, level=look.level, columns=columns), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
-    with session.stage("prepare", bar="measuring"):
+    with session.stage("prepare", bar="measuring") as progress, told(progress):
         surfels = prepare_cloud(
             cloud,
             largest=LARGEST if look.disc_limit is None else look.disc_limit,
@@ -304,7 +306,12 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
 
 def mention_origin(name: str, surfels: "Surfels") -> None:
     """Say where a cloud is that lies far from the origin, as those of maps do."""
-    extent = abs(surfels.position).max(initial=0.0)
+    from resample_warp3d.clouds.parts import rows_of
+
+    extent = max(
+        (float(abs(surfels.position[rows]).max()) for rows in rows_of(surfels.position)),
+        default=0.0,
+    )
     if abs(surfels.origin).max() > FAR * extent:
         place = ", ".join(f"{part:.10g}" for part in surfels.origin)
         say(f"{name} lies about {place}; places are exact, and poses are in its coordinates")
@@ -484,13 +491,29 @@ def frames_of(
     cameras: Sequence[Any],
     shape: Shape,
     background: Any,
+    memory: int | None,
     threads: int,
 ) -> "Frames":
-    """Frames of the cloud of a file; errors as of `scene_of`."""
+    """Frames of the cloud of a file, within so many bytes; errors as of `scene_of`."""
     from resample.command.session import Session
+    from resample.memory import allow, allowing
 
-    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
+    with allowing(None):
+        if memory is not None:
+            allow(memory)
+        scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
     return film_of(scene, cameras, shape, background).frame
+
+
+def memory_of_each(workers: int) -> int | None:
+    """Bytes of `--memory` for this process and each of so many others; None: what is free."""
+    from resample.memory import ALLOWED, allow
+
+    allowed = ALLOWED.get()
+    if allowed is None or not workers:
+        return allowed
+    allow(allowed // (1 + workers))
+    return ALLOWED.get()
 
 
 def _sized(viewpoint: Any, shape: Shape) -> Any:

@@ -309,21 +309,33 @@ def _limit(
 ) -> None:
     start = int(np.int64(chunk)) * CHUNK
     count = nearest.shape[1]
-    sizes = np.empty(count)
+    sizes, lengths = np.empty(count), np.empty(2)
     for n in range(start, min(start + CHUNK, size.size)):
-        alike = 0
+        alike, long = 0, 0.0
         for j in range(count):
             there = nearest[n, j]
             sizes[j] = size[there]
-            if spacing[there] >= ALIKE * spacing[n]:
-                alike += 1
-        reach = _upper_of(sizes, count) * (most if alike > FEW else 1.0)
+            alike += int(spacing[there] >= ALIKE * spacing[n])
+        factor = most if alike > FEW else 1.0
         for k in range(2):
-            x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
-            length = math.sqrt(x * x + y * y + z * z)
-            if length > reach:
+            lengths[k] = _length(axes, n, k)
+            long = max(long, lengths[k])
+        enough = 0
+        for j in range(count):
+            enough += int(sizes[j] * factor >= long)
+        if enough >= count - 3 * count // 4:
+            continue  # the upper quartile is one of those
+        reach = _upper_of(sizes, count) * factor
+        for k in range(2):
+            if lengths[k] > reach:
                 for c in range(3):
-                    axes[n, k, c] *= np.float32(reach / length)
+                    axes[n, k, c] *= np.float32(reach / lengths[k])
+
+
+@kernel
+def _length(axes: Floats, n: int, k: int) -> float:
+    x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @parallel_kernel

@@ -20,7 +20,9 @@ from resample.types import Doubles, Floats
 Numbers = NDArray[np.int64]
 
 BLOCK = 16  # points
-FAN = 8  # blocks of a larger one
+SHIFT = 3
+FAN = 1 << SHIFT  # blocks of a larger one
+AROUND = 2  # sizes larger is the block in which neighbours are looked for at first
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
 LISTED = 512  # points that are looked at together
 HELD = 192  # points that may be a point's neighbours
@@ -53,6 +55,7 @@ class Search(NamedTuple):
     listed: Numbers  # (LISTED,) points to look at
     near: Doubles  # (3, LISTED) where they are
     gap: Doubles  # (LISTED,) squares of distances
+    picked: Numbers  # (LISTED + 1,) which of the listed are within a bound
     stack: Numbers  # (DEEPEST * FAN, 2) blocks that wait, and their sizes
 
 
@@ -85,6 +88,7 @@ def search(count: int) -> Search:
         np.empty(LISTED, np.int64),
         np.empty((3, LISTED)),
         np.empty(LISTED),
+        np.empty(LISTED + 1, np.int64),
         np.empty((DEEPEST * FAN, 2), np.int64),
     )
 
@@ -236,17 +240,24 @@ def _hold(looking: Search, row: int, listed: int) -> None:
     """Hold those of the listed points that may be neighbours."""
     gap, names, wanted = looking.gap, looking.listed, looking.found.shape[1]
     _measure(looking.near, _place(looking, row), listed, gap)
-    bound, many = looking.bound[row], looking.many[row]
-    if _within(gap, listed, bound) > wanted + SPARE:
+    bound = looking.bound[row]
+    inside = _within(gap, listed, bound)
+    if inside > wanted + SPARE:
         bound = _bounded(gap, listed, wanted, 0.9 * bound, bound)
         looking.bound[row] = bound
+        inside = _within(gap, listed, bound)
+    many, picked, total = looking.many[row], looking.picked, 0
     for n in range(listed):
+        picked[total] = n
+        total += int(gap[n] <= bound)
+    for k in range(inside):
         if many > HELD - 1:
             looking.many[row] = many
             _let_go(looking, row)
-            many, bound = looking.many[row], looking.bound[row]
+            many = looking.many[row]
+        n = picked[k]
         looking.away[row, many], looking.held[row, many] = gap[n], names[n]
-        many += int(gap[n] <= bound)
+        many += 1
     looking.many[row] = many
 
 
@@ -282,8 +293,10 @@ def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) ->
     stack, farthest, listed = looking.stack, 0.0, 0
     for row in range(count):
         farthest = max(farthest, looking.bound[row])
-    stack[0, 0], stack[0, 1], waiting = 0, blocks.first.size - 2, 1
+    stack[0, 0], stack[0, 1], waiting, beyond = 0, blocks.first.size - 2, 1, -1
     while waiting > 0:
+        if waiting == beyond and listed > 0:  # what is around the block has been listed
+            farthest, listed, beyond = _look(count, listed, looking), 0, -1
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
         if size == 0:
@@ -291,11 +304,17 @@ def look_around(blocks: PointBlocks, block: int, count: int, looking: Search) ->
             if listed > LISTED - BLOCK:
                 farthest, listed = _look(count, listed, looking), 0
             continue
+        own = block >> (SHIFT * (size - 1))  # the child that holds the block: it comes first
+        if size == AROUND and node == own >> SHIFT:
+            beyond = waiting
         before = blocks.first[size - 1]
         for child in range(node * FAN, min(node * FAN + FAN, blocks.first[size] - before)):
-            if _apart(blocks, before + child, low, high) <= farthest:
+            if child != own and _apart(blocks, before + child, low, high) <= farthest:
                 stack[waiting, 0], stack[waiting, 1] = child, size - 1
                 waiting += 1
+        if own >> SHIFT == node:
+            stack[waiting, 0], stack[waiting, 1] = own, size - 1
+            waiting += 1
     _look(count, listed, looking)
     for row in range(count):
         _settle(looking, row)

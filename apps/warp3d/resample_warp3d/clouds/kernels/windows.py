@@ -1,0 +1,57 @@
+"""Discs of which a picture, or a part of it, shows something, told from others."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.tiles import tiles_met
+from resample.types import Record, Records
+
+CHUNK = 4096  # discs that a thread takes at a time
+
+Flags = NDArray[np.bool_]
+Lattice = tuple[int, int, int]
+
+
+@kernel
+def _meets(record: Record, lattice: Lattice, first: int, last: int) -> bool:
+    """Whether a disc touches one of some tiles that follow each other."""
+    if record["left"] > record["right"]:
+        return False
+    rows, columns, size = lattice
+    left, right = tiles_met(record["left"], record["right"], 0.0, size, columns)
+    top, bottom = tiles_met(record["top"], record["bottom"], 0.0, size, rows)
+    for row in range(max(top, first // columns), min(bottom, (last - 1) // columns) + 1):
+        if max(left, first - row * columns) <= min(right, last - 1 - row * columns):
+            return True
+    return False
+
+
+@kernel
+def _find_chunk(
+    records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags, chunk: int
+) -> None:
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, flags.size)):
+        flags[n] = _meets(records[n], lattice, span[0], span[1])
+
+
+@parallel_kernel
+def find_meeting(
+    counter: Counter, records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags
+) -> None:
+    """Find which discs touch one of the tiles of a span, the first and the one behind the last.
+
+    Parameters
+    ----------
+    records
+        (N,) of `SURFEL`.
+    lattice
+        Rows and columns of all tiles, and their size, px.
+    span
+        Two numbers of tiles.
+    flags
+        (N,) filled.
+    """
+    for chunk in tasks(counter, (flags.size + CHUNK - 1) // CHUNK):
+        _find_chunk(records, lattice, span, flags, chunk)

@@ -1,0 +1,222 @@
+"""Points of a cloud put in order along a curve, all at once or, of files, bucket by bucket.
+
+The order is that of a Morton curve; points on one place of it are in order of all that they are. So
+it does not depend on the one they were given in, nor on where they lie.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory.mapped import most_of
+from resample.types import Doubles, Floats
+from resample.watching import look, told
+from resample_warp3d.clouds.cloud import Cloud, checked, some_of
+from resample_warp3d.clouds.parts import room_beside, rows_of
+
+TOGETHER = 256  # points that are compared at a time
+SAMPLED = 1 << 16  # points that say where buckets end
+SORTED = 160  # bytes that a point takes while its bucket is put in order
+
+Indices = NDArray[np.int64]
+Codes = NDArray[np.uint64]
+
+
+class Curve(NamedTuple):
+    """A Morton curve with 2²¹ steps per axis through a box."""
+
+    low: Floats  # (3,) least coordinates
+    extent: float  # of the box's longest side
+
+    def codes(self, position: Floats | Doubles) -> Codes:
+        """Places of points (N, 3) along the curve, (N,)."""
+        from resample_warp3d.clouds.kernels.curve import codes
+
+        code: Codes = np.empty(len(position), np.uint64)
+        place = np.ascontiguousarray(position, np.float32)
+        with told(None):  # of larger work
+            codes(place, self.low, (2**21 - 1) / self.extent, code)
+        return code
+
+
+class Ordered(NamedTuple):
+    """Points in order, relative to the middle of the box around them."""
+
+    origin: Doubles  # (3,)
+    cloud: Cloud
+
+
+def in_order(cloud: Cloud, radius: float | None) -> Ordered:
+    """Points that can be drawn, in order; all of one radius, if that is given.
+
+    Raises
+    ------
+    ValueError
+        As of `resample_warp3d.clouds.cloud.checked`, or the disk has no room.
+    """
+    pages = most_of(np.asarray(cloud.position))
+    if pages is not None:
+        return _by_buckets(cloud, radius, max(TOGETHER, pages // SORTED))
+    points = _drawn(cloud, radius)
+    origin = _middle(*corners(points.position)) if len(points.position) else np.zeros(3)
+    position = np.empty((len(points.position), 3), np.float32)
+    for rows in rows_of(position):
+        position[rows] = points.position[rows] - origin
+    relative = points._replace(position=position)
+    order = canonical(relative, curve_through(relative.position))
+    return Ordered(origin, some_of(relative, order))
+
+
+def _drawn(cloud: Cloud, radius: float | None) -> Cloud:
+    """Points that can be drawn, of one radius, if that is given."""
+    points = checked(cloud)
+    if radius is None:
+        return points
+    return points._replace(radius=np.full(len(points.position), radius, np.float32))
+
+
+def _middle(low: Floats | Doubles, high: Floats | Doubles) -> Doubles:
+    return np.asarray(0.5 * low + 0.5 * high, np.float64)
+
+
+def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
+    """Least and greatest coordinates (3,) of points, of which there is one at least."""
+    whole = len(position) // TOGETHER * TOGETHER
+    if not whole:
+        return position.min(axis=0), position.max(axis=0)
+    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long ones are compared quickly
+    low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
+    rest = position[whole:]
+    return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
+
+
+def curve_through(position: Floats | Doubles) -> Curve:
+    """Curve through the box around points (N, 3)."""
+    if not len(position):
+        return Curve(np.zeros(3, np.float32), 1.0)
+    return _curve_in(*(np.asarray(corner, np.float32) for corner in corners(position)))
+
+
+def _curve_in(low: Floats, high: Floats) -> Curve:
+    return Curve(low, float((high - low).max()) or 1.0)
+
+
+def canonical(cloud: Cloud, curve: Curve) -> Indices:
+    """Order along a curve; points on one place of it by all that they are."""
+    code = curve.codes(cloud.position)
+    order = np.argsort(code)  # in any order where codes are equal, as that is settled below
+    ordered = code[order]
+    again = np.concatenate([[False], ordered[1:] == ordered[:-1]])
+    shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
+    if shared.size:
+        among = order[shared]
+        parts = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
+        keys = [column for columns in parts for column in columns[::-1]]
+        order[shared] = among[np.lexsort([*keys, code[among]])]
+    return order
+
+
+def _rows(cloud: Cloud, rows: slice) -> Cloud:
+    """Some points of a cloud, without columns."""
+    position, normal, color, radius, _ = cloud
+    return Cloud(position[rows], normal[rows], color[rows], radius[rows])
+
+
+class _Given(NamedTuple):
+    """A cloud in files, of which some rows at a time are made ready to be put in order."""
+
+    cloud: Cloud
+    radius: float | None
+    origin: Doubles  # (3,)
+
+    def part(self, rows: slice) -> Cloud:
+        """Points of some rows that can be drawn, relative to the origin."""
+        points = _drawn(_rows(self.cloud, rows), self.radius)
+        return points._replace(position=(points.position - self.origin).astype(np.float32))
+
+    def parts(self) -> Iterator[Cloud]:
+        """All of them."""
+        for rows in rows_of(self.cloud.position):
+            yield self.part(rows)
+
+    def room(self, count: int) -> Cloud:
+        """Arrays in files for so many points."""
+
+        def array(is_there: bool, *width: int) -> Floats:
+            shape = (count if is_there else 0, *width)
+            found: Floats = room_beside(self.cloud.position, shape, np.float32)
+            return found
+
+        has_radius = self.radius is not None or len(self.cloud.radius) > 0
+        return Cloud(
+            array(True, 3),
+            array(len(self.cloud.normal) > 0, 3),
+            array(len(self.cloud.color) > 0, 3),
+            array(has_radius),
+        )
+
+
+def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
+    """The same of a cloud in files, of which about so many points are put in order at once.
+
+    A sample of the points says where on the curve buckets end; all points are then moved to their
+    buckets, each of which is put in order by itself.
+    """
+    low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
+    for rows in rows_of(cloud.position):
+        position = checked(_rows(cloud, rows)).position
+        if len(position):
+            least, greatest = corners(position)
+            low, high = np.minimum(low, least), np.maximum(high, greatest)
+        count += len(position)
+    origin = _middle(low, high) if count else np.zeros(3)
+    given = _Given(cloud, radius, origin)
+    if not count:
+        return Ordered(origin, given.part(slice(0)))
+    curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
+    ends = _ends(given, curve, 2 * count // most)
+    ordered, start = _moved(given, curve, ends, count)
+    for first, last in pairwise(start.tolist()):
+        part = _rows(ordered, slice(first, last))
+        part = some_of(part, canonical(part, curve))
+        for each, values in zip(ordered[:4], part[:4], strict=True):
+            each[first:last] = values
+        look(last, count)
+    return Ordered(origin, ordered)
+
+
+def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
+    """Places along a curve at which so many buckets end, of about as many points each."""
+    every = max(1, len(given.cloud.position) // SAMPLED)
+    sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
+    ends: Codes = np.unique(sample[:: max(1, len(sample) // max(1, buckets))][1:])
+    return ends
+
+
+def _moved(given: _Given, curve: Curve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
+    """Points moved to buckets that end at some places of a curve, and where these begin."""
+    bucket = room_beside(given.cloud.position, (count,), np.uint32)
+    held, first = np.zeros(len(ends) + 1, np.int64), 0
+    for part in given.parts():
+        some = np.searchsorted(ends, curve.codes(part.position), side="right")
+        bucket[first : first + len(some)] = some
+        held += np.bincount(some, minlength=len(held))
+        first += len(some)
+    start = np.concatenate([[0], np.cumsum(held)])
+    moved, free, first = given.room(count), start[:-1].copy(), 0
+    for part in given.parts():
+        some = bucket[first : first + len(part.position)]
+        first += len(some)
+        order = np.argsort(some, kind="stable")
+        part, some = some_of(part, order), some[order]  # noqa: PLW2901
+        cuts = (np.flatnonzero(np.diff(some)) + 1).tolist()
+        for begin, end in pairwise([0, *cuts, len(some)] if len(some) else []):
+            place = int(free[some[begin]])
+            for values, new in zip(moved[:4], part[:4], strict=True):
+                if len(new):
+                    values[place : place + end - begin] = new[begin:end]
+            free[some[begin]] += end - begin
+    return moved, start

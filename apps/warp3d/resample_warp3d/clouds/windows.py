@@ -1,0 +1,192 @@
+"""Pictures of clouds in files: discs are seen some at a time, and painted tiles by tiles.
+
+A first look counts what each tile will hold. Then so many tiles that follow each other are painted
+as memory holds the discs of; of the discs only those parts are seen again that these tiles show.
+Each tile gets the discs that it would get of a cloud in memory, in their order: the same bits.
+"""
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory.mapped import array_in_file
+from resample.painting.scene import dealt_to_tiles, tiles_along
+from resample.types import Records, Screen
+from resample.watching import look, portion, told
+from resample_warp3d.clouds.parts import room_beside, rows_of
+from resample_warp3d.clouds.spacing import Surfels
+
+if TYPE_CHECKING:
+    from resample_warp3d.clouds.kernels.painting import CloudPicture
+
+POINT, SPLAT, SHOWN = 1, 2, 4  # what is known of a disc on the screen
+SEEN = 1 + (POINT | SPLAT | SHOWN)  # how many numbers these make together
+STAGES = "project", "sort", "paint"
+MEMBER = 16  # bytes that a disc takes in a tile, beside its record
+SURVEYING = 0.3  # share of the work
+
+See = Callable[[slice, Records], None]  # project some discs into as many records
+Seen = NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if a disc is in the frame, and `SHOWN`
+
+
+class Canvas(NamedTuple):
+    """A frame, cut into tiles."""
+
+    screen: Screen
+    size: int  # px, of a tile
+    subpixels: int  # per side of a pixel
+    picture: "CloudPicture"
+
+
+def kinds_of(records: Records) -> Seen:
+    """What discs are on the screen."""
+    kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
+    return np.where(records["left"] <= records["right"], kind, np.uint8(0))
+
+
+def paint_in_windows(
+    surfels: Surfels, see: See, canvas: Canvas, most: int
+) -> tuple[Seen, dict[str, float]]:
+    """Paint discs in files.
+
+    Parameters
+    ----------
+    surfels
+        The discs.
+    see
+        Projects rows of them.
+    canvas
+        Its picture is filled; it is transparent before, with infinite depths.
+    most
+        Bytes that discs on the screen may take in memory; those of one tile may take more, which
+        are in a file then.
+
+    Returns
+    -------
+    What is seen of each disc, and seconds per stage.
+
+    Raises
+    ------
+    ValueError
+        The disk has no room.
+    """
+    work = _Work(surfels, see, canvas, most, dict.fromkeys(STAGES, 0.0))
+    with portion(0.0, SURVEYING):
+        survey = _surveyed(work)
+    spans = list(_spans(survey.start, most))
+    for n, span in enumerate(spans):
+        with told(None):  # of each part
+            _paint_span(work, survey, span)
+        with portion(SURVEYING, 1.0):
+            look(n + 1, len(spans))
+    return survey.seen, work.seconds
+
+
+class _Work(NamedTuple):
+    """What is painted, see `paint_in_windows`."""
+
+    surfels: Surfels
+    see: See
+    canvas: Canvas
+    most: int  # bytes
+    seconds: dict[str, float]  # so far, per stage
+
+
+class _Survey(NamedTuple):
+    """What a first look at all discs has found."""
+
+    seen: Seen
+    start: NDArray[np.int64]  # (T + 1,) how many discs the tiles before hold
+    touched: NDArray[np.int64]  # (parts, 2) first and last tile that each part of the discs touches
+
+
+def _surveyed(work: _Work) -> _Survey:
+    """Count the discs of each tile."""
+    from resample.engine.tiles import CHUNKS, count_members
+    from resample_warp3d.clouds.kernels.discs import SURFEL
+
+    begin, canvas, position = perf_counter(), work.canvas, work.surfels.position
+    rows, columns = tiles_along(canvas.screen, canvas.size)
+    seen = room_beside(position, (len(position),), np.uint8)
+    held, touched = np.zeros(rows * columns, np.int64), []
+    for part in rows_of(position):
+        records = np.zeros(part.stop - part.start, SURFEL)
+        count = np.zeros((CHUNKS, held.size), np.int64)
+        with told(None):
+            work.see(part, records)
+            count_members(records, canvas.screen, canvas.size, columns, count)
+        seen[part] = kinds_of(records)
+        held += count.sum(axis=0)
+        tiles = np.flatnonzero(count.any(axis=0))
+        touched.append((tiles[0], tiles[-1]) if tiles.size else (0, -1))
+        look(part.stop, len(position))
+    start = np.concatenate([[0], np.cumsum(held)])
+    work.seconds["project"] += perf_counter() - begin
+    return _Survey(seen, start, np.array(touched, np.int64).reshape(-1, 2))
+
+
+def _spans(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
+    """Tiles, from one to another, whose discs so many bytes hold, or one alone; no empty ones."""
+    from resample_warp3d.clouds.kernels.discs import SURFEL
+
+    discs = max(1, most // (SURFEL.itemsize + MEMBER))
+    tile, count = 0, len(start) - 1
+    while tile < count and start[tile] < start[-1]:
+        last = int(np.searchsorted(start, start[tile] + discs, side="right")) - 1
+        last = min(max(last, tile + 1), count)
+        if start[last] > start[tile]:
+            yield tile, last
+        tile = last
+
+
+def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
+    """Paint the tiles of a span."""
+    from resample_warp3d.clouds.kernels.painting import Discs, paint
+
+    times, canvas = [perf_counter()], work.canvas
+    records, which = _discs_of(work, survey, span)
+    times.append(perf_counter())
+    tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
+    start = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # none of other tiles
+    times.append(perf_counter())
+    discs = Discs(records, np.zeros(len(records), np.uint8))
+    paint(discs, tiles._replace(start=start), canvas.subpixels, canvas.picture)
+    survey.seen[which[discs.shows > 0]] |= np.uint8(SHOWN)
+    times.append(perf_counter())
+    for stage, spent in zip(STAGES, np.diff(times).tolist(), strict=True):
+        work.seconds[stage] += spent
+
+
+def _discs_of(
+    work: _Work, survey: _Survey, span: tuple[int, int]
+) -> tuple[Records, NDArray[np.int64]]:
+    """Discs on the screen that tiles of a span hold, and which they are."""
+    from resample_warp3d.clouds.kernels.discs import SURFEL
+    from resample_warp3d.clouds.kernels.windows import find_meeting
+
+    canvas, count = work.canvas, 0
+    held = int(survey.start[span[1]] - survey.start[span[0]])
+    found, which = _room(work, held, SURFEL), _room(work, held, np.dtype(np.int64))
+    shape = tiles_along(canvas.screen, canvas.size)
+    for n, part in enumerate(rows_of(work.surfels.position)):
+        if survey.touched[n, 0] >= span[1] or survey.touched[n, 1] < span[0]:
+            continue
+        records = np.zeros(part.stop - part.start, SURFEL)
+        work.see(part, records)
+        meets = np.zeros(len(records), np.bool_)
+        find_meeting(records, (*shape, canvas.size), span, meets)
+        some = np.flatnonzero(meets)
+        found[count : count + some.size] = records[some]
+        which[count : count + some.size] = part.start + some
+        count += some.size
+    return found[:count], which[:count]
+
+
+def _room(work: _Work, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Array of so many numbers or records, in a file if memory may not hold them."""
+    if count * kind.itemsize <= work.most:
+        return np.empty(count, kind)
+    return array_in_file((count,), kind, work.most, "a cloud on the screen")
