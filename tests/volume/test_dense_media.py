@@ -9,10 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from resample import Resampler
-from resample_volume import windows as windows_of
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.media import resampling
+from resample_volume.media.dense import dense_of, share_lattice
 from resample_volume.media.lattices import common_lattice, first_in
 from resample_volume.media.together import in_grid
 from resample_volume.rendering import Appearance, Subject
@@ -20,7 +20,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, paint_unseen, share_lattice, unseen_together
+from resample_volume.windows import Spent, paint_unseen, unseen_together
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 RAMP = ((0.1, 0.9), (0.2, 0.6, 1.0), 0.4)
@@ -162,7 +162,7 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_
         assert_same(found, whole_of(media, fit))
         assert windows > 1
     assert not list(tmp_path.iterdir())
-    _, found = windows_of._dense(dense, Resampler(), 1 << 20, Looking())
+    _, found = dense_of(dense, Resampler(), 1 << 20, Looking())
     with pytest.raises(ValueError, match="painted by the process that did so; leave other"):
         pickle.dumps(found.members[1].volume.values)
 

@@ -23,6 +23,7 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.command import needs
+from resample_volume.media.dense import is_in_store, share_lattice
 from resample_volume.rendering import (
     Appearance,
     Fit,
@@ -34,7 +35,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, is_in_store, paint_unseen, share_lattice, unseen_together
+from resample_volume.windows import Spent, paint_unseen, unseen_together
 
 MARK = "picture"  # file in a folder of windows, whose text says what they are of
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
