@@ -1,4 +1,4 @@
-"""A server of the web for tests, with what may go wrong with one."""
+"""Servers of the web that fail on purpose."""
 
 import hashlib
 import re

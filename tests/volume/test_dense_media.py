@@ -1,17 +1,24 @@
 """Several volumes in bricks, painted window by window, have the bits of volumes in memory."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from resample import Resampler
+from resample_volume import windows as windows_of
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.media import resampling
 from resample_volume.media.lattices import common_lattice, first_in
 from resample_volume.media.together import in_grid
 from resample_volume.rendering import Appearance, Subject
+from resample_volume.types import Volume
+from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.shading import DepthCue
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.voxels.streaming import TooManyVoxelsError
+from resample_volume.windows import Spent, paint_unseen, share_lattice, unseen_together
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 RAMP = ((0.1, 0.9), (0.2, 0.6, 1.0), 0.4)
@@ -99,11 +106,56 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] > greatest[index]
 
 
-def test_volumes_of_other_lattices_and_in_memory_are_refused(rng):
-    first, other = in_bricks(smoke(rng), (8, 8, 8)), smoke(rng)
+C, S = np.cos(0.4), np.sin(0.4)
+TURNED = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
+
+
+def other(rng, is_missing=False):
+    """Volume of larger voxels, turned, which overlaps that of `smoke`."""
+    values = rng.integers(0, 200, (20, 22, 18)).astype(np.float32)
+    if is_missing:
+        values[rng.random(values.shape) < 0.2] = np.nan
+    origin = smoke(rng).origin + np.array([4, -3, 2])
+    return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
+
+
+@pytest.mark.parametrize("is_missing", [False, True])
+def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_path, monkeypatch):
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))
+    monkeypatch.setattr(resampling, "SLAB", 5000)
+    media = [
+        (smoke(rng), Appearance("60..190", **CUT)),
+        (other(rng, is_missing), Appearance("auto", gradient_opacity=(0.1, 0.5))),
+    ]
+    dense = [(in_bricks(volume, (8, 8, 8)), look) for volume, look in media]
+    for fit in ("volume", "visible"):
+        subject = unseen_together(dense, fit)
+        assert not share_lattice(dense)
+        with ThreadPoolExecutor(2) as executor:
+            spent = Spent(1_500_000, executor=executor)
+            found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+        assert_same(found, whole_of(media, fit))
+        assert windows > 1
+    assert not list(tmp_path.iterdir())
+    _, found = windows_of._dense(dense, Resampler(), 1 << 20, Looking())
+    with pytest.raises(ValueError, match="painted by the process that did so; leave other"):
+        pickle.dumps(found.members[1].volume.values)
+
+
+def test_volumes_in_memory_and_labels_of_resampled_ones_are_refused(rng):
+    first, look = in_bricks(smoke(rng), (8, 8, 8)), Appearance("60..190", light=None)
+    with pytest.raises(ValueError, match="smoke is in memory as a whole and cannot be painted"):
+        unseen_together([(first, look), (smoke(rng), look)])
+    turned = in_bricks(other(rng), (8, 8, 8))
+    labels = Labels(np.zeros(turned.values.shape, np.uint8), {})
+    media = [(first, look), (turned, Appearance("60..190", labels=labels))]
+    with pytest.raises(ValueError, match="labels are of the voxels of other, which a finer volume"):
+        unseen_together(media, "visible")
+
+
+def test_what_does_not_fit_on_the_finest_lattice_says_so(rng):
     look = Appearance("60..190", light=None)
-    turned = in_bricks(other._replace(spacing=other.spacing * 1.5), (8, 8, 8))
-    with pytest.raises(ValueError, match="smoke has voxels beside those of the finest volume"):
-        unseen_together([(first, look), (turned, look)])
-    with pytest.raises(ValueError, match="smoke, which is in memory as a whole, cannot be painted"):
-        unseen_together([(first, look), (other, look)])
+    media = [(in_bricks(volume, (8, 8, 8)), look) for volume in (smoke(rng), other(rng))]
+    media[1][0].values.memory = 400_000
+    with pytest.raises(TooManyVoxelsError, match="other on the finest lattice needs 4"):
+        Subject.of_several(media)

@@ -130,3 +130,6 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     assert len(executors[0].maps) == 3  # the look, the survey and the windows
     assert np.array_equal(read_image("one.exr"), read_image("two.exr"))
     assert "by 2 processes" in capsys.readouterr().err
+    assert ended(app, *common[:-1], "visible", "--workers", "2", "-o", "c.exr") == 0
+    assert ended(app, *common[:-1], "visible", "-o", "d.exr") == 0
+    assert np.array_equal(read_image("c.exr"), read_image("d.exr"))

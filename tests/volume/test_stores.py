@@ -581,7 +581,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert ended(app, "render", "a.npy", *cuts, "-o", "a.exr") == 0
     assert ended(app, "render", "b.zarr", *cuts, *few, "-o", "b.exr") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
-    walls = ["--gradient-opacity", ".1/.6", "--threads", "1"]
+    walls = ["--gradient-opacity", ".1/.6", "--threads", "1", "--ambient-occlusion"]
     tissue = np.random.default_rng(6).integers(0, 4, (320, 60, 64)).astype(np.uint8)
     np.save("labels.npy", tissue)
     assert ended(app, "convert", "labels.npy", "labels.zarr", "--chunk", "32") == 0
@@ -593,10 +593,6 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert capsys.readouterr().err.count("not all that is seen fits in memory") == 2
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     for choices, complaint in (
-        (
-            [*common, "--ambient-occlusion"],
-            "occlusion cannot be painted window by window; leave",
-        ),
         ([*common, "--deep", "4"], "slabs of depth cannot be painted window by window; leave"),
     ):
         assert ended(app, "render", "b.zarr", *choices, *few, "-o", "c.exr") == 2
@@ -654,11 +650,6 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     for name, more, message in (
         ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
         ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
-        (
-            "a.zarr",
-            ["--fit", "volume", "--ambient-occlusion"],
-            "shadows or occlusion cannot be painted window",
-        ),
         ("a.zarr", ["--labels", "labels.npy"], "workers read labels from a store, and these are"),
     ):
         assert ended(app, "render", name, *words, *more) == 2
@@ -673,8 +664,8 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
     before = "a: 34 x 21 x 10 voxels are read brick by brick (1), within 0.10 MiB of memory\n"
     assert ended(app, "render", "a.zarr", *common) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f"resample: {before}resample: error: a with ")
-    assert "0.10 MiB are allowed; give more memory, take a coarser level" in error
+    assert error.startswith(f"resample: {before}resample: error: a window of ")
+    assert "fit in the memory that is allowed; give more memory, take a coarser level" in error
     assert not Path("a.png").exists()
     error = refused(app, capsys, "render", "a.npy", *common)
     assert "a needs about 0.23 GiB of memory, --memory allows 0.10 MiB; take a smaller" in error

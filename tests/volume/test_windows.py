@@ -8,10 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from resample import Resampler
+from resample import Footprint, Primitive, Resampler
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Sharing
 from resample.command.workers import at_work
+from resample.profiles.orders import AxisSheets, ImageSheets
 from resample_volume import windows
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
@@ -22,6 +23,7 @@ from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import places_seen
 from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import Appearance, Classification, Subject
+from resample_volume.space.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed
 from resample_volume.voxels.blocks import Lattice, bounds_of
@@ -29,7 +31,7 @@ from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
@@ -134,12 +136,12 @@ def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng)
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
-    for look in (
-        Appearance("60..190", classification=Classification.POST),
-        Appearance(light=Light(occlusion=True)),
-    ):
-        with pytest.raises(ValueError, match="window by window; leave it out"):
-            render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    look = Appearance("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
+    with pytest.raises(ValueError, match="a mesh needs rays through a field"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+    look = Appearance("60..190", classification=Classification.POST)
+    with pytest.raises(ValueError, match="classification post needs rays through a field"):
+        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
         render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
 
@@ -249,6 +251,19 @@ def in_small_steps(monkeypatch):
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
+def noted_steps(monkeypatch):
+    """Samples of a step of each window that fits; 0 where all are loaded at once."""
+    steps, whole_task = [], windowed._task
+
+    def noted(*given):
+        task, fits = whole_task(*given)
+        steps.append(task.step * fits)
+        return task, fits
+
+    monkeypatch.setattr(windowed, "_task", noted)
+    return steps
+
+
 def counted(volume, side):
     """Volume in bricks, and those that are read of it."""
     read, values = [], volume.values
@@ -265,17 +280,9 @@ def counted(volume, side):
 @pytest.mark.parametrize("workers", [None, 2])
 def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, monkeypatch):
     in_small_steps(monkeypatch)
-    steps, look = [], Appearance("5..190")
+    steps, look = noted_steps(monkeypatch), Appearance("5..190")
     values = rng.integers(0, 200, (60, 60, 60)).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
-    whole_task = windowed._task
-
-    def noted(*given):
-        task, fits = whole_task(*given)
-        steps.append(task.step * fits)
-        return task, fits
-
-    monkeypatch.setattr(windowed, "_task", noted)
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
     whole = Resampler()(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
@@ -326,3 +333,31 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(again, name).tobytes(), name
     assert len(set(read)) < 0.9 * 8**3
+
+
+PAINTERS = [
+    (Resampler(order=AxisSheets()), Orbit(4, 3, 1.3)),
+    (Resampler(order=ImageSheets()), Orbit(4, -3, 0.45)),
+    (Resampler(primitive=Primitive.POINTS), Orbit(4, 3, 0.2)),
+    (Resampler(primitive=Primitive.PAPER), Orbit(184, -4, 0.45)),
+    (Resampler(primitive=Primitive.PAPER), Orbit(4, 3, 0.2)),
+    (Resampler(footprint=Footprint.AFFINE), Orbit(4, 3, 1.3)),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(PAINTERS)))
+def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch):
+    in_small_steps(monkeypatch)
+    steps = noted_steps(monkeypatch)
+    values = rng.integers(0, 200, (36, 160, 36)).astype(np.uint8)
+    volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
+    look, (paint, eye) = Appearance("5..190"), PAINTERS[number]
+    subject = Subject.of(volume, look, around=volume)
+    camera = subject.camera(eye, *FEW)
+    whole = paint(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
+    spent = Spent(7_500_000)
+    found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
+    assert max(steps) > 0
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name

@@ -10,6 +10,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
+from resample.memory import amount
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import MEASURING, OF_FIELDS, Projection, Resampler, shape_of
 from resample.types import (
@@ -31,7 +32,7 @@ from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.looks.transfer import Transfer
-from resample_volume.media.lattices import Lattice, common_lattice, onto
+from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.types import Volume
@@ -50,6 +51,7 @@ from resample_volume.voxels.framing import (
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade, viewer_of
+from resample_volume.voxels.streaming import REMEDY, TooManyVoxelsError
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,
     Voxels,
@@ -256,14 +258,31 @@ def placement(media: Sequence[Medium]) -> Placement:
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
+def _onto(volume: Volume, lattice: Lattice, parts: Sequence[Voxels]) -> Volume:
+    """Volume on a lattice, if memory holds it beside voxels of others; errors as of `onto`."""
+    values: Values = volume.values
+    if isinstance(values, Bricks) and values.memory and first_in(volume, lattice) is None:
+        size = bytes_onto(volume, lattice) + _bytes_of(parts)
+        if size > values.memory:
+            raise TooManyVoxelsError(
+                f"{volume.name} on the finest lattice needs {amount(size)}, "
+                f"{amount(values.memory)} are allowed; {REMEDY}"
+            )
+    return onto(volume, lattice)
+
+
+def _bytes_of(parts: Sequence[Voxels]) -> int:
+    """Of voxels until they are painted."""
+    return BYTES_PER_VOXEL * sum(len(part.position) for part in parts)
+
+
 def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
     """Volume in chunks that may take what voxels of others leave it, twice its own for mixing."""
     values: Values = volume.values
     if not isinstance(values, Bricks) or values.memory is None:
         return volume
     bricks: Any = values.within(None)
-    taken = BYTES_PER_VOXEL * sum(len(part.position) for part in parts)
-    bricks.memory = max(1, (values.memory - taken) // 2)
+    bricks.memory = max(1, (values.memory - _bytes_of(parts)) // 2)
     return volume._replace(values=bricks)
 
 
@@ -453,7 +472,7 @@ class Subject:
         radius = resampler.reconstruction.radius
         parts: list[Voxels] = []
         for volume, look in place.media:
-            there = onto(volume, whole)
+            there = _onto(volume, whole, parts)
             own = look if there is volume else kept_look(volume, look)
             own = replace(own, transfer=transfer_of(there, own), light=appearance.light)
             found = visible_voxels(_beside(parts, there), own)

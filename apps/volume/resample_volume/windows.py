@@ -17,9 +17,15 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.regions import Faded
-from resample_volume.media.lattices import Lattice, first_in
+from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.media.mixing import Mixed, added
-from resample_volume.media.together import Member, Together, in_grid, mixed_by_bricks
+from resample_volume.media.together import (
+    Member,
+    Together,
+    in_grid,
+    mixed_by_bricks,
+    resampled_bricks,
+)
 from resample_volume.rendering import (
     BY_DEFAULT,
     NO_VOXELS,
@@ -28,6 +34,7 @@ from resample_volume.rendering import (
     Fit,
     Medium,
     Subject,
+    kept_look,
     lit_samples,
     placement,
     transfer_of,
@@ -38,7 +45,8 @@ from resample_volume.voxels.cropping import Steeps, faced, kept_index, planes
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.dense.ball import ball_of
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
-from resample_volume.voxels.dense.looked import Finish, ToSee, outlined
+from resample_volume.voxels.dense.light import Reaching, light_reached
+from resample_volume.voxels.dense.looked import Finish, Outline, ToSee, outlined
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import ball_around, centered, sphere_around
@@ -52,6 +60,7 @@ from resample_volume.voxels.windowed import (
     surveyed,
 )
 
+OF_FILES = 8  # share of memory, inverted, that takes pages of volumes that were resampled
 OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
 
 
@@ -78,6 +87,7 @@ class Sighting(NamedTuple):
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
+    reaching: Reaching | None = None  # where not all light gets to all voxels
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,18 +236,19 @@ def paint_unseen(
     painter, tell = resampler or BY_DEFAULT, progress or _unheard
     looking = Looking(spent.executor, spent.threads, tell)
     scene, dense = _dense(media, painter, spent.memory, looking)
-    shown = Sighting(media[0][1], camera, subject.clip, cue_range(camera, subject.sphere))
+    reaching = _reaching(scene, dense, media[0][1], subject, spent, looking)
+    cue = cue_range(camera, subject.sphere)
     work = Work(
         scene,
         dense,
-        partial(_lit, shown),
+        partial(_lit, Sighting(media[0][1], camera, subject.clip, cue, reaching)),
         painter,
         camera,
         size,
         subject.clip,
         *spent[:3],
         sifts=dense.sifts,
-        beside=dense.beside,
+        beside=dense.beside + (0 if reaching is None else reaching.bytes_held),
         volumes=len(media),
         depends=dense.kind,
     )
@@ -253,6 +264,35 @@ def paint_unseen(
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
+def _reaching(
+    scene: Volume,
+    dense: Dense,
+    look: Appearance,
+    subject: Subject,
+    spent: Spent,
+    looking: Looking,
+) -> Reaching | None:
+    """Light that gets to voxels past others, if that is not all; found once."""
+    light = look.light
+    if light is None or not light.is_blocked:
+        return None
+    seen = ToSee(scene, dense, subject.clip)
+    outline = _outline(seen, dense, looking)
+    if not outline.total:
+        return None
+    by = (seen, outline, light, subject.voxels.lattice, spent.memory, looking)
+    depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
+    return known_of(scene, depends, lambda: light_reached(*by)).kept_in(spent.folder)
+
+
+def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
+    """Where voxels are seen; found once, and pictures do with it, too."""
+    found = known_of(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
+    if found.total:
+        keep_looked_at(seen.volume, dense.kind, found.looked)
+    return found
+
+
 def _dense(
     media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
 ) -> tuple[Volume, Dense]:
@@ -264,9 +304,11 @@ def _dense(
     if len(media) == 1:
         scene, _ = centered(media[0][0])
         lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].clip)
-        placed: list[Medium] = [(scene, media[0][1])]
+        placed = [(scene, media[0][1])]
     else:
-        placed, lattice, _, clip = placement(media)
+        given, lattice, _, clip = placement(media)
+        placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
+        beside += memory // OF_FILES * (not share_lattice(media))
         scene = _together(placed, lattice)
     members = []
     for volume, look in placed:
@@ -275,6 +317,25 @@ def _dense(
         members.append(Member(volume, by, first))
     cut = Cutting(clip, painter.reconstruction.radius)
     return scene, Dense(tuple(members), lattice, cut, beside)
+
+
+def share_lattice(media: Sequence[Medium]) -> bool:
+    """Whether no volume needs to be resampled to be seen with the others."""
+    lattice = common_lattice([volume for volume, _ in media])
+    return all(first_in(volume, lattice) is not None for volume, _ in media)
+
+
+def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
+    """Volume on the lattice of all, and its look; of pages of files, memory holds so many bytes."""
+    volume, look = medium
+    if first_in(volume, lattice) is not None:
+        return medium
+
+    def make() -> Volume:
+        return resampled_bricks(volume, lattice, most)
+
+    there = known_of(volume, ("resampled", volume.values, lattice), make)
+    return there, kept_look(volume, look)
 
 
 def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
@@ -296,10 +357,7 @@ def _first(volume: Volume, lattice: Lattice) -> Step:
     """Place of the lattice of all that a volume's first voxel is at."""
     first = first_in(volume, lattice)
     if first is None:
-        raise ValueError(
-            f"{volume.name} has voxels beside those of the finest volume; several are painted "
-            "window by window where they share a lattice: resample it, or give more memory"
-        )
+        raise RuntimeError(f"{volume.name} is not on the lattice that it was resampled to")
     return first
 
 
@@ -322,11 +380,17 @@ def is_in_store(labels: Labels | None) -> bool:
     return labels is not None and isinstance(labels.values, Bricks)
 
 
-def _lit(shown: Sighting, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
+def _lit(shown: Sighting, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
     """Voxels with their light, of which all together have these gradients."""
-    look, camera, clip, (near, far) = shown
-    lit = []
-    for part, steep in zip(voxels.parts, steeps, strict=True):
+    look, camera, clip, (near, far), reaching = shown
+    lit, parts = [], voxels.parts
+    if reaching is not None:
+        share = reaching.at(place)
+        each = voxels.place if isinstance(voxels, Mixed) else (np.arange(len(share)),)
+        parts = tuple(
+            part._replace(reached=share[at]) for part, at in zip(parts, each, strict=True)
+        )
+    for part, steep in zip(parts, steeps, strict=True):
         across = part if steep is None else faced(part, clip, steep.longest)
         all_of_them = None if steep is None else steep.components(clip)
         lit.append(lit_samples(across, look.light, camera, all_of_them))
@@ -376,10 +440,8 @@ def unseen_together(
         whole, middle = centered(media[0][0])
         clip, steps = planes(whole, look.crop, look.clip), lattice_of(whole)
     else:
-        placed, lattice, middle, clip = placement(media)
+        _, lattice, middle, clip = placement(media)
         whole, steps = lattice.volume(), lattice.steps
-        for volume, _ in placed:
-            _first(volume, lattice)
     nothing = NO_VOXELS._replace(lattice=steps)
     if fit == "volume":
         return Subject(nothing, look, ball_around(whole), middle, clip)
@@ -387,10 +449,9 @@ def unseen_together(
     looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
     scene, dense = _dense(media, painter, allowed.memory, looking)
     seen = ToSee(scene, dense, clip)
-    outline = known_of(scene, ("outline", dense.kind), lambda: outlined(seen, looking))
+    outline = _outline(seen, dense, looking)
     if not outline.total:
         return Subject(nothing, look, sphere_around(nothing, whole), middle, clip)
-    keep_looked_at(scene, dense.kind, outline.looked)
     voxel = float(np.linalg.norm(steps, axis=0).max())
     ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
     return Subject(nothing, look, ball, middle, clip)
@@ -399,13 +460,17 @@ def unseen_together(
 def check_windows(media: Sequence[Medium]) -> None:
     """Refuse what depends on all visible voxels together, or is not in bricks."""
     for volume, look in media:
-        needs = ["mesh"] * bool(look.meshes)
-        if look.light is not None and look.light.is_blocked:
-            needs.append("shadows or occlusion")
-        if look.classification is not Classification.PRE:
-            needs.append("the classification post")
-        if needs or not isinstance(volume.values, Bricks):
-            what = ", ".join(needs) or f"{volume.name}, which is in memory as a whole,"
-            raise ValueError(f"{what} cannot be painted window by window; leave it out")
+        is_pre = look.classification is Classification.PRE
+        if look.meshes or not is_pre:
+            what = "a mesh" if is_pre else "the classification post"
+            raise ValueError(
+                f"{what} needs rays through a field, which cannot be painted window by window; "
+                "render it as a whole by classify post: a file holds the field if memory does not"
+            )
+        if not isinstance(volume.values, Bricks):
+            raise ValueError(
+                f"{volume.name} is in memory as a whole and cannot be painted window by window; "
+                "convert it to OME-Zarr"
+            )
         if look.labels is not None:
             look.labels.check(volume)

@@ -34,7 +34,7 @@ from resample_volume.rendering import (
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, is_in_store, paint_unseen, unseen_together
+from resample_volume.windows import Spent, is_in_store, paint_unseen, share_lattice, unseen_together
 
 MARK = "picture"  # file in a folder of windows, whose text says what they are of
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -135,6 +135,11 @@ def to_paint(
     if doing.sharing.is_asked:
         for medium in media:
             _check_bricks(*medium)
+        if not share_lattice(media):
+            raise ValueError(
+                "workers paint volumes that share a lattice, and others are resampled by one "
+                "process; leave workers out"
+            )
         return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, fit, size)

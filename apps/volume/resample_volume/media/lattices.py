@@ -1,23 +1,21 @@
 """Volumes of other lattices brought onto the finest one, wherever in the scene they are."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.memory.mapped import is_in_file
+from resample.types import Doubles
 from resample_volume.files.memory import require_memory
-from resample_volume.media.recordings import linear_colors
+from resample_volume.media.resampling import in_between, resampled
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Step, as_array
-from resample_volume.voxels.visible import finite_range, lattice_of
+from resample_volume.voxels.visible import lattice_of
 
 SAME = 1e-3  # voxels by which lattices may differ that are taken for one
-HALF = 0.5 + SAME  # voxels around a voxel's place that it stands for
-SLAB = 1 << 22  # voxels that are resampled together
 BYTES_PER_RESAMPLED = 16  # of a voxel before and after it
-EVEN = 1.01  # steps of the other lattice in voxels, up to which nothing is smoothed
 
 
 class Lattice(NamedTuple):
@@ -83,15 +81,13 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
     first, last = _box(volume, lattice.steps, lattice.origin)
     size = np.maximum(last - first + 1, 1)
     listed = " x ".join(map(str, size))
-    each = BYTES_PER_RESAMPLED * (1 if volume.colors is None else 4)
-    require_memory(
-        each * (int(size.prod()) + volume.values.size),
-        f"{volume.name} on the finest lattice, {listed} voxels,",
-    )
-    values = _resampled(volume.values, matrix, start + matrix @ first, tuple(size[::-1]))
+    if not is_in_file(volume.values):
+        what = f"{volume.name} on the finest lattice, {listed} voxels,"
+        require_memory(bytes_onto(volume, lattice), what)
+    values = resampled(volume.values, matrix, start + matrix @ first, tuple(size[::-1]))
     colors = volume.colors
     if colors is not None:
-        colors = _in_between(colors, matrix, start + matrix @ first, tuple(size[::-1]))
+        colors = in_between(colors, matrix, start + matrix @ first, tuple(size[::-1]))
     spacing = np.linalg.norm(lattice.steps, axis=0)
     origin = lattice.origin + lattice.steps @ first
     return Volume(
@@ -99,17 +95,11 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
     )
 
 
-def _in_between(
-    colors: NDArray[Any], matrix: Doubles, start: Doubles, shape: tuple[int, ...]
-) -> Floats:
-    """Linear colors (Z, Y, X, 3) at the places of `_resampled`, weighed by their opacities."""
-    light, weight = linear_colors(colors), np.ones(1, np.float32)
-    if colors.shape[-1] == 4:
-        weight = _resampled(colors[..., 3], matrix, start, shape)
-        light = light * colors[..., 3:].astype(np.float32)
-    parts = [_resampled(light[..., c], matrix, start, shape) for c in range(3)]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(np.stack([part / weight for part in parts], axis=-1), posinf=0.0)
+def bytes_onto(volume: Volume, lattice: Lattice) -> int:
+    """Bytes that a volume takes while it is resampled to a lattice."""
+    first, last = _box(volume, lattice.steps, lattice.origin)
+    count = int(np.maximum(last - first + 1, 1).prod()) + volume.values.size
+    return BYTES_PER_RESAMPLED * (1 if volume.colors is None else 4) * count
 
 
 def _fineness(volume: Volume) -> tuple[float, ...]:
@@ -136,70 +126,3 @@ def _is_same(matrix: Doubles, start: Doubles, volume: Volume) -> bool:
     reach = max(volume.values.shape)
     is_turned = np.abs(matrix - np.eye(3)).max() * reach > SAME
     return not is_turned and bool(np.abs(start - np.round(start)).max() <= SAME)
-
-
-def _resampled(
-    values: NDArray[Any], matrix: Doubles, start: Doubles, shape: tuple[int, ...]
-) -> Floats:
-    """Values (Z, Y, X) at places whose indices are `matrix` times theirs, from a start on."""
-    from scipy.ndimage import spline_filter
-
-    low, high = finite_range(values)
-    given = np.asarray(values, np.float32)
-    known = np.isfinite(given)
-    widths = np.linalg.norm(matrix, axis=1)[::-1]
-    if known.all():
-        smooth = _smoothed(given, widths)
-        sheet = spline_filter(smooth, 3, np.float32, mode="mirror")
-        found = _read(sheet, matrix, start, shape, order=3)
-        return np.clip(found, low, high, out=found)
-    weight = _smoothed(known.astype(np.float32), widths)
-    total = _read(_smoothed(np.where(known, given, 0), widths), matrix, start, shape, order=1)
-    share = _read(weight, matrix, start, shape, order=1)
-    with np.errstate(invalid="ignore"):
-        return np.where(share >= 0.5, total / np.maximum(share, 0.5), np.float32(np.nan))
-
-
-def _smoothed(values: Floats, widths: Doubles) -> Floats:
-    """Values whose details are as coarse as steps of so many voxels along z, y and x."""
-    from scipy.ndimage import gaussian_filter1d
-
-    for axis, width in enumerate(widths):
-        if width > EVEN:
-            sigma = 0.5 * np.sqrt(width**2 - 1)
-            values = gaussian_filter1d(values, sigma, axis, mode="mirror")
-    return values
-
-
-def _read(
-    values: Floats, matrix: Doubles, start: Doubles, shape: tuple[int, ...], *, order: int
-) -> Floats:
-    """Values at the places of `_resampled`; NaN where there are no voxels."""
-    from scipy.ndimage import affine_transform
-
-    across = np.ascontiguousarray(matrix[::-1, ::-1])
-    is_straight = not np.any(across - np.diag(np.diag(across)))
-    steps = np.diag(across).copy() if is_straight else across
-    found = np.empty(shape, np.float32)
-    count = max(1, SLAB // max(1, shape[1] * shape[2]))
-    for z in range(0, shape[0], count):
-        part = found[z : z + count]
-        begin = start[::-1] + across[:, 0] * z
-        affine_transform(
-            values, steps, begin, part.shape, part, order=order, mode="mirror", prefilter=False
-        )
-        if not is_straight:
-            part[~_is_inside(values.shape, across, begin, part.shape)] = np.nan
-    return found
-
-
-def _is_inside(
-    size: tuple[int, ...], across: Doubles, begin: Doubles, shape: tuple[int, ...]
-) -> NDArray[np.bool_]:
-    """Which places lie within half a voxel of a volume of that size."""
-    z, y, x = np.ogrid[: shape[0], : shape[1], : shape[2]]
-    inside = np.ones(shape, bool)
-    for axis in range(3):
-        place = begin[axis] + across[axis, 0] * z + across[axis, 1] * y + across[axis, 2] * x
-        inside &= (place >= -HALF) & (place <= size[axis] - 1 + HALF)
-    return inside

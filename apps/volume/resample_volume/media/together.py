@@ -7,8 +7,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory.mapped import array_in_file
 from resample.types import Doubles
-from resample_volume.media.lattices import Lattice
+from resample_volume.media.lattices import Lattice, onto
 from resample_volume.media.mixing import Mixed, mixed_at
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Asked, Box, Bricks, Recent, Step
@@ -184,6 +185,50 @@ def _joined(
     none = np.full(each.shape[1:], nothing)
     found = [none if row is None else join.reduce(each[row], axis=0) for row in rows]
     return np.stack(found, axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Sliced:
+    """Reads boxes of an array that only this process has."""
+
+    values: NDArray[Any]
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box."""
+        return np.ascontiguousarray(self.values[box])
+
+    def __reduce__(self) -> str:
+        raise ValueError(
+            "a volume that was resampled is painted by the process that did so; leave other "
+            "processes out, or resample it before"
+        )
+
+
+def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
+    """Volume in bricks, brought to a lattice; it lies in a file of the user's cache meanwhile.
+
+    Parameters
+    ----------
+    volume
+        In bricks.
+    lattice
+        Of several.
+    most
+        Bytes of pages of files that may be in memory.
+
+    Raises
+    ------
+    ValueError
+        The disk has no room for it.
+    """
+    bricks: Any = volume.values
+    values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
+    bricks.put_into(values)
+    there = onto(volume._replace(values=values), lattice)
+    shape, kind = there.values.shape, there.values.dtype
+    size: Step = (shape[0], shape[1], shape[2])
+    in_file: Any = Bricks(Sliced(there.values), size, kind, bricks.side, memory=bricks.memory)
+    return there._replace(values=in_file)
 
 
 class Member(NamedTuple):

@@ -114,6 +114,17 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
     return np.column_stack([least, most]).astype(np.float32)
 
 
+def widened(bounds: Floats, is_mirrored: bool, reach: float) -> Floats:
+    """Bounds (N, 4), px, of what is painted beyond such bounds.
+
+    By so many px, and as far beyond them as they are wide, if footprints reach as far on one side
+    of their center as on the other.
+    """
+    low, high = bounds[:, :2], bounds[:, 2:]
+    aside = reach + (high - low if is_mirrored else 0)
+    return np.column_stack([low - aside, high + aside]).astype(np.float32)
+
+
 def _projected(place: Doubles, view: View) -> Doubles:
     """Places (N, 3) of a camera's axes on the screen, (N, 2) px; anywhere if not in front."""
     if not view.perspective:

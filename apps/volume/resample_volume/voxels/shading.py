@@ -149,7 +149,7 @@ def shade(
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
-        color = _lit_as_reached(voxels, light, viewer_of(eye, view))
+        color = _lit_as_reached(voxels, light, viewer_of(eye, view), steepest)
     elif light is not None:
         color = _lit(voxels, light, viewer_of(eye, view), steepest)
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
@@ -186,9 +186,11 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None 
     return shaded
 
 
-def _lit_as_reached(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
+def _lit_as_reached(
+    voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None
+) -> Floats:
     """As `_lit`, where not all light gets to all voxels."""
-    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer)
+    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer, steepest)
     everywhere = np.float32(light.ambient) * voxels.color
     return voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
 

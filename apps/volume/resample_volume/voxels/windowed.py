@@ -20,13 +20,22 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
-from resample.painting.plans import SPLATS, PicturePlan, Window
+from resample.painting.plans import SPLATS, PicturePlan, PlansOfPart, Window
 from resample.painting.steps.parts import SamplesInParts
+from resample.painting.steps.planning import EVERYBODY
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Blocks, Indices, Lattice, bounds_of, ends_of, lattice_for
+from resample_volume.voxels.blocks import (
+    Blocks,
+    Indices,
+    Lattice,
+    bounds_of,
+    ends_of,
+    lattice_for,
+    widened,
+)
 from resample_volume.voxels.bricks import Bricks, Recent
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.dense.looked import Classified, LookedAt
@@ -45,7 +54,7 @@ BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
 R = TypeVar("R")
-Lit = Callable[[Any, Steeps], Samples]  # of voxels, and of extreme gradients of all
+Lit = Callable[[Indices, Any, Steeps], Samples]  # of places, voxels and extreme gradients of all
 
 
 class Work(NamedTuple):
@@ -80,10 +89,17 @@ class Surveyed(NamedTuple):
     blocks: Blocks
 
 
+class Guess(NamedTuple):
+    """What is asked of visible voxels while they are looked at once."""
+
+    painters: tuple[str, ...]  # who may turn out to paint all of them
+    spaced: PicturePlan | None  # that learns how fine tiles are; None: all are as fine
+
+
 class FoundInLayers(NamedTuple):
     """What was found in some layers of blocks."""
 
-    plans: list[PicturePlan]
+    plans: list[PlansOfPart]
     steep: list[Steeps]  # of bricks
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
     spaced: PicturePlan | None  # that knows how fine the tiles are which show them
@@ -163,12 +179,14 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     before = _known_before(work, lattice, bricks.found.get(name))
     if before is not None:
         return before
-    job = partial(_look, work, lattice, _guessed(work))
-    looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
-    found = passed(bricks, lattice, job, looking)
-    plans = [plan for part in found for plan in part.plans]
-    if not plans:
-        return None
+    guess: Guess | None = _guessed(work)
+    while guess is not None:
+        looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
+        found = passed(bricks, lattice, partial(_look, work, lattice, guess), looking)
+        if not any(part.seen for part in found):
+            return None
+        plan = _planned(work, found)
+        guess = _better(work, guess, plan)
     seen = np.zeros(int(np.prod(lattice.blocks)), np.int64)
     for index, count in (counted for part in found for counted in part.seen):
         seen[index] += count
@@ -176,8 +194,9 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
     if name is not None:
         bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.kind)
-    bounds = _in_parts(work, lattice, index, seen[index]).bounds
-    plan = _spaced(plans[0].merged(plans[1:]), [part.spaced for part in found])
+    if plan is None or not plan.seen:
+        return None
+    bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
 
 
@@ -250,8 +269,8 @@ def _known_before(work: Work, lattice: Lattice, found: _Found | None) -> Surveye
     return Surveyed(plan, looked.steep, blocks)
 
 
-def _guessed(work: Work) -> PicturePlan | None:
-    """Plan of the volume's corners, between which most often all spacings lie; None: not seen."""
+def _guessed(work: Work) -> Guess:
+    """As the volume's corners have it, between which most often all spacings lie."""
     scene = work.volume
     size = np.array(scene.values.shape[::-1]) - 1
     corner = np.array(list(product((0, 1), repeat=3))) * size @ lattice_of(scene).T + scene.origin
@@ -259,20 +278,33 @@ def _guessed(work: Work) -> PicturePlan | None:
     samples = Samples(corner.astype(np.float32), np.ones_like(corner), alike, lattice_of(scene))
     height, width = work.size
     plan = work.resampler.plan(samples, work.camera, height=height, width=width)
-    is_uneven = plan.painter == SPLATS and plan.seen > 0 and not work.resampler.is_even(plan)
-    return plan if is_uneven else None
+    is_uneven = plan.seen > 0 and not work.resampler.is_even(plan)
+    painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
+    return Guess(painters, plan if is_uneven else None)
 
 
-def _spaced(plan: PicturePlan, parts: list[PicturePlan | None]) -> PicturePlan:
-    """Plan that knows how fine its tiles are, if those of its parts are of that size."""
-    known = [part for part in parts if part is not None and part.tile == plan.tile]
-    spacings = [part.spacing for part in known if part.spacing is not None]
+def _better(work: Work, guess: Guess, plan: PicturePlan | None) -> Guess | None:
+    """What to ask for if a plan does not say all that it might; None: it does."""
+    if plan is None:
+        return Guess(EVERYBODY, guess.spaced)
+    return None if work.resampler.can_step(plan) else Guess(guess.painters, plan)
+
+
+def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
+    """Plan of all samples; None: more painters have to be asked."""
+    height, width = work.size
+    plans = [plan for part in found for plan in part.plans]
+    by = (lattice_of(work.volume), work.camera)
+    plan = work.resampler.plan_of(plans, *by, height=height, width=width)
+    if plan is None:
+        return None
+    known = [part.spaced for part in found if part.spaced is not None]
+    alike = [part for part in known if (part.tile, part.painter) == (plan.tile, plan.painter)]
+    spacings = [part.spacing for part in alike if part.spacing is not None]
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _look(
-    work: Work, lattice: Lattice, spaced: PicturePlan | None, bricks: Bricks
-) -> FoundInLayers:
+def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
     """What is found of a picture in bricks of which some layers are asked for."""
     values: Any = bricks
     found = FoundInLayers([], [], [], None)
@@ -280,16 +312,21 @@ def _look(
     def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
 
-    height, width = work.size
+    (height, width), spaced = work.size, guess.spaced
+    by: dict[str, Any] = {
+        "height": height,
+        "width": width,
+        "clip": work.clip,
+        "painters": guess.painters,
+    }
     for seen, voxels in work.classified(work.volume._replace(values=values), counted):
         if not len(voxels.position):
             continue
         found.steep.append(steeps_of(voxels.parts, work.clip))
         samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
-        plan = work.resampler.plan(samples, work.camera, height=height, width=width, clip=work.clip)
-        if plan.seen:
-            found.plans.append(plan)
-        if plan.seen and spaced is not None:
+        plans = work.resampler.plans(samples, work.camera, **by)
+        found.plans.append(plans)
+        if plans.seen and spaced is not None:
             spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
         found.seen.append(seen)
     return found._replace(spaced=spaced)
@@ -409,12 +446,18 @@ def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesI
         bricks.reads += part.reads
         return samples
 
-    parts = _in_parts(work, lattice, number, task.seen.astype(np.int64))
+    parts = _in_parts(work, lattice, number, task.seen.astype(np.int64), known.plan)
     return parts._replace(load=load, step=task.step)
 
 
-def _in_parts(work: Work, lattice: Lattice, number: Indices, seen: Indices) -> SamplesInParts:
-    """Where blocks are, of which none can be loaded."""
+def _in_parts(
+    work: Work,
+    lattice: Lattice,
+    number: Indices,
+    seen: Indices,
+    plan: PicturePlan | None = None,
+) -> SamplesInParts:
+    """Where blocks are, of which none can be loaded; painted by a plan, or as splats."""
     volume, reach = work.volume, work.resampler.reconstruction.radius
     steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
     center = 0.5 * (low + high) @ steps.T + volume.origin
@@ -422,6 +465,8 @@ def _in_parts(work: Work, lattice: Lattice, number: Indices, seen: Indices) -> S
     away = (high - low)[:, np.newaxis] * corner @ steps.T
     radius = np.sqrt((away * away).sum(axis=2).max(axis=1))
     bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+    if plan is not None:
+        bounds = widened(bounds, *work.resampler.reach_beyond(plan, steps, work.camera))
     return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
 
 
@@ -436,8 +481,8 @@ def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples
     values: Any = bricks
     volume = work.volume._replace(values=values)
 
-    def lit(_: Indices, voxels: Any) -> Samples:
-        return work.lit(voxels, known.steep)
+    def lit(place: Indices, voxels: Any) -> Samples:
+        return work.lit(place, voxels, known.steep)
 
     lattice = np.eye(3)
     for part in work.classified(volume, lit):

@@ -36,6 +36,9 @@ class Outline(NamedTuple):
     fine_seen: Indices  # (M,) how many these are
     low: Floats  # (3,) least coordinates of all, scene units; inf where nothing is seen
     high: Floats  # (3,) greatest; -inf
+    first: Indices  # (3,) least indices along z, y and x
+    last: Indices  # (3,) greatest
+    densest: float  # greatest optical depth per scene unit
 
     @property
     def total(self) -> int:
@@ -67,19 +70,29 @@ def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
     counts = [np.zeros(int(np.prod(one.blocks)), np.int32) for one in (lattice, fine)]
     low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
 
-    def found(place: Indices, voxels: Any) -> tuple[Any, ...]:
-        ends = voxels.position.min(0, initial=np.inf), voxels.position.max(0, initial=-np.inf)
-        counted = lattice.counted(place), fine.counted(place)
-        return counted, ends, steeps_of(voxels.parts, seen.clip)
+    first, last, densest = np.array(lattice.size), np.full(3, -1), 0.0
 
-    for each, ends, own in seen.classified(seen.volume._replace(values=values), found):
-        for count, (index, more) in zip(counts, each, strict=True):
+    def found(place: Indices, voxels: Any) -> tuple[Any, ...]:
+        position, at = voxels.position, np.unravel_index(place, lattice.size)
+        bounds = position.min(0, initial=np.inf), position.max(0, initial=-np.inf)
+        sides = np.array([(n.min(), n.max()) for n in at]).T if place.size else None
+        counted = lattice.counted(place), fine.counted(place)
+        most = float(voxels.extinction.max(initial=0.0))
+        return counted, bounds, sides, most, steeps_of(voxels.parts, seen.clip)
+
+    every = seen.classified(seen.volume._replace(values=values), found)
+    for counted, bounds, sides, most, own in every:
+        for count, (index, more) in zip(counts, counted, strict=True):
             count[index] += more.astype(np.int32)
-        low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
+        low, high = np.minimum(low, bounds[0]), np.maximum(high, bounds[1])
+        if sides is not None:
+            first, last = np.minimum(first, sides[0]), np.maximum(last, sides[1])
+        densest = max(densest, most)
         steeps.append(own)
     (number, seen_there), (small, seen_in_small) = (_filled(count) for count in counts)
     steep: Steeps = reduce(merged_steeps, steeps) if steeps else ()
-    return Outline(LookedAt(steep, number, seen_there), small, seen_in_small, low, high)
+    looked = LookedAt(steep, number, seen_there)
+    return Outline(looked, small, seen_in_small, low, high, first, last, densest)
 
 
 def _filled(count: NDArray[np.int32]) -> tuple[Indices, Indices]:
@@ -101,7 +114,9 @@ def _both(one: Outline, other: Outline) -> Outline:
         else (looked.steep or more.steep)
     )
     ends = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
-    return Outline(LookedAt(steep, *pairs[0]), *pairs[1], *ends)
+    sides = np.minimum(one.first, other.first), np.maximum(one.last, other.last)
+    densest = max(one.densest, other.densest)
+    return Outline(LookedAt(steep, *pairs[0]), *pairs[1], *ends, *sides, densest)
 
 
 def _summed(
