@@ -1,4 +1,4 @@
-"""Servers of the web that fail on purpose."""
+"""A server of the web for tests, with what may go wrong with one."""
 
 import hashlib
 import re

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple
 
 from resample.command.settings import Sharing
+from resample.memory import GIVEN_BACK
 from resample.watching import Executor
 from resample.words import one_line
 
@@ -134,11 +135,12 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
 
 
 def _environment() -> dict[str, object]:
-    """What workers find in their environment: they say nothing of themselves."""
+    """What workers find in their environment: they say nothing of themselves, and hold little."""
     import dask.config
 
     own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-    return {**own, "DASK_LOGGING__DISTRIBUTED": "critical"}
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as of `give_back`
+    return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:

@@ -10,15 +10,28 @@ import logging
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
 GIB = 1 << 30
+GIVEN_BACK = 8 << 20  # bytes from which on arrays go back to the machine when they are freed
 # Bytes of addresses, and of data, that libraries and their threads take without holding memory.
 OF_ADDRESSES, OF_DATA = 1 << 30, 400 << 20
+M_MMAP_THRESHOLD = -3  # of glibc's mallopt
 LOG = logging.getLogger("resample")
 ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
+
+
+def give_back() -> None:
+    """Let this process give large arrays back to the machine when they are freed.
+
+    By itself glibc holds on to arrays of up to 32 MiB, in each thread. Does nothing elsewhere.
+    """
+    import ctypes
+
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def physical_memory() -> int | None:

@@ -5,6 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from resample import Resampler
 from resample_volume import windows as windows_of
@@ -16,7 +18,7 @@ from resample_volume.media.together import in_grid
 from resample_volume.rendering import Appearance, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.dense.passes import Looking
-from resample_volume.voxels.shading import DepthCue
+from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, paint_unseen, share_lattice, unseen_together
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
@@ -39,11 +41,11 @@ def second(rng, place):
     return volume._replace(origin=volume.origin + volume.spacing * [-4, 5, 3])
 
 
-def painted(media, sides, memory, executor=None):
+def painted(media, sides, memory, executor=None, fit="volume"):
     dense = [
         (in_bricks(volume, side), look) for (volume, look), side in zip(media, sides, strict=True)
     ]
-    subject = unseen_together(dense)
+    subject = unseen_together(dense, fit)
     camera = subject.camera(EYE, *SIZE)
     return paint_unseen(dense, subject, camera, SIZE, Spent(memory, executor=executor))
 
@@ -104,6 +106,29 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] <= own.min() <= own.max() <= greatest[index]
             else:
                 assert least[index] > greatest[index]
+
+
+@settings(max_examples=6)
+@given(
+    shape=st.tuples(*[st.integers(6, 30)] * 3),
+    first=st.tuples(*[st.integers(-12, 12)] * 3),
+    sides=st.tuples(*[st.tuples(*[st.integers(3, 20)] * 3)] * 2),
+    memory=st.sampled_from([1_500_000, 1 << 30]),
+    workers=st.integers(1, 3),
+    fit=st.sampled_from(["visible", "volume"]),
+)
+@example((29, 8, 30), (3, -7, 0), ((8, 8, 8), (5, 7, 20)), 1_500_000, 2, "visible")
+def test_any_volumes_in_any_bricks_give_the_same_bits(shape, first, sides, memory, workers, fit):
+    rng = np.random.default_rng(sum(shape))
+    values, label = (rng.integers(0, n, shape).astype(np.uint8) for n in (200, 5))
+    spacing = np.array([1.0, 0.8, 1.2])
+    volume = Volume(values, spacing, np.zeros(3), np.eye(3), "any")
+    light = Light((1, -1, 2), shadows=True, occlusion=True)
+    look = Appearance(WALLS, light, labels=Labels(label, LABELS.rules), cue=DepthCue(0.4))
+    media = [(volume, look), (volume._replace(origin=spacing * first), Appearance("40..90"))]
+    with ThreadPoolExecutor(workers) as executor:
+        found, _ = painted(media, sides, memory, executor, fit)
+    assert_same(found, whole_of(media, fit))
 
 
 C, S = np.cos(0.4), np.sin(0.4)

@@ -11,7 +11,7 @@ import numpy as np
 from resample import registry
 from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
-from resample.memory import allow, amount, available_memory, bytes_of
+from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.command.choices import Source
@@ -94,6 +94,7 @@ def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -
     """
     values: Values = volume.values
     if isinstance(values, Bricks):
+        give_back()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
         if hire is not None and values.size >= kept.LEAST:

@@ -32,15 +32,27 @@ class Lattice(NamedTuple):
 
     def counted(self, place: Indices) -> tuple[Indices, Indices]:
         """Blocks in which voxels lie, by flat indices, and how many each has."""
-        z, y, x = (n // self.side for n in np.unravel_index(place, self.size))
-        found, count = np.unique(np.ravel_multi_index((z, y, x), self.blocks), return_counts=True)
-        return found, count
+        if not place.size:
+            return place, place
+        at = np.unravel_index(place, self.size)
+        z, y, x = (_in_steps(n, self.side) for n in at)
+        number = np.ravel_multi_index((z, y, x), self.blocks)
+        first = int(number.min())
+        count = np.bincount(number - first)
+        found = np.flatnonzero(count)
+        return found + first, count[found]
 
     def asked(self, number: Indices) -> Asked:
         """Some of the blocks, as bricks know what is asked of them."""
         is_asked = np.zeros(self.blocks, bool)
         is_asked.reshape(-1)[number] = True
         return Asked(self.side, is_asked)
+
+
+def _in_steps(index: Indices, side: int) -> Indices:
+    """Indices (N,) divided by a side, which mostly is a power of two."""
+    bits = side.bit_length() - 1
+    return index >> bits if side == 1 << bits else index // side
 
 
 class Blocks(NamedTuple):

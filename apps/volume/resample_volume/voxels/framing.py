@@ -126,7 +126,7 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
         position = ends.astype(np.float32)
     position = _without_strays(position, voxel)
-    return sphere_of(*_bounds(position), voxel, partial(farthest_from, position))
+    return sphere_of(*bounds(position), voxel, partial(farthest_from, position))
 
 
 def sphere_of(
@@ -177,7 +177,7 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 def _without_strays(position: Floats, voxel: float) -> Floats:
     """Places (N, 3) without the few that are far away from all others along an axis."""
     most = most_strays(len(position))
-    low, high = _bounds(position)
+    low, high = bounds(position)
     extent = high - low
     if not most or not np.isfinite(extent).all() or _is_filled(position, low, extent, most):
         return position
@@ -232,7 +232,7 @@ def near_ends(some: Floats, low: Doubles, extent: Doubles) -> NDArray[np.int64]:
     return np.stack([near_low, near_high])
 
 
-def _bounds(position: Floats) -> tuple[Doubles, Doubles]:
+def bounds(position: Floats) -> tuple[Doubles, Doubles]:
     """Least and greatest coordinates of places (N, 3); in two steps, as NumPy likes long rows."""
     whole = len(position) // ROW * ROW
     some = position[whole:]

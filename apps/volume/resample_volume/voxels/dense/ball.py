@@ -64,7 +64,7 @@ def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sp
     looking
         Who looks at all of them again, if there may be strays.
     """
-    low, high = (end.astype(np.float64) for end in (outline.low, outline.high))
+    low, high = outline.low, outline.high
     most, bulk, extent = most_strays(outline.total), None, high - low
     if most and np.isfinite(extent).all() and not _is_filled(seen, outline, most):
         bulk = _bulk(seen, low, extent, most, voxel, looking)
@@ -124,7 +124,7 @@ def _positions(seen: ToSee, bricks: Bricks) -> Iterator[Floats]:
 def _is_filled(seen: ToSee, outline: Outline, most: int) -> bool:
     """What `framing` asks of every so many voxels, in the order of the painter's bricks."""
     bricks: Any = seen.volume.values
-    low, high = (end.astype(np.float64) for end in (outline.low, outline.high))
+    low, high = outline.low, outline.high
     extent, least = high - low, least_near(most)
     lattice = Lattice(bricks.shape, FINE)
     start = np.cumsum(outline.fine_seen) - outline.fine_seen

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.dense.passes import Looking, passed
+from resample_volume.voxels.framing import bounds
 
 FINE = 8  # voxels per side of the bricks that voxels in memory are ordered by
 
@@ -34,8 +35,8 @@ class Outline(NamedTuple):
     looked: LookedAt
     fine: Indices  # (M,) bricks of `FINE` voxels per side with visible ones, by flat indices
     fine_seen: Indices  # (M,) how many these are
-    low: Floats  # (3,) least coordinates of all, scene units; inf where nothing is seen
-    high: Floats  # (3,) greatest; -inf
+    low: Doubles  # (3,) least coordinates of all, scene units; inf where nothing is seen
+    high: Doubles  # (3,) greatest; -inf
     first: Indices  # (3,) least indices along z, y and x
     last: Indices  # (3,) greatest
     densest: float  # greatest optical depth per scene unit
@@ -67,38 +68,40 @@ def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
     values: Any = bricks
     fine = lattice._replace(side=FINE)
     steeps: list[Steeps] = []
-    counts = [np.zeros(int(np.prod(one.blocks)), np.int32) for one in (lattice, fine)]
-    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    count = np.zeros(int(np.prod(fine.blocks)), np.int32)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
 
     first, last, densest = np.array(lattice.size), np.full(3, -1), 0.0
 
     def found(place: Indices, voxels: Any) -> tuple[Any, ...]:
         position, at = voxels.position, np.unravel_index(place, lattice.size)
-        bounds = position.min(0, initial=np.inf), position.max(0, initial=-np.inf)
         sides = np.array([(n.min(), n.max()) for n in at]).T if place.size else None
-        counted = lattice.counted(place), fine.counted(place)
+        box = bounds(position) if place.size else None
         most = float(voxels.extinction.max(initial=0.0))
-        return counted, bounds, sides, most, steeps_of(voxels.parts, seen.clip)
+        return fine.counted(place), box, sides, most, steeps_of(voxels.parts, seen.clip)
 
     every = seen.classified(seen.volume._replace(values=values), found)
-    for counted, bounds, sides, most, own in every:
-        for count, (index, more) in zip(counts, counted, strict=True):
-            count[index] += more.astype(np.int32)
-        low, high = np.minimum(low, bounds[0]), np.maximum(high, bounds[1])
-        if sides is not None:
+    for (index, more), box, sides, most, own in every:
+        count[index] += more.astype(np.int32)
+        if box is not None:
+            low, high = np.minimum(low, box[0]), np.maximum(high, box[1])
             first, last = np.minimum(first, sides[0]), np.maximum(last, sides[1])
         densest = max(densest, most)
         steeps.append(own)
-    (number, seen_there), (small, seen_in_small) = (_filled(count) for count in counts)
+    small = np.flatnonzero(count)
     steep: Steeps = reduce(merged_steeps, steeps) if steeps else ()
-    looked = LookedAt(steep, number, seen_there)
-    return Outline(looked, small, seen_in_small, low, high, first, last, densest)
+    looked = LookedAt(steep, *_in_blocks(lattice, fine, small, count[small]))
+    return Outline(looked, small, count[small].astype(np.int64), low, high, first, last, densest)
 
 
-def _filled(count: NDArray[np.int32]) -> tuple[Indices, Indices]:
-    """Which numbers there are, and how often."""
-    index = np.flatnonzero(count)
-    return index, count[index].astype(np.int64)
+def _in_blocks(
+    lattice: Lattice, fine: Lattice, small: Indices, count: NDArray[np.int32]
+) -> tuple[Indices, Indices]:
+    """Blocks of a lattice with visible voxels and how many each has, from those of a finer one."""
+    at = [n * fine.side // lattice.side for n in np.unravel_index(small, fine.blocks)]
+    total = np.bincount(np.ravel_multi_index(at, lattice.blocks), count)
+    number = np.flatnonzero(total)
+    return number, total[number].astype(np.int64)
 
 
 def _both(one: Outline, other: Outline) -> Outline:
