@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from resample_texture import BackwardMap, warp, warp_chunks
+from resample_texture import BackwardMap, Hybrid, warp, warp_chunks
+from resample_texture import drawing as drawings
+from resample_texture.texels import partly
 
 RNG = np.random.default_rng(9)
 IMAGE = RNG.random((230, 310, 3)).astype(np.float32)
@@ -14,6 +16,8 @@ WAYS = {
     "enlarged": [[7.3, 0.4, -300], [0.2, 6.1, -200], [0, 0, 1]],
     "moved": [[1, 0, 7], [0, 1, -5], [0, 0, 1]],
     "made small": [[0.11, 0.02, 60], [0.01, 0.09, 50], [0, 0, 1]],
+    "made tiny": [[0.02, 0.003, 60], [0.001, 0.015, 50], [0, 0, 1]],
+    "to the horizon": [[1.0, 0.6, 10], [0.0, 0.55, 30], [0.0, 9e-3, 0.4]],
 }
 
 
@@ -22,10 +26,12 @@ class Counting:
 
     def __init__(self, image):
         self.image, self.shape, self.dtype, self.read = image, image.shape, image.dtype, 0
+        self.largest = 0  # texels read at once
 
     def __getitem__(self, where):
         part = self.image[where]
         self.read += part.shape[0] * part.shape[1]
+        self.largest = max(self.largest, part.shape[0] * part.shape[1])
         return part
 
 
@@ -85,6 +91,59 @@ def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
     np.testing.assert_array_equal(
         warp_chunks(source, WAYS[way], FRAME, side=(90, 70), edge=edge).compute(), whole
     )
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.float16, np.float32])
+@pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap", "mirror"])
+@pytest.mark.parametrize("way", ["made small", "to the horizon"])
+def test_texels_are_projected_from_parts_of_the_source(way, edge, kind, monkeypatch):
+    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
+    monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
+    image = (IMAGE * (255 if kind == np.uint8 else 1)).astype(kind)
+    if kind == np.float32:
+        image[50:70, 60:90, 1] = np.nan
+        image[3, 4] = np.inf
+    source = Counting(image)
+    made = np.zeros((*FRAME, 3), kind)
+    warp_chunks(source, WAYS[way], FRAME, out=made, side=90, edge=edge)
+    np.testing.assert_array_equal(made, warp(image, WAYS[way], FRAME, edge=edge).image)
+    if edge == "transparent":
+        assert source.largest < 0.5 * 230 * 310
+
+
+def test_a_block_of_many_texels_is_read_strip_by_strip(monkeypatch):
+    image = RNG.random((1000, 700, 3)).astype(np.float32)
+    matrix = [[0.004, 0, 10], [0, 0.004, 10], [0, 0, 1]]
+    whole = warp(image, matrix, (32, 40)).image
+    monkeypatch.setattr(partly, "MOST_VALUES", 70_000)
+    monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 70_000)
+    source, made = Counting(image), np.zeros((32, 40, 3), np.float32)
+    warp_chunks(source, matrix, (32, 40), out=made)
+    np.testing.assert_array_equal(made, whole)
+    assert source.largest < 0.1 * 1000 * 700
+
+
+def test_a_clamped_picture_is_not_clamped_to_what_a_chunk_shows():
+    method, made = Hybrid(interpolation="lanczos", clamp=True), np.zeros((*FRAME, 3), np.float32)
+    warp_chunks(IMAGE, WAYS["enlarged"], FRAME, method, out=made, side=50)
+    np.testing.assert_array_equal(made, warp(IMAGE, WAYS["enlarged"], FRAME, method).image)
+
+
+def test_gaps_leave_the_bits_of_other_parts_alone():
+    image = IMAGE.copy()
+    image[200:, 250:] = np.nan
+    method, made = Hybrid(interpolation="lanczos"), np.zeros((*FRAME, 3), np.float32)
+    warp_chunks(image, WAYS["turned"], FRAME, method, out=made, side=50)
+    np.testing.assert_array_equal(made, warp(image, WAYS["turned"], FRAME, method).image)
+
+
+@pytest.mark.parametrize("way", ["turned", "made small"])
+def test_gaps_in_gray_leave_the_bits_of_other_parts_alone(way):
+    image = np.ascontiguousarray(IMAGE[..., 0])
+    image[200:, 250:] = np.nan
+    made = np.zeros(FRAME, np.float32)
+    warp_chunks(image, WAYS[way], FRAME, out=made, side=50)
+    np.testing.assert_array_equal(made, warp(image, WAYS[way], FRAME).image)
 
 
 def test_a_lazy_chunk_asks_for_the_chunks_that_it_shows():

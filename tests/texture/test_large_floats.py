@@ -13,7 +13,9 @@ from resample.files.images import read_channels
 from resample.files.pictures import read_picture
 from resample.files.strips.reading import keepable
 from resample.memory import mapped
+from resample_texture import drawing as drawings
 from resample_texture.command import cli, large
+from resample_texture.texels import partly
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -26,6 +28,8 @@ WARPS = {
     "region": ["warp", "--matrix", ".8,.1,30,.1,.7,20", "--roi", "20,33,110,77"],
     "encoded": ["rotate", "--degrees", "7", "--no-linear"],
     "quarter": ["rotate", "--degrees", "90"],
+    "thumbnail": ["resize", "--size", "24x70"],
+    "horizon": ["warp", "--matrix", "1,.6,10,0,.55,30,0,9e-3,.4", "--size", "190x130"],
     "resized": ["resize", "--size", "70x90"],
 }
 
@@ -98,6 +102,9 @@ def in_strips(monkeypatch):
     """Warp all pictures as if they were large, kept in files; gives the strips that were warped."""
     done, one = [], large.Large._strip
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(drawings, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
+    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
     monkeypatch.setattr(mapped, "pages_of", lambda _: 1 << 20)
 
     def counted(self, first, count):

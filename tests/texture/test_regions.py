@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample_texture import BackwardMap, warp
+from resample_texture import BackwardMap, Hybrid, Points, Supersample, warp
 from resample_texture import drawing as drawings
 
 RNG = np.random.default_rng(8)
@@ -31,6 +31,30 @@ def test_a_region_has_the_bits_of_the_whole(way, edge):
         np.testing.assert_array_equal(part.coverage, whole.coverage[here])
 
 
+@pytest.mark.parametrize(
+    "method",
+    [
+        Hybrid(filter="gaussian:sigma=0.5"),
+        Hybrid(filter="lanczos:a=3"),
+        Hybrid(filter="mitchell", interpolation="bilinear"),
+        Hybrid(total=True),
+        Points(),
+        Supersample(),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("way", ["seen aslant", "to the horizon"])
+def test_a_region_under_another_filter_has_the_bits_of_the_whole(way, method):
+    edges = ("transparent", "clamp", "mirror") if way == "seen aslant" else ("transparent",)
+    for edge in edges:
+        whole = warp(IMAGE, WAYS[way], FRAME, method, edge=edge)
+        for left, top, width, height in REGIONS[1:3]:
+            part = warp(IMAGE, WAYS[way], FRAME, method, edge=edge, roi=(left, top, width, height))
+            here = np.s_[top : top + height, left : left + width]
+            np.testing.assert_array_equal(part.image, whole.image[here])
+            np.testing.assert_array_equal(part.coverage, whole.coverage[here])
+
+
 @pytest.mark.parametrize("edge", ["transparent", "mirror"])
 def test_a_region_of_a_map_has_the_bits_of_the_whole(edge):
     y, x = np.mgrid[: FRAME[0], : FRAME[1]] + 0.5
@@ -54,3 +78,10 @@ def test_a_picture_drawn_in_parts_has_the_bits_of_one_drawn_at_once(way, monkeyp
     np.testing.assert_array_equal(parts.coverage, whole.coverage)
     part = warp(IMAGE, WAYS[way], FRAME, roi=REGIONS[2])
     np.testing.assert_array_equal(part.image, region.image)
+
+
+def test_far_beyond_a_clamped_edge_is_the_outermost_texel_alone():
+    tiny = [[0.02, 0.003, 60], [0.001, 0.015, 50], [0, 0, 1]]
+    image = warp(IMAGE, tiny, (200, 170), edge="clamp").image
+    np.testing.assert_allclose(image[0, 0], IMAGE[0, 0], atol=3e-5)  # sums of weights
+    np.testing.assert_allclose(image[-1, -1], IMAGE[-1, -1], atol=3e-5)

@@ -91,8 +91,8 @@ def within(
         return ForwardMap(geometry.x - left, geometry.y - top), (height, width), np.s_[:, :]
     (left, top, right, bottom), part = _around(roi, shape, 0, tile)
     moved = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]]) @ geometry.matrix
-    region = Region(geometry, left, top, shape) if tile > 1 else None
-    if region is not None and geometry.region is not None:
+    region = Region(geometry, left, top, shape)
+    if geometry.region is not None:
         outer = geometry.region
         region = outer._replace(left=left + outer.left, top=top + outer.top)
     return Homography(moved, geometry.is_signed, region), (bottom - top, right - left), part

@@ -22,11 +22,11 @@ from resample_texture.asking import (
     whole_pair,
     within,
 )
-from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts
+from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
-from resample_texture.geometry.windows import PictureWindow, Rect, windows_of
-from resample_texture.types import Edge, Method, Warped
+from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.types import Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own
 
@@ -232,20 +232,17 @@ def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[
     return Drawing(way.method, geometry, form, way.edge, way.threads), part
 
 
-def _windows(source: _Source, drawing: Drawing) -> Iterator[PictureWindow]:
-    """What windows of a chunk show of a source."""
-    method: Any = drawing.method
-    size = source.shape[0], source.shape[1]
-    seen = method.seen_tiles(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
-    return windows_of(seen, size, max(1, MOST_IN_WINDOW // math.prod(source.shape[2:])))
-
-
 def _seen_of(source: _Source, drawing: Drawing) -> Rect:
     """Part of a source that a chunk reads."""
     height, width = source.shape[:2]
-    parts = np.array([window.source for window in _windows(source, drawing)])
-    left, top = parts[:, :2].min(axis=0)
-    right, bottom = parts[:, 2:].max(axis=0)
+    parts = parts_of(source, drawing)
+    if parts is None or parts.mixed is not None:
+        return Rect(0, 0, width, height)
+    most = max(1, MOST_IN_WINDOW // math.prod(source.shape[2:]))
+    windows = windows_of(parts.windows, (height, width), most)
+    sources = np.array([window.source for window in windows])
+    left, top = sources[:, :2].min(axis=0)
+    right, bottom = sources[:, 2:].max(axis=0)
     if min(left, top) < 0 or right > width or bottom > height:  # it is repeated
         return Rect(0, 0, width, height)
     return Rect(int(left), int(top), int(right), int(bottom))
@@ -285,15 +282,17 @@ def _is_read_in_parts(source: _Source, way: _Way) -> bool:
         return False
     if isinstance(geometry, Homography) and whole_move(geometry.matrix) is not None:
         return False
-    size = source.shape[0], source.shape[1]
     if isinstance(geometry, BackwardMap):
         return True
-    return way.method.seen_tiles(size, geometry, way.shape, Edge(way.edge)) is not None
+    return parts_of(source, Drawing(*way)) is not None
 
 
 def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | None) -> Warped:
     """One chunk, from what it shows of a source, or from one that is in memory."""
-    if not isinstance(source, _Source):
+    parts = None
+    if isinstance(source, _Source):
+        parts = parts_of(source, drawing)
+        source = source if parts else source.whole()
+    if parts is None:
         return drawn(source, drawing, linear_light=linear_light, alpha=alpha)
-    windows = _windows(source, drawing)
-    return drawn_in_parts(source, drawing, windows, linear_light=linear_light, alpha=alpha)
+    return drawn_in_parts(source, drawing, parts, linear_light=linear_light, alpha=alpha)

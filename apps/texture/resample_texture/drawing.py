@@ -3,7 +3,8 @@
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from resample.types import Floats
 from resample_texture.asking import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
-from resample_texture.geometry.windows import PictureWindow, between, windows_of
+from resample_texture.geometry.windows import PictureWindow, SeenTiles, between, windows_of
 from resample_texture.texels.encoding import (
     Encoding,
     check_picture,
@@ -21,8 +22,13 @@ from resample_texture.texels.encoding import (
     is_together,
 )
 from resample_texture.texels.gaps import Mended, added, masked, mended, missing_in, unmasked
+from resample_texture.texels.spans import WIDE
 from resample_texture.types import Edge, Method, Warped
 
+if TYPE_CHECKING:
+    from resample_texture.texels.looking import MixedTiles
+
+Integers = NDArray[np.int64]
 MOST_AT_ONCE = 1 << 24  # values of source and target that are drawn in one go
 MOST_IN_WINDOW = 1 << 22  # values of a window, of what it shows and of what it makes
 LIGHT = np.dtype(np.float32)
@@ -37,6 +43,7 @@ class Drawing(NamedTuple):
     edge: str  # an `Edge`, or `REFLECT_101`
     threads: int | None = None
     as_light: bool = False  # the picture is as methods make it, whatever the source's type
+    has_gaps: bool | None = None  # whether there are values that are not finite; None: not known
 
 
 def drawn(
@@ -50,9 +57,10 @@ def drawn(
         if drawing.as_light:
             return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
         return moved
-    windows = _windows(image, drawing)
-    if windows is not None:
-        return drawn_in_parts(image, drawing, windows, linear_light=linear_light, alpha=alpha)
+    if _is_large(image, drawing):
+        parts = parts_of(image, drawing)
+        if parts is not None:
+            return drawn_in_parts(image, drawing, parts, linear_light=linear_light, alpha=alpha)
     return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
 
 
@@ -71,7 +79,7 @@ def _drawn_whole(
     is_sum = adds(drawing.method)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
-    warped = run(drawing, texels)
+    warped = _run_with_gaps(drawing, texels, encoding.gaps)
     if encoding.gaps and is_sum:
         mean = dataclasses.replace(drawing.method, total=False)  # type: ignore[type-var]
         there = np.ascontiguousarray(texels[..., -encoding.gaps :])
@@ -97,36 +105,133 @@ def put(warped: Warped, out: NDArray[Any]) -> Warped:
     return Warped(out, warped.coverage)
 
 
-def _windows(image: NDArray[Any], drawing: Drawing) -> Iterator[PictureWindow] | None:
-    """Parts that a large picture is drawn in, so that little memory is needed, and that quickly."""
+def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
+    """Whether a picture had better be drawn in parts, so that little memory is needed."""
+    channels = math.prod(image.shape[2:])
+    return (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE
+
+
+class Parts(NamedTuple):
+    """Parts that a picture is drawn in, so that little memory is needed, and that quickly."""
+
+    windows: SeenTiles
+    mixed: "MixedTiles | None" = None  # where texels are projected to others
+
+
+def parts_of(image: Any, drawing: Drawing) -> Parts | None:
+    """Parts of what gives arrays for slices; None if it is drawn whole.
+
+    Raises
+    ------
+    ValueError
+        As of the method.
+    """
     from resample.engine import jit
 
-    method, geometry, shape, edge, *_ = drawing
-    size, channels = (image.shape[0], image.shape[1]), image[0, 0].size
-    if (math.prod(size) + math.prod(shape)) * channels <= MOST_AT_ONCE:
-        return None
+    method, geometry, shape, edge, threads, *_ = drawing
     if isinstance(image, np.ma.MaskedArray) or not hasattr(method, "seen_tiles"):
         return None
-    with jit.threads(drawing.threads):
+    size = image.shape[0], image.shape[1]
+    with jit.threads(threads):
         seen = method.seen_tiles(size, geometry, shape, Edge(edge))
-    return None if seen is None else windows_of(seen, size, MOST_IN_WINDOW // channels)
+        if seen is not None:
+            return Parts(seen)
+        if not hasattr(method, "mixed_tiles") or image.dtype.name in WIDE:
+            return None
+        form = (*size, math.prod(image.shape[2:]))
+        mixed = method.mixed_tiles(form, geometry, shape, Edge(edge))
+    return None if mixed is None else Parts(mixed.near, mixed)
 
 
 def drawn_in_parts(
-    image: Any, drawing: Drawing, windows: Iterator[PictureWindow], *, linear_light: bool,
-    alpha: str | None,
-) -> Warped:  # fmt: skip
+    image: Any, drawing: Drawing, parts: Parts, *, linear_light: bool, alpha: str | None
+) -> Warped:
     """Picture warped window by window; it may be what gives arrays for slices alone."""
     form = LIGHT if drawing.as_light else image.dtype
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
     )
-    for window in windows:
-        part, inner = _part_of(drawing, window, (image.shape[0], image.shape[1]))
-        seen, there = _seen_through(window, image, drawing.edge), window.target.part
+    size, channels = (image.shape[0], image.shape[1]), math.prod(image.shape[2:])
+    is_near: NDArray[np.bool_] | None = None
+    if parts.mixed is not None:
+        source = _Read(image, drawing, linear_light, alpha)
+        there = parts.mixed.far.part
+        result.image[there], result.coverage[there] = source.projected(parts.mixed)
+        is_near = _pixels_of(parts.mixed, drawing.shape)
+        drawing = drawing._replace(method=drawing.method.near)  # type: ignore[attr-defined]
+    for window in windows_of(parts.windows, size, max(1, MOST_IN_WINDOW // channels)):
+        there = window.target.part
+        wanted: Any = np.s_[...] if is_near is None else is_near[there]
+        if is_near is not None and not wanted.any():
+            continue
+        part, inner = _part_of(drawing, window, size)
+        seen = _seen_through(window, image, drawing.edge)
         drawn = _drawn_whole(seen, part, linear_light=linear_light, alpha=alpha)
-        result.image[there], result.coverage[there] = drawn.image[inner], drawn.coverage[inner]
+        result.image[there][wanted] = drawn.image[inner][wanted]
+        result.coverage[there][wanted] = drawn.coverage[inner][wanted]
     return result
+
+
+def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Pixels (height, width) of near tiles."""
+    is_near = np.zeros(shape, np.bool_)
+    for left, top, right, bottom in mixed.near.tiles[mixed.is_near].tolist():
+        is_near[top:bottom, left:right] = True
+    return is_near
+
+
+class _Read:
+    """Texels of a picture that gives arrays for slices, decoded where they are asked for."""
+
+    def __init__(self, image: Any, drawing: Drawing, linear_light: bool, alpha: str | None) -> None:
+        self.image, self.drawing = image, drawing
+        self.channels = math.prod(image.shape[2:])
+        has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
+        self.gaps = self.channels if has_gaps else 0
+        self.light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and channels, those included that tell of gaps."""
+        return self.image.shape[0], self.image.shape[1], self.channels + self.gaps
+
+    def texels(self, rows: Integers, columns: Integers) -> Floats:
+        """Texels (R, K, C), see `resample_texture.texels.partly.TexelReader`."""
+        found = np.empty((rows.size, columns.size, self.shape[2]), np.float32)
+        for down, here in _stretches(rows):
+            for across, there in _stretches(columns):
+                found[here, there], _ = self._decoded(self.image[down, across])
+        return found
+
+    def projected(self, mixed: "MixedTiles") -> Warped:
+        """What texels fill."""
+        _, encoding = self._decoded(self.image[0:1, 0:1])
+        encoding = encoding.as_light() if self.drawing.as_light else encoding
+        from resample.engine import jit
+
+        with jit.threads(self.drawing.threads):
+            return finished(mixed.projected(self), encoding)
+
+    def _decoded(self, part: NDArray[Any]) -> tuple[Floats, Encoding]:
+        return decoded(np.asarray(part), **self.light, gaps=self.gaps)
+
+
+def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
+    """Consecutive numbers among some, and where they stand."""
+    ends = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), places.size]
+    for first, last in pairwise(ends):
+        start = int(places[first])
+        yield slice(start, start + last - first), slice(first, last)
+
+
+def _has_gaps(image: Any) -> bool:
+    """Whether a picture that gives arrays for slices has values that are not finite."""
+    if image.dtype.kind != "f":
+        return False
+    step = max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))
+    height, width = image.shape[:2]
+    ends = [*range(0, height, step), height]
+    return not all(np.isfinite(image[slice(*rows), 0:width]).all() for rows in pairwise(ends))
 
 
 def _part_of(
@@ -210,11 +315,23 @@ def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warpe
     return Warped(result, np.where(nothing, np.float32(0), picks.coverage))
 
 
+def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
+    """Warp texels, the last channels of which tell where there are values.
+
+    Gray is warped alone, as it is where no value is missing: kernels add one channel in an order of
+    its own.
+    """
+    if (gaps, texels.shape[2]) != (1, 2):
+        return run(drawing, texels)
+    value, there = (run(drawing, np.ascontiguousarray(texels[..., n : n + 1])) for n in (0, 1))
+    return Warped(np.concatenate([value.image, there.image], axis=2), value.coverage)
+
+
 def run(drawing: Drawing, texels: Floats) -> Warped:
     """Warp texels on so many threads, whose tasks are handed out one by one."""
     from resample.engine import jit
 
-    method, geometry, shape, edge, threads, _ = drawing
+    method, geometry, shape, edge, threads, *_ = drawing
     with jit.threads(threads):
         return method(texels, geometry, shape, Edge(edge))
 

@@ -26,6 +26,8 @@ class Border(NamedTuple):
     lines: Doubles  # (N, 3) its edges on screen; the product with (x, y, 1) is positive inside
     reach: float  # px, radius of the pixel filter
     full: float  # weight from which on a pixel counts as filled wherever it lies
+    column: int = 0  # on the screen of the lines, at which the picture begins
+    row: int = 0
 
 
 class Means(NamedTuple):
@@ -99,10 +101,11 @@ def _finish_band(
     weight_at = picture.shape[2] - 1
     zero, one = np.float32(0), np.float32(1)
     for row in range(rows[0], rows[1]):
-        inner = _inner_columns(border, row + 0.5, picture.shape[1])
+        inner = _inner_columns(border, border.row + row + 0.5, border.column + picture.shape[1])
         for column in range(picture.shape[1]):
             weight = picture[row, column, weight_at]
-            is_full = weight > zero and (weight >= border.full or inner[0] <= column < inner[1])
+            is_inner = inner[0] <= border.column + column < inner[1]
+            is_full = weight > zero and (weight >= border.full or is_inner)
             coverage[row, column] = one if is_full else min(max(weight, zero), one)
             is_mean = (is_full or weight > one) and not is_sum
             share = one / weight if is_mean else one

@@ -29,7 +29,7 @@ from resample_texture.command.rendering import (
     placed,
     sees_all,
 )
-from resample_texture.drawing import Drawing, drawn
+from resample_texture.drawing import Drawing, Parts, drawn, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Edge, Warped
@@ -122,13 +122,21 @@ class Large:
 
     @property
     def looks(self) -> bool:
-        """Whether every part of the target looks at a part of the source."""
-        if not hasattr(self.method, "seen_tiles"):
-            return False
-        is_plane = isinstance(self.target.places, Homography)  # along maps all parts are alike
-        geometry, shape, _ = self._part(*((0, self.roi[3]) if is_plane else next(self._rows())))
-        edge = Edge(self.choice.edge)
-        return self.method.seen_tiles(self.form.shape[:2], geometry, shape, edge) is not None
+        """Whether every part of the target is drawn from parts of the source."""
+        return self._parts is not None
+
+    @cached_property
+    def _parts(self) -> Parts | None:
+        """Parts of the whole target, or of some rows: along maps all are alike."""
+        is_plane = isinstance(self.target.places, Homography)
+        rows = (0, self.roi[3]) if is_plane else next(self._rows())
+        return parts_of(self.form, self._drawing(*rows)[0])
+
+    def _drawing(self, first: int, count: int) -> tuple[Drawing, tuple[slice, slice]]:
+        """What is drawn for some rows, and what of that they are."""
+        choice, (geometry, shape, part) = self.choice, self._part(first, count)
+        drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
+        return drawing, part
 
     @cached_property
     def most(self) -> int:
@@ -138,7 +146,7 @@ class Large:
     @property
     def in_strips(self) -> InStrips:
         """What is held of it."""
-        return InStrips(self.form.size, self.most)
+        return InStrips(self.form.size, max(self.most, LEAST_IN_STRIP))
 
     @cached_property
     def kept(self) -> KeptPicture:
@@ -154,6 +162,8 @@ class Large:
     def _seen(self) -> Rect:
         """Part of the source that is shown."""
         size = self.form.shape[:2]
+        if self._parts is not None and self._parts.mixed is not None:
+            return Rect(0, 0, size[1], size[0])
         parts = np.array([self._seen_by(first, count) for first, count in self._rows()])
         (left, top), (right, bottom) = parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)
         seen = Rect(int(left), int(top), int(right), int(bottom))
@@ -250,8 +260,8 @@ class Large:
     def _drawn(self, first: int, count: int) -> Warped:
         """Light of some rows of what is made, and their coverage."""
         kept, choice = self.kept, self.choice
-        geometry, shape, part = self._part(first, count)
-        drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
+        drawing, part = self._drawing(first, count)
+        drawing = drawing._replace(has_gaps=kept.has_gaps)
         is_linear = choice.linear and kept.kind.is_encoded
         image, coverage = drawn(kept.data, drawing, linear_light=is_linear, alpha=None)
         return Warped(image[part], coverage[part])

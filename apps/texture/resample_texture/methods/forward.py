@@ -15,8 +15,9 @@ from resample_texture.types import Edge, Method, Warped
 if TYPE_CHECKING:
     from resample_texture.geometry.windows import SeenTiles
     from resample_texture.texels.forward import Cells
-    from resample_texture.texels.looking import Gaze
+    from resample_texture.texels.looking import Gaze, MixedTiles
 
+MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
 FEW = 8192  # texels and px that one thread works on alone
 LARGEST_QUALITY = 16.0
 # Rms errors of white noise from 0 to 1 under the area filter, in the worst of 60 views, and from
@@ -107,11 +108,32 @@ class Hybrid:
 
         None if that cannot be told: parts are not drawn alone.
         """
-        if self.magnified != "cells" or not self._looks_along(geometry):
+        if self.clamp or self.magnified != "cells" or not self._looks_along(geometry):
             return None
         from resample_texture.texels.looking import seen_tiles
 
-        return seen_tiles(size, geometry, shape, edge, self._cells())
+        return seen_tiles(size, geometry, shape, edge, self.cells)
+
+    def mixed_tiles(
+        self, form: tuple[int, int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> "MixedTiles | None":
+        """Parts of a target (height, width) that look at a source (height, width, channels).
+
+        And those to which its texels are projected, part by part. None if there are none, or it
+        cannot be told: parts are not drawn alone.
+        """
+        if self.clamp or self.magnified != "cells" or not self._looks_along(geometry):
+            return None
+        if not isinstance(geometry, Homography):
+            return None
+        from resample_texture.texels.looking import mixed_tiles
+
+        return mixed_tiles(form, geometry, shape, edge, self.cells)
+
+    @property
+    def near(self) -> Method:
+        """Method for those parts alone that look."""
+        return _Near(self)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -121,7 +143,7 @@ class Hybrid:
         elif self._looks_along(geometry):
             warped = self._looking(source, geometry, shape, edge)
         else:
-            cells = self._cells().finer() if self._takes_areas else self._cells()
+            cells = self.cells.finer() if self._takes_areas else self.cells
             warped = _project(source, geometry, shape, edge, cells)
         return _clamped(warped, source) if self.clamp else warped
 
@@ -139,7 +161,7 @@ class Hybrid:
             return self
         from resample_texture.texels.looking import planned
 
-        return _Planned(self, planned(size, geometry, shape, edge, self._cells()))
+        return _Planned(self, planned(size, geometry, shape, edge, self.cells))
 
     def _looking(
         self,
@@ -154,7 +176,7 @@ class Hybrid:
         size = source.shape[0], source.shape[1]
         is_small = math.prod(size) + math.prod(shape) <= FEW
         with jit.threads(1) if is_small else nullcontext():  # to wake another takes longer
-            return look(planned(size, geometry, shape, edge, self._cells()), source)
+            return look(planned(size, geometry, shape, edge, self.cells), source)
 
     def _looks_along(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
         """Whether pixels look at the source, and no texels are projected but where they shrink."""
@@ -166,7 +188,9 @@ class Hybrid:
 
         return isinstance(self.filter, Area)
 
-    def _cells(self) -> "Cells":
+    @property
+    def cells(self) -> "Cells":
+        """How texels are cut, and what they are to pixels."""
         from resample_texture.texels.forward import Cells
 
         quality = self.quality if self.error is None else _quality_for(self.error)
@@ -188,6 +212,23 @@ class Hybrid:
             sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
         )
         return splat(source, geometry, shape, edge, splatting)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """A hybrid of which only those pixels are drawn that look."""
+
+    method: Hybrid
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        from resample_texture.texels.looking import look, planned
+
+        assert not isinstance(geometry, ForwardMap)  # its texels are all projected
+        size = source.shape[0], source.shape[1]
+        plan = planned(size, geometry, shape, edge, self.method.cells)
+        return look(plan, source, near_only=True)
 
 
 @dataclass(frozen=True)
@@ -392,7 +433,11 @@ def _project(
         return collect_from(source, geometry, shape, edge, cells)
     from resample_texture.texels.forward import project
 
-    return project(source, geometry, shape, edge, cells)
+    region = geometry.region if isinstance(geometry, Homography) else None
+    if region is None or math.prod(region.shape) > MOST_AROUND:
+        return project(source, geometry, shape, edge, cells)
+    sides = region.left, region.top, region.left + shape[1], region.top + shape[0]
+    return project(source, region.whole, region.shape, edge, cells, wanted=sides)
 
 
 def _clamped(warped: Warped, source: Floats) -> Warped:

@@ -55,6 +55,7 @@ def decoded(
     linear_light: bool = True,
     alpha: str | None = None,
     is_sum: bool = False,
+    gaps: int = 0,
 ) -> tuple[Floats, Encoding]:
     """Texels (H, W, C) of a picture (H, W) or (H, W, C).
 
@@ -68,6 +69,9 @@ def decoded(
         What a fourth channel is, an `Alpha`; straight for `LEVELS`, else premultiplied.
     is_sum
         Texels are to be added, so they count from 0.
+    gaps
+        Channels that tell of gaps there are at least: 0, or all, as of a picture that this is a
+        part of.
 
     Raises
     ------
@@ -80,6 +84,8 @@ def decoded(
     is_straight = is_together(planes, alpha)
     has_alpha = planes.shape[2] == 4 and alpha != Alpha.NONE
     missing = missing_in(planes, mask, together=is_straight)
+    if gaps and missing is None:
+        missing = np.zeros(planes.shape, np.bool_)
     span = None if is_straight else span_of(planes, missing, from_zero=is_sum)
     is_encoded = image.dtype.name in LEVELS and linear_light
     given = planes if span is None else span.reduced(planes)
@@ -88,7 +94,7 @@ def decoded(
         with np.errstate(invalid="ignore"):
             color = texels[..., :3] * texels[..., 3:]
         texels = np.concatenate([color, texels[..., 3:]], axis=2)
-    texels, gaps = weighed(texels, missing)
+    texels, gaps = weighed(texels, missing, least=gaps)
     fill = None if mask is None else mask.fill
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
     return np.require(texels, np.float32, ["C", "W"]), encoding

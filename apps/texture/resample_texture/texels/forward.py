@@ -32,7 +32,7 @@ from resample_texture.texels.kernels.blocks import (
 )
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.placing import Placement
-from resample_texture.texels.kernels.texels import DENSE, EXACT
+from resample_texture.texels.kernels.texels import DENSE, EXACT, Extract
 from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
@@ -49,6 +49,7 @@ EDGES = {
     Edge.MIRROR: MIRROR,
 }
 NOTHING = np.zeros((0, 0))
+Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
 
 
 @dataclass(frozen=True)
@@ -145,10 +146,15 @@ def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[F
     The source, and how many texels it has more on each side. Beyond an edge that repeats the
     outermost texels, coefficients of a prefiltered interpolation still vary.
     """
-    margin = prefilter(interpolation).size // 2
-    if edge is not Edge.CLAMP or margin == 0:
+    margin = margin_of(edge, interpolation)
+    if margin == 0:
         return source, 0
     return np.pad(source, ((margin, margin), (margin, margin), (0, 0)), mode="edge"), margin
+
+
+def margin_of(edge: Edge, interpolation: Interpolation) -> int:
+    """Texels that a source is widened by on each side, see `widened`."""
+    return prefilter(interpolation).size // 2 if edge is Edge.CLAMP else 0
 
 
 def moved(geometry: Homography, margin: int) -> Homography:
@@ -293,10 +299,15 @@ def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tu
 
 
 class Sums:
-    """Sums of points per pixel, to which parts of a source are added one by one."""
+    """Sums of points per pixel, to which parts of a source are added one by one.
 
-    def __init__(self, shape: tuple[int, int], channels: int, cells: Cells) -> None:
-        self.shape = shape
+    The pixels may be a part of a screen that begins at some column and row of it.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], channels: int, cells: Cells, first: tuple[int, int] = (0, 0)
+    ) -> None:
+        self.shape, self.first = shape, first
         self.cells = cells
         self.taps = tap_table(cells.interpolation)
         self.spread = spread_of(cells)
@@ -312,22 +323,29 @@ class Sums:
         if totals_help is None:
             totals_help = needs_totals(blocks.axes, source.shape[:2], edge)
         totals = _totals(ready, is_needed=totals_help)
+        self.paint(ready, Extract(*source.shape[:2]), totals, blocks, edge)
+
+    def paint(
+        self, ready: Texels, extract: Extract, totals: Doubles, blocks: Blocks, edge: Edge
+    ) -> None:
+        """Add blocks of a source, of which there is all that they fetch."""
         for channels, picture in zip(self.groups, self.pictures, strict=True):
             for batch in batches(blocks.bounds, channels[1] + 1):
                 texture = Texture(
-                    ready, totals, EDGES[edge], channels, self.taps, blocks.axes[batch],
+                    ready, extract, totals, EDGES[edge], channels, self.taps, blocks.axes[batch],
                     blocks.places,
                 )  # fmt: skip
                 parts = parts_of(blocks.bounds[batch], channels[1] + 1)
                 paint_blocks(texture, self.spread, parts)
-                collect(*parts, picture)
+                here = parts.bounds - np.array([*self.first, *self.first])
+                collect(here, parts.start, parts.sums, picture)
 
     def warped(self, lines: Doubles, full: float) -> Warped:
         """Picture of all that was added; see `borders`."""
         image = np.empty((*self.shape, sum(count for _, count in self.groups)), np.float32)
         coverage = np.empty(self.shape, np.float32)
         radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
-        border = Border(lines, radius, full)
+        border = Border(lines, radius, full, *self.first)
         for (first, _), picture in zip(self.groups, self.pictures, strict=True):
             finish(picture, border, self.cells.is_sum, Means(image, coverage, first))
         return Warped(image, coverage)
@@ -345,11 +363,11 @@ def project(
     edge: Edge,
     cells: Cells,
     *,
-    wanted: tuple[int, int, int, int] | None = None,
+    wanted: Bounds | None = None,
 ) -> Warped:
     """Picture (height, width) of a source (H, W, C) whose cells are projected as points.
 
-    Of what lies outside `wanted` (left, top, right and bottom, px) not all is painted.
+    It is what is `wanted` of it: what lies between left, top, right and bottom, px.
 
     Raises
     ------
@@ -362,14 +380,20 @@ def project(
     else:
         edge = Edge.TRANSPARENT  # a map places the source's own texels and no others
     source_shape = source.shape[0], source.shape[1]
-    sums = Sums(shape, source.shape[2], cells)
+    sums = sums_of(wanted or (0, 0, shape[1], shape[0]), source.shape[2], cells)
     blocks = blocks_of(geometry, source_shape, shape, edge, cells)
-    kept = blocks if wanted is None else _meeting(blocks, wanted)
+    kept = blocks if wanted is None else meeting(blocks, wanted)
     sums.add(source, kept, edge, needs_totals(blocks.axes, source_shape, edge))
     return sums.warped(*borders(geometry, source_shape, edge))
 
 
-def _meeting(blocks: Blocks, sides: tuple[int, int, int, int]) -> Blocks:
+def sums_of(sides: Bounds, channels: int, cells: Cells) -> Sums:
+    """Sums of the pixels between left, top, right and bottom."""
+    left, top, right, bottom = sides
+    return Sums((max(0, bottom - top), max(0, right - left)), channels, cells, (left, top))
+
+
+def meeting(blocks: Blocks, sides: Bounds) -> Blocks:
     """Those blocks that may touch a rectangle of the target."""
     left, top, right, bottom = blocks.bounds.T
     kept = (left < sides[2]) & (right > sides[0]) & (top < sides[3]) & (bottom > sides[1])

@@ -67,14 +67,15 @@ def missing_in(
     return np.asarray(missing)
 
 
-def weighed(texels: Floats, missing: Booleans | None) -> tuple[Floats, int]:
+def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
     """Texels (H, W, C) followed by channels that tell where they have values, and their number.
 
-    One channel tells it for all if all have the same gaps.
+    One channel tells it for all if all have the same gaps, and no more are asked for.
     """
     if missing is None:
         return texels, 0
-    count = 1 if (missing == missing[..., :1]).all() else missing.shape[2]
+    is_one = least <= 1 and bool((missing == missing[..., :1]).all())
+    count = 1 if is_one else missing.shape[2]
     there = ~missing[..., :count]
     values = np.where(missing, np.float32(0), texels)
     return np.concatenate([values, there], axis=2, dtype=np.float32), count

@@ -20,9 +20,14 @@ from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 from resample_texture.geometry.windows import SeenTiles
 from resample_texture.texels.backward import extended, tiles_of
-from resample_texture.texels.forward import EDGES, Cells, oriented, project
+from resample_texture.texels.forward import EDGES, Bounds, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
+from resample_texture.texels.partly import (
+    TexelReader,
+    can_be_projected_partly,
+    project_partly,
+)
 from resample_texture.texels.plates import Held, Sides, plates_of
 from resample_texture.types import Edge, Warped
 
@@ -86,8 +91,10 @@ def planned(
     return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
 
 
-def look(plan: Gaze, source: Floats) -> Warped:
+def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
     """Picture (height, width) of a source (H, W, C) under the area filter.
+
+    Of tiles that do not look it has anything, if it is of those alone that are near.
 
     Raises
     ------
@@ -98,8 +105,7 @@ def look(plan: Gaze, source: Floats) -> Warped:
     held = _held(source, geometry)
     view = _view((*held.size, source.shape[2]), edge, cells)
     warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
-    if not tiles.is_near.all():
-        assert isinstance(geometry, Homography)
+    if not (near_only or tiles.is_near.all()):
         _project_far(plan, source, warped)
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
@@ -108,8 +114,17 @@ def look(plan: Gaze, source: Floats) -> Warped:
     return warped
 
 
-def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
-    """Fill a rectangle around far tiles by texels, of the whole target that there may be."""
+class Far(NamedTuple):
+    """Texels that are projected, and what of a picture they fill."""
+
+    geometry: Homography  # source to a rectangle that is the same for all parts of a target
+    shape: tuple[int, int]  # of that
+    wanted: Bounds  # part of it
+    part: tuple[slice, slice]  # of the picture
+
+
+def far_of(plan: Gaze) -> Far:
+    """Rectangle around far tiles, of the whole target that there may be."""
     geometry, region, around = plan.geometry, None, plan.around
     assert isinstance(geometry, Homography)
     if around is not plan.tiles:
@@ -118,16 +133,21 @@ def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
     left, top, right, bottom = _around(far if region else plan.tiles.bounds[~plan.tiles.is_near])
     back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
     whole = region.whole if region else geometry
-    moved = Homography(back @ oriented(whole, source.shape[:2]), is_signed=True)
+    moved = Homography(back @ oriented(whole, plan.size), is_signed=True)
     x, y = (region.left, region.top) if region else (0, 0)  # of the picture
     first = max(left - x, 0), max(top - y, 0)
     last = min(right - x, plan.shape[1]), min(bottom - y, plan.shape[0])
     wanted = first[0] + x - left, first[1] + y - top, last[0] + x - left, last[1] + y - top
-    shape = bottom - top, right - left
-    made = project(source, moved, shape, plan.edge, plan.cells.finer(), wanted=wanted)
-    there = np.s_[first[1] : last[1], first[0] : last[0]]
-    part = np.s_[wanted[1] : wanted[3], wanted[0] : wanted[2]]
-    warped.image[there], warped.coverage[there] = made.image[part], made.coverage[part]
+    part = np.s_[first[1] : last[1], first[0] : last[0]]
+    return Far(moved, (bottom - top, right - left), wanted, part)
+
+
+def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
+    """Fill a rectangle around far tiles by texels."""
+    far = far_of(plan)
+    cells = plan.cells.finer()
+    made = project(source, far.geometry, far.shape, plan.edge, cells, wanted=far.wanted)
+    warped.image[far.part], warped.coverage[far.part] = made
 
 
 def seen_tiles(
@@ -139,10 +159,47 @@ def seen_tiles(
     None if not all of them look: texels that are projected have no part of their own.
     """
     tiles = planned(size, geometry, shape, edge, cells).tiles
+    return _seen(tiles, edge, cells) if tiles.is_near.all() else None
+
+
+def _seen(tiles: Tiles, edge: Edge, cells: Cells) -> SeenTiles:
+    """What near tiles see; others see nothing."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
-    is_endless = edge in (Edge.WRAP, Edge.MIRROR)
-    whole = SeenTiles(tiles.bounds, tiles.extent.bounds, reach, is_endless)
-    return whole if tiles.is_near.all() else None
+    nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
+    bounds = np.where(tiles.is_near[:, None], tiles.extent.bounds, nothing)
+    return SeenTiles(tiles.bounds, bounds, reach, edge in (Edge.WRAP, Edge.MIRROR))
+
+
+class MixedTiles(NamedTuple):
+    """A picture some of whose tiles look, while texels are projected to the others."""
+
+    near: SeenTiles  # those that look; the others see nothing
+    is_near: NDArray[np.bool_]  # (T,)
+    far: Far
+    edge: Edge
+    cells: Cells
+
+    def projected(self, reader: TexelReader) -> Warped:
+        """What texels fill, of a source whose texels come when they are asked for."""
+        geometry, shape, wanted, _ = self.far
+        return project_partly(reader, geometry, shape, self.edge, self.cells, wanted)
+
+
+def mixed_tiles(
+    source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
+    cells: Cells,
+) -> MixedTiles | None:  # fmt: skip
+    """Tiles of a picture (height, width) of a source (height, width, channels), near ones and far.
+
+    None if all of them look, or texels cannot be projected part by part.
+    """
+    plan = planned(source_shape[:2], geometry, shape, edge, cells)
+    if plan.tiles.is_near.all():
+        return None
+    far, finer = far_of(plan), cells.finer()
+    if not can_be_projected_partly(source_shape, far.geometry, far.shape, edge, finer):
+        return None
+    return MixedTiles(_seen(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
 
 def _places(
@@ -210,8 +267,8 @@ def _with_plate(
         lowest, highest = np.clip(lowest, 0, size - 1), np.clip(highest, 1, size)
         reach += math.ceil(span.max(initial=0.0) / 8)
     elif (lowest < -MOST_BEYOND).any() or (highest > size + MOST_BEYOND).any():
-        beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
         reach += math.ceil(min(span.max(), LONGEST))
+        beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
         view = view._replace(margin=float(beyond))
         lowest, highest = np.full(2, -beyond), size + beyond
         is_told = edge is Edge.CLAMP or bool(((low >= 0) & (high <= size)).all())

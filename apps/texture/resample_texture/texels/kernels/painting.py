@@ -13,6 +13,7 @@ from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import CUT, Integers
 from resample_texture.texels.kernels.placing import Placement, place
 from resample_texture.texels.kernels.texels import (
+    Extract,
     cell_offsets,
     extents,
     fetch,
@@ -39,6 +40,7 @@ class Texture(NamedTuple):
     """A source in blocks."""
 
     texels: Texels
+    extract: Extract
     totals: Doubles  # (K, H + 1, W + 1, C) sums of texels, see `fetch`
     edge: int
     channels: tuple[int, int]  # first of them and how many: 1 or 3
@@ -82,7 +84,8 @@ def _begun(source: Texture, part: int) -> Lines:
     pad = reach * (block[0, CUT] > 1), reach * (block[1, CUT] > 1)
     rows, columns = texels_along(block, 1) + 2 * pad[1], texels_along(block, 0) + 2 * pad[0]
     patch = np.empty((count, rows, columns), np.float32)
-    fetch(_chosen(block, source.texels), source.totals, block, pad, source.edge, patch, first)
+    chosen = _chosen(block, source.texels)
+    fetch(chosen, source.extract, source.totals, block, pad, source.edge, patch, first)
     offset = cell_offsets(block)
     line = np.empty((count, columns), np.float32)
     return Lines(new_batch(count, offset.size), offset, patch, line)

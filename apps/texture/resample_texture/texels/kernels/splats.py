@@ -20,7 +20,7 @@ from resample.engine.surfaces.stamps import MASS, PEAK, ROWS, SIDE, Ground, X, Y
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import LENGTH, Integers
 from resample_texture.texels.kernels.splat_shapes import Shape, splat_on_map, splat_on_plane
-from resample_texture.texels.kernels.texels import fetch
+from resample_texture.texels.kernels.texels import Extract, fetch
 
 
 class Splatted(NamedTuple):
@@ -82,9 +82,10 @@ def _begun(source: Splatted, part: int) -> Rows:
     count, rows = block[0, LENGTH], block[1, LENGTH]
     no_totals, no_pad = np.empty((0, 0, 0, 0)), (0, 0)
     as_point = np.empty((channels, rows, count), np.float32)
-    fetch(source.plain, no_totals, block, no_pad, source.edge, as_point, first)
+    all_of_it = Extract(source.plain.shape[0], source.plain.shape[1], 0, 0, 1)
+    fetch(source.plain, all_of_it, no_totals, block, no_pad, source.edge, as_point, first)
     as_splat = np.empty((channels, rows, count), np.float32)
-    fetch(source.coefficient, no_totals, block, no_pad, source.edge, as_splat, first)
+    fetch(source.coefficient, all_of_it, no_totals, block, no_pad, source.edge, as_splat, first)
     return Rows(
         new_batch(channels, count),
         np.empty((ROWS, count), np.float32),

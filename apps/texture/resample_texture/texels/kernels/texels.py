@@ -1,5 +1,7 @@
 """Values of cells: texels fetched from the source, joined or interpolated."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from resample.engine.jit import inner_kernel, kernel
@@ -11,6 +13,16 @@ from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEV
 # own. Column n (n - 1) / 2 + p is for part p of n, n up to EXACT; DENSE more are for finer parts.
 EXACT = 64
 DENSE = 4096
+
+
+class Extract(NamedTuple):
+    """Which part of a source an array of texels is."""
+
+    height: int  # of the source
+    width: int
+    top: int = 0  # row and column at which the part begins
+    left: int = 0
+    joined: int = 1  # rows of the source of which each row of the part is the sum
 
 
 @inner_kernel
@@ -113,6 +125,7 @@ def _join_columns(
 @kernel
 def fetch(
     source: Floats,
+    extract: Extract,
     totals: Doubles,
     block: Integers,
     pad: tuple[int, int],
@@ -125,7 +138,9 @@ def fetch(
     Parameters
     ----------
     source
-        (H, W, C).
+        (H, W, C), or a part of it that has all that is fetched.
+    extract
+        Which part it is.
     totals
         (K, H + 1, W + 1, C) sums of all texels above and to the left, by `kind_of` blocks, or for
         all alike; K is 0 where no block needs them.
@@ -135,7 +150,7 @@ def fetch(
         (channels, rows, columns), filled with the channels from `first` on.
     """
     step_u, step_v = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
-    height, width, channels = source.shape
+    height, width, channels = extract.height, extract.width, source.shape[2]
     _, rows, columns = patch.shape
     left, top = block[0, START] - pad[0] * step_u, block[1, START] - pad[1] * step_v
     is_inside = left >= 0 and left + columns * step_u <= width
@@ -144,12 +159,13 @@ def fetch(
         _fetch_means(totals, block, pad, edge, patch, first)
         return
     share = np.float32(1.0 / (float(step_u) * float(step_v)))
-    flat = source.reshape(height, width * channels)
+    flat = source.reshape(source.shape[0], source.shape[1] * channels)
     if is_inside:
         line = np.empty(columns * step_u * channels, np.float32)
+        top, left, step = top - extract.top, left - extract.left, step_v // extract.joined
         for row in range(rows):
-            joined = top + row * step_v, top + (row + 1) * step_v
-            _join_rows(flat, joined, left * channels, line)
+            above = top // extract.joined + row * step
+            _join_rows(flat, (above, above + step), left * channels, line)
             _join_columns(line, step_u, channels, first, share, patch, row)
         return
     for row in range(rows):
@@ -157,9 +173,9 @@ def fetch(
             for c in range(patch.shape[0]):
                 total = np.float32(0)
                 for r in range(top + row * step_v, top + (row + 1) * step_v):
-                    at = mapped(r, height, edge)
+                    at = mapped(r, height, edge) - extract.top
                     for q in range(left + column * step_u, left + (column + 1) * step_u):
-                        total += source[at, mapped(q, width, edge), first + c]
+                        total += source[at, mapped(q, width, edge) - extract.left, first + c]
                 patch[c, row, column] = share * total
 
 
