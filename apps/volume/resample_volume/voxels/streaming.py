@@ -50,8 +50,9 @@ class Looked(NamedTuple):
 def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
     """Voxels whose value has some opacity, in the order of the painter's bricks.
 
-    A brick of which no value can be seen is not read, unless slopes beside it ask for it; every
-    other one is read once. They are, value by value, those of an array, and in its order.
+    Where it is known how often each value occurs, nothing is read if they are too many. A brick of
+    which no value can be seen is not read, unless slopes beside it ask for it; every other one is
+    read once. They are, value by value, those of an array, and in its order.
 
     Parameters
     ----------
@@ -68,6 +69,7 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
         They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
+    _require(bricks, wanted.transfer, _known_count(bricks, wanted), name)
     parts, count = [_nothing(bricks)], 0
     for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
@@ -156,6 +158,16 @@ def bricks_together(
 
 def _as_it_is(part: Candidates, _: Box) -> Candidates:
     return part
+
+
+def _known_count(bricks: Bricks, wanted: Looked) -> int:
+    """How many voxels are visible, as far as that is known before they are read."""
+    codes = bricks.glance.codes
+    if codes is None or bricks.asked is not None:
+        return 0
+    every = np.arange(codes.size, dtype=np.uint32).astype(f"u{bricks.dtype.itemsize}")
+    values = every.view(bricks.dtype.newbyteorder("="))
+    return int(codes[wanted.transfer.opacities(values, wanted.data_range) > 0].sum())
 
 
 def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
