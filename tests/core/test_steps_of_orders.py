@@ -100,7 +100,7 @@ MIXED = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(MIXED), st.sampled_from([14.0, UNEVEN, FAR, AROUND]), *steps)
 def test_mixtures(paint, near, dense, side, step, window, threads):
@@ -129,7 +129,7 @@ def test_sheets_and_slabs_of_mixtures(order, primitive, near, dense, side, step,
 SHOWN = [Projection.COMPOSITE, Projection.MAXIMUM, Projection.AVERAGE, Projection.FIRST_HIT]
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(SHOWN), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps[1:])
 def test_fields(projection, near, side, step, window, threads):
@@ -140,7 +140,7 @@ def test_fields(projection, near, side, step, window, threads):
     check(paint, samples, side, step, window, threads)
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 def test_samples_of_a_size_each():
     samples = cloud(900, 46.0)
     scale = np.random.default_rng(2).uniform(0.3, 2.0, 900).astype(np.float32)
@@ -160,7 +160,7 @@ def test_samples_of_a_size_each():
         Resampler(order=AxisSheets()),
         Resampler(order=ImageSheets()),
         Resampler(primitive=Primitive.POINTS),
-        Resampler(primitive=Primitive.PAPER),
+        pytest.param(Resampler(primitive=Primitive.PAPER), marks=pytest.mark.sweep),
     ],
 )
 def test_parts_behind_what_is_opaque_are_not_loaded(paint):

@@ -24,7 +24,7 @@ def with_strays(rng):
 
 @pytest.mark.parametrize("side", [(8, 8, 8), (16, 5, 33)])
 @pytest.mark.parametrize("workers", [None, 2])
-@pytest.mark.parametrize("has_strays", [False, True])
+@pytest.mark.parametrize("has_strays", [False, pytest.param(True, marks=pytest.mark.sweep)])
 def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypatch):
     told = []
     is_filled = ball._is_filled

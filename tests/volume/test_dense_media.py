@@ -60,6 +60,7 @@ def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, 
     assert_same(found, whole_of(media))
 
 
+@pytest.mark.sweep
 def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
     first = Appearance("60..190", labels=LABELS, **CUT)
     media = [

@@ -68,6 +68,7 @@ def same(found, given):
         assert getattr(part, "dtype", None) == getattr(other, "dtype", None)
 
 
+@pytest.mark.sweep
 @given(
     shape=st.tuples(*[st.integers(1, 30)] * 3),
     side=st.tuples(*[st.integers(1, 12)] * 3),

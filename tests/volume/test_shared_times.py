@@ -122,7 +122,7 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     beats("uint8", shape=LONG)
     words = [*LARGE, "--transfer"]
@@ -139,7 +139,7 @@ def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @pytest.mark.usefixtures("pickled")
 def test_windows_of_times_are_painted_by_others_too():
     beats("uint8", shape=LONG)
@@ -204,7 +204,7 @@ def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
     beats("uint8")
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
