@@ -35,10 +35,7 @@ from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
-
-SIZE = (120, 150)
-EYE = Orbit(30, 20, 1.3)
-
+from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
 
 WALLS = RegionTransfer(
     (
@@ -62,20 +59,6 @@ LOOKS = [
     Appearance("20..190", labels=TISSUE),
     Appearance(WALLS, labels=TISSUE, **CUT),
 ]
-
-
-def smoke(rng):
-    values = rng.integers(0, 200, (37, 26, 31)).astype(np.uint8)
-    return Volume(values, np.array([1.0, 0.8, 1.2]), np.array([5.0, 0, -9]), np.eye(3), "smoke")
-
-
-def in_bricks(volume, side):
-    values = volume.values
-
-    def read(box):
-        return np.ascontiguousarray(values[box])
-
-    return volume._replace(values=Bricks(read, values.shape, values.dtype, side))
 
 
 @pytest.mark.parametrize("number", range(len(LOOKS)))
@@ -169,9 +152,6 @@ def test_blocks_are_where_their_footprints_are(eye, side, rng):
     assert (known["right"] <= right + margin).all()
     assert (known["top"] >= top - margin).all()
     assert (known["bottom"] <= bottom + margin).all()
-
-
-LAYERS = ("rgba", "depth", "first_depth", "coverage")
 
 
 def whole_of(volume, look):
