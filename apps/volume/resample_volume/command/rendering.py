@@ -1,11 +1,9 @@
 """A volume made ready once and painted as often as is asked for."""
 
 import os
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +16,7 @@ from resample.command.settings import Sharing
 from resample.command.workers import Hire, hiring
 from resample.files.tiles import NAME
 from resample.files.writing import beside, inheriting
+from resample.fingerprints import fingerprint
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
@@ -218,10 +217,7 @@ def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
             return None
         known += [states, volume[1:], replace(look, labels=None)]
         known += [] if look.labels is None else [look.labels.rules]
-    try:
-        return sha256(pickle.dumps(known)).hexdigest()
-    except (pickle.PicklingError, TypeError, AttributeError):
-        return None
+    return fingerprint(known)
 
 
 def _state_of(values: Any) -> tuple[Any, ...] | None:

@@ -5,11 +5,9 @@ each window that it may be seen in (`_painted`), unless others hide it there. Pa
 done by several processes: they depend on nothing but the work, and may be done again.
 """
 
-import pickle
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
-from io import BytesIO
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
+from resample.fingerprints import fingerprint
 from resample.painting.plans import SPLATS, PicturePlan, PlansOfPart, Window
 from resample.painting.steps.parts import SamplesInParts
 from resample.painting.steps.planning import EVERYBODY
@@ -208,7 +207,7 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R]) -> R:
     volume
         Whose values keep it.
     depends
-        What else it depends on; where that does not pickle, it is found each time.
+        What else it depends on; where that cannot be told, it is found each time.
     find
         Finds it.
     """
@@ -237,22 +236,15 @@ class _Found(NamedTuple):
     depends: Any  # on what: as long as it is here, no other has its place in memory
 
 
-class _Pickler(pickle.Pickler):
-    """Tells large arrays and bricks by where they are in memory."""
-
-    def persistent_id(self, thing: Any) -> int | None:
-        is_large = isinstance(thing, np.ndarray) and thing.nbytes > LARGE
-        return id(thing) if is_large or isinstance(thing, Bricks) else None
-
-
-def _name_of(volume: Volume, depends: Any) -> bytes | None:
+def _name_of(volume: Volume, depends: Any) -> str | None:
     """What is the same where the same is found of a volume; None: that cannot be said."""
-    name = BytesIO()
-    try:
-        _Pickler(name).dump((depends, volume[1:4]))
-        return name.getvalue()
-    except (pickle.PicklingError, TypeError, AttributeError):
-        return None
+    return fingerprint((depends, volume[1:4]), _place_of)
+
+
+def _place_of(part: Any) -> int | None:
+    """Large arrays and bricks are told by where they are in memory."""
+    is_large = isinstance(part, np.ndarray) and part.nbytes > LARGE
+    return id(part) if is_large or isinstance(part, Bricks) else None
 
 
 def _known_before(work: Work, lattice: Lattice, found: _Found | None) -> Surveyed | None:

@@ -37,7 +37,9 @@ class Reaching(NamedTuple):
 
     def at(self, place: Indices) -> Floats:
         """Shares (N, 2), 0 to 1, for voxels by their flat indices into the volume."""
-        share = np.load(self.share, mmap_mode="r") if isinstance(self.share, Path) else self.share
+        share = self.share
+        if isinstance(share, Path):
+            share = np.load(share, mmap_mode="r", allow_pickle=False)
         return shares_at(_indices(place, self.size, self.first), share, self.cells)
 
     @property
