@@ -1,6 +1,7 @@
 """What all tests share: threads, the search for examples, the real data, random numbers."""
 
 import os
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,6 +36,19 @@ def real(name: str) -> Path:
     if not path.exists():
         pytest.skip(f"{name} is not on this machine (set RESAMPLE_TEST_DATA)")
     return path
+
+
+@pytest.hookimpl(tryfirst=True)  # before marks are looked at
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of the cases of a test marked `every(n)`, leave all but each n-th to `make test-all`."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        mark = item.get_closest_marker("every")
+        if mark is not None and item.get_closest_marker("sweep") is None:
+            name = item.nodeid.partition("[")[0]
+            if seen[name] % mark.args[0]:
+                item.add_marker("sweep")
+            seen[name] += 1
 
 
 @pytest.fixture

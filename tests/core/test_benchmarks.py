@@ -231,6 +231,7 @@ def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
     pytest.importorskip("zarr")

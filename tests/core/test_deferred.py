@@ -23,6 +23,7 @@ from tests.sheared import CAMERAS, CLOSE, PLANE, SIZE, box
 TOLERANCE = 1e-4
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, camera, extinction):
@@ -128,6 +129,7 @@ def test_filters_reach_into_other_tiles(rng):
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
+@pytest.mark.sweep
 def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
     frame = Resampler(**choice)(samples, CLOSE, **SIZE)

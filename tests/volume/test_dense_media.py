@@ -109,6 +109,7 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] > greatest[index]
 
 
+@pytest.mark.sweep
 @settings(max_examples=6)
 @given(
     shape=st.tuples(*[st.integers(6, 30)] * 3),
@@ -145,6 +146,7 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("is_missing", [False, True])
 def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_path, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))

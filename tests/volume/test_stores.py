@@ -222,6 +222,7 @@ def test_shards_are_read(values, tmp_path):
     assert np.array_equal(open_volume(path).values, values)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize("brick", [None, (3, 5, 7), (64, 64, 64)])
 @pytest.mark.parametrize("kind", ["uint8", "int16", "int32", "float32"])
 def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng, tmp_path):
@@ -563,6 +564,7 @@ def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert "b: 72 x 72 x 72 voxels are read brick by brick (8), within" in told
 
 
+@pytest.mark.sweep
 def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
     np.save("a.npy", smoke)
@@ -604,6 +606,7 @@ def frames(folder):
     return [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
 
 
+@pytest.mark.sweep
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
