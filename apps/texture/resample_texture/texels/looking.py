@@ -94,7 +94,7 @@ def planned(
 def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
     """Picture (height, width) of a source (H, W, C) under the area filter.
 
-    Of tiles that do not look it has anything, if it is of those alone that are near.
+    Tiles that do not look are empty, if it is of those alone that are near.
 
     Raises
     ------
@@ -104,7 +104,8 @@ def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
     _, geometry, shape, edge, cells, places, tiles, around = plan
     held = _held(source, geometry)
     view = _view((*held.size, source.shape[2]), edge, cells)
-    warped = Warped(np.empty((*shape, source.shape[2]), np.float32), np.empty(shape, np.float32))
+    make = np.zeros if near_only else np.empty  # whoever mends gaps looks at all pixels
+    warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
     if not (near_only or tiles.is_near.all()):
         _project_far(plan, source, warped)
     if tiles.is_near.any():
