@@ -5,7 +5,7 @@ import pytest
 
 from resample_texture import BackwardMap, Hybrid, warp, warp_chunks
 from resample_texture import drawing as drawings
-from resample_texture.texels import partly
+from resample_texture.texels import looking, partly
 
 RNG = np.random.default_rng(9)
 IMAGE = RNG.random((230, 310, 3)).astype(np.float32)
@@ -111,6 +111,29 @@ def test_texels_are_projected_from_parts_of_the_source(way, edge, kind, monkeypa
     np.testing.assert_array_equal(made, warp(image, WAYS[way], FRAME, edge=edge).image)
     if edge == "transparent":
         assert source.largest < 0.5 * 230 * 310
+
+
+class Unclean:
+    """NumPy whose new arrays hold what might have been in memory before."""
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+    @staticmethod
+    def empty(shape, kind=np.float64):
+        return np.full(shape, 1e-44 if np.size(shape) == 3 else -1.0, kind)
+
+
+def test_pixels_that_others_fill_are_empty_before(monkeypatch):
+    image = IMAGE.copy()
+    image[50:70, 60:90, 1] = np.nan
+    whole = warp(image, WAYS["to the horizon"], FRAME).image
+    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
+    monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
+    monkeypatch.setattr(looking, "np", Unclean())
+    made = np.zeros((*FRAME, 3), np.float32)
+    warp_chunks(image, WAYS["to the horizon"], FRAME, out=made, side=90)
+    np.testing.assert_array_equal(made, whole)
 
 
 def test_a_block_of_many_texels_is_read_strip_by_strip(monkeypatch):
