@@ -18,7 +18,7 @@ from tests.fuzz.pool import READ, Setup, attempted, tried_all
 from tests.fuzz.readers import READERS
 from tests.processes import PATIENCE
 
-LINES = 36  # two of each command
+LINES = 18  # one of each command
 FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries far more
 
 
