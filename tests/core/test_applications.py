@@ -63,6 +63,7 @@ def app_of(application):
     return registry.load("apps", application)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize(
     ("application", "words"),
     [(application, words) for application, each in HELP.items() for words in each],
