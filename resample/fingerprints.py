@@ -1,7 +1,6 @@
 """Texts that tell whether two values say the same, in this process or in another."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence, Set
 from hashlib import sha256
 from types import BuiltinFunctionType, FunctionType, ModuleType, NoneType
 from typing import Any
@@ -59,22 +58,18 @@ def _words(value: Any, place_of: Callable[[Any], object | None]) -> Iterator[byt
         yield np.ascontiguousarray(value).tobytes()
     else:
         yield _named(kind)
-        parts = _parts(value)
+        parts = _parts(value, place_of)
         yield b"%d" % len(parts)
         for part in parts:
             yield from _words(part, place_of)
 
 
-def _parts(value: Any) -> Sequence[Any]:
+def _parts(value: Any, place_of: Callable[[Any], object | None]) -> Sequence[Any]:
     """What a compound value is made of."""
-    if isinstance(value, partial):
-        return value.func, value.args, value.keywords
     if isinstance(value, tuple | list):
         return value
-    if isinstance(value, Mapping):
-        return [part for item in value.items() for part in item]
-    if isinstance(value, Set):
-        names = [fingerprint(part) for part in value]
+    if isinstance(value, Set):  # in any order
+        names = [fingerprint(part, place_of) for part in value]
         if None in names:
             raise _UnknownError("a part of a set")
         return sorted(str(name) for name in names)

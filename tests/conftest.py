@@ -1,7 +1,7 @@
 """What all tests share: threads, the search for examples, the real data, random numbers."""
 
 import os
-from collections import Counter
+from collections import defaultdict
 from contextlib import suppress
 from pathlib import Path
 
@@ -39,16 +39,24 @@ def real(name: str) -> Path:
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks are looked at
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of the cases of a test marked `every(n)`, leave all but each n-th to `make test-all`."""
-    seen: Counter[str] = Counter()
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Of tests marked `each_value`, leave cases without a value of their own to `make test-all`."""
+    tests: defaultdict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
-        mark = item.get_closest_marker("every")
-        if mark is not None and item.get_closest_marker("sweep") is None:
-            name = item.nodeid.partition("[")[0]
-            if seen[name] % mark.args[0]:
-                item.add_marker("sweep")
-            seen[name] += 1
+        if item.get_closest_marker("each_value") and not item.get_closest_marker("sweep"):
+            tests[item.nodeid.partition("[")[0]].append(item)
+    for cases in tests.values():
+        for case in _without_own(cases):
+            case.add_marker("sweep")
+
+
+def _without_own(cases: list[pytest.Function]) -> list[pytest.Function]:
+    """Cases whose values of parameters others have, taken greedily."""
+    left = {case: {(k, repr(v)) for k, v in case.callspec.params.items()} for case in cases}
+    unseen = set().union(*left.values())
+    while unseen:
+        unseen -= left.pop(max(left, key=lambda case: len(left[case] & unseen)))
+    return list(left)
 
 
 @pytest.fixture

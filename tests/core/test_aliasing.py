@@ -23,7 +23,6 @@ def test_one_fine_picture_holds_the_truths_of_all_shifts():
     np.testing.assert_allclose(truth, direct, rtol=0, atol=1e-4)  # float32 sums; opaque at 1e-4
 
 
-@pytest.mark.every(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "scale"), [(0.9, 0.4), (0.3, 0.2)])
 def test_hybrid_flickers_a_tenth_as_much_as_one_ray_per_pixel(alpha, scale):

@@ -63,7 +63,7 @@ def app_of(application):
     return registry.load("apps", application)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     ("application", "words"),
     [(application, words) for application, each in HELP.items() for words in each],

@@ -47,7 +47,7 @@ def draw(samples, camera, clip=None, *, side=SIDE, **choices):
 # Exactly.
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("planes", PLANES.values(), ids=PLANES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camera, rng):
@@ -67,7 +67,7 @@ def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camer
         np.testing.assert_allclose(drawn, truth, atol=1e-4, err_msg=str(order))
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("planes", ["oblique", "a corner", "through the eye"])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_are_cut_with_their_colors(camera, planes, rng):
@@ -90,7 +90,7 @@ def test_parts_on_either_side_of_a_plane_make_the_whole(rng):
     np.testing.assert_allclose(parts[0] * parts[1], whole, atol=1e-4)  # as above
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])

@@ -51,7 +51,6 @@ def test_a_mixture_of_points_and_splats_has_the_analytic_transmittance():
     assert largest_error(stills) < 0.01  # of the transmittance; measured 0.004
 
 
-@pytest.mark.every(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "scales"),

@@ -23,7 +23,7 @@ from tests.sheared import CAMERAS, CLOSE, PLANE, SIZE, box
 TOLERANCE = 1e-4
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, camera, extinction):

@@ -61,7 +61,7 @@ def assert_alike(frame, other, *, are_counted=True):
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
-@pytest.mark.every(7)
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
@@ -84,7 +84,7 @@ CHOICES = {
 }
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
 @pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
 def test_choices_are_those_of_records(rng, deferred_only, camera, choice):

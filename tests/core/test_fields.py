@@ -209,7 +209,7 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     assert error < 0.25 * plain
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("projection", [one for one in Projection if one != Projection.MINIMUM])
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS, Primitive.EWA])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):

@@ -36,7 +36,6 @@ def measured(request) -> dict[str, float]:
     return {**found, "floor": FLOOR[alpha]}
 
 
-@pytest.mark.every(3)
 @pytest.mark.slow
 def test_hybrid_comes_near_sixteen_by_sixteen_rays(measured):
     assert measured["hybrid"] >= measured["floor"]

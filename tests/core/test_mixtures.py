@@ -94,7 +94,7 @@ def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one s
     np.testing.assert_allclose(frame.depth[clear], other.depth[clear], rtol=1e-3)
 
 
-@pytest.mark.every(7)
+@pytest.mark.each_value
 @pytest.mark.parametrize("choice", DAILY)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):

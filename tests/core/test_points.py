@@ -70,7 +70,7 @@ AS_POINTS = [
 ]
 
 
-@pytest.mark.every(3)
+@pytest.mark.each_value
 @pytest.mark.parametrize(("primitive", "spacing"), AS_POINTS)
 def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spacing):
     point = one_point()

@@ -96,7 +96,7 @@ def test_the_partial_table_of_a_b_spline_is_its_integral():
 # Pictures.
 
 
-@pytest.mark.every(7)
+@pytest.mark.each_value
 @pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, rng):
@@ -129,7 +129,7 @@ def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
 LOST = {Footprint.CORRECTED: 1e-3, Footprint.SMALL_ANGLE: 1e-2}
 
 
-@pytest.mark.every(7)
+@pytest.mark.each_value
 @pytest.mark.parametrize("footprint", list(Footprint))
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_the_whole_transmittance_is_that_of_every_sample(camera, footprint, rng):

@@ -217,7 +217,7 @@ INSIDE = Camera.from_intrinsics(20.0, 20.0, 16.2, 15.9, look_at((0, -1.25, 0), (
 VIEWS = {"far": FAR, "close": CLOSE, "inside": INSIDE}
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("camera", VIEWS.values(), ids=VIEWS)
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("make", [cloud, ties])
@@ -275,7 +275,7 @@ def test_what_lies_behind_an_opaque_block_is_not_seen():
 WINDOWS = [(9, 8), (12, 5), (13, 16)]
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("focal", [6.0, 30.0])
 @pytest.mark.parametrize(("left", "top"), WINDOWS)

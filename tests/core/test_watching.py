@@ -81,7 +81,6 @@ def _again_and_again(draw: Draw) -> None:
         draw()
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize("name", WORK)
 def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     draw = WORK[name]()

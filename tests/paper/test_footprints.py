@@ -360,7 +360,7 @@ CLOSE = {
 }
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("model", list(Footprint))
 @pytest.mark.parametrize(("center", "near"), CLOSE.values(), ids=CLOSE)
 def test_what_the_near_plane_cuts_is_integrated_from_the_plane_on(center, near, model):

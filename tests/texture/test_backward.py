@@ -119,7 +119,7 @@ def spread(at, size, pixel_filter):
     return naive_forward.pixel_shares(at, 0.0, size, pixel_filter)
 
 
-@pytest.mark.every(3)
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize(
     "cells",

@@ -77,7 +77,7 @@ def test_zarr_and_dask_arrays_are_read_and_zarr_is_written(tmp_path):
     np.testing.assert_array_equal(again, whole)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap"])
 @pytest.mark.parametrize("way", WAYS)
 def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
@@ -94,7 +94,7 @@ def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
     )
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", [np.uint8, np.float16, np.float32])
 @pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap", "mirror"])
 @pytest.mark.parametrize("way", ["made small", "to the horizon"])

@@ -81,7 +81,7 @@ def test_what_continues_a_source_is_that_of_the_obvious_loops(geometry, edge):
     check_obvious(noise(), geometry, edge, Cells(), 1.5e-5)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     "interpolation", [Nearest(), Bilinear(), Spline(), InterpolatingGaussian()], ids=str
 )

@@ -88,7 +88,7 @@ def same(first, second, levels=1):
         assert dict(one.getexif()) == dict(other.getexif())
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("name", ["perspective", "barrel", "cushion", "quarter", "encoded"])
 def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):

@@ -133,7 +133,7 @@ PAIRS = [(source, name) for source in SOURCES for name in ("perspective", "encod
 PAIRS += [(source, name) for source in ("float.exr", "alpha.exr") for name in WARPS]
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize(("source", "name"), dict.fromkeys(PAIRS))
 def test_light_in_strips_has_the_bits_of_the_whole(monkeypatch, source, name):
     SOURCES[source](source)

@@ -123,7 +123,7 @@ VIEWS = {
 }
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize("view", VIEWS)
 def test_pixels_see_what_rays_see(view, edge):
@@ -146,7 +146,7 @@ def test_every_interpolation_is_what_rays_see(name):
     assert decibels(warped.image, image) > (45 if name == "nearest" else 58)
 
 
-@pytest.mark.every(7)
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     "interpolation",
     [Nearest(), Bilinear(), CatmullRom(), Lanczos(), AreaSpline(3, "none")],

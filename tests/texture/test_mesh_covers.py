@@ -35,7 +35,7 @@ def see_through(size=64, seed=5):
     return np.concatenate([noise(size), alpha], axis=2).astype(np.float32)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("along_u", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("along_v", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("repeats", [2.3, 12.0])

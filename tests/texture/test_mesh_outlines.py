@@ -63,7 +63,7 @@ def fan(count, height):
     return rim, Mesh(position, triangle, color=np.ones((count + 1, 3)))
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("count", [7, 100, 1000])
 @pytest.mark.parametrize("height", [0.0, 0.1])
 def test_triangles_that_share_an_outline_share_its_pixels(count, height):

@@ -20,7 +20,7 @@ REGIONS = [(0, 0, 40, 40), (31, 33, 66, 1), (77, 41, 113, 89), (150, 90, 3, 7)]
 EDGES = ("transparent", "clamp", "wrap", "mirror", "reflect-101")
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("way", WAYS)
 def test_a_region_has_the_bits_of_the_whole(way, edge):

@@ -146,7 +146,6 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize("is_missing", [False, True])
 def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_path, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))

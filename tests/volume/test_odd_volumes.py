@@ -116,7 +116,7 @@ def test_what_there_is_covers_part_of_the_picture(name):
     assert bright.mean() > least
 
 
-@pytest.mark.every(3)
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", ["outlier", "padding slice", "padding ring", "padding above"])
 @pytest.mark.parametrize("preset", ["bone", "gray", "viridis", "surfaces"])
 def test_presets_do_not_mind_strays_and_padding(name, preset):

@@ -42,7 +42,7 @@ CASES = {
 }
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("is_fine", [False, True])
 @pytest.mark.parametrize("name", CASES)
 def test_light_along_rays_is_that_of_short_steps(name, is_fine):

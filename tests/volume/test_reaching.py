@@ -49,7 +49,7 @@ def slow_depths(
     return total.reshape(extinction.shape)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("toward", WAYS)
 @pytest.mark.parametrize("lattice", [np.eye(3), UNEVEN], ids=["even", "uneven"])
 def test_depths_are_integrals_toward_the_light(

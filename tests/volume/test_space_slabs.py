@@ -48,7 +48,7 @@ WALL = scene_mesh(
 )
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 @pytest.mark.parametrize(
     ("choices", "order"),

@@ -222,7 +222,7 @@ def test_shards_are_read(values, tmp_path):
     assert np.array_equal(open_volume(path).values, values)
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("brick", [None, (3, 5, 7), (64, 64, 64)])
 @pytest.mark.parametrize("kind", ["uint8", "int16", "int32", "float32"])
 def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng, tmp_path):

@@ -61,7 +61,7 @@ LOOKS = [
 ]
 
 
-@pytest.mark.every(3)
+@pytest.mark.each_value
 @pytest.mark.parametrize("number", range(len(LOOKS)))
 @pytest.mark.parametrize("memory", [700_000, 1 << 30])
 def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
@@ -257,7 +257,7 @@ def counted(volume, side):
     return volume._replace(values=bricks), read
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("eye", [EYE, Orbit(30, 20, 0.45), Orbit(200, -40, fov=0)])
 @pytest.mark.parametrize("workers", [None, 2])
 def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, monkeypatch):
@@ -327,7 +327,6 @@ PAINTERS = [
 ]
 
 
-@pytest.mark.every(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",

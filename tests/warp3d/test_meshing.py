@@ -21,7 +21,7 @@ def plane(height=16, width=20):
     return prepare(DepthImage(np.stack([x, y], axis=2), nearness, EMPTY))
 
 
-@pytest.mark.every(5)
+@pytest.mark.each_value
 @pytest.mark.parametrize("is_placed", [False, True])
 @pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize("name", EQUATIONS)

@@ -108,7 +108,6 @@ def test_a_film_of_a_panorama_has_frames():
     assert ended("animate", "around.exr", "around.npy", *words) == 0
 
 
-@pytest.mark.every(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

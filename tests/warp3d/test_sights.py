@@ -61,7 +61,7 @@ def warped(name, target, **choices):
     return warp(*source(name), SOURCES[name], target, **choices)
 
 
-@pytest.mark.every(4)
+@pytest.mark.each_value
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("name", SOURCES)
 def test_all_cameras_see_what_rays_see(name, target):

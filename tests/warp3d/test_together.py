@@ -179,7 +179,6 @@ def test_views_that_agree_are_not_worse_than_plain_ones():
     assert error(joined(standing()).warped) <= error(joined(standing(), PLAIN).warped)
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize("blend", ["feathered", "confident"])
 def test_blends_are_those_of_each_pixel_for_itself(blend):
     views = views_of(standing((0.9, 1.0, 1.1)))
