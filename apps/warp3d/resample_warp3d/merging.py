@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def merge(
     shapes = {view.image.shape for view in views}
     if len(shapes) != 1:
         raise ValueError(f"views of one shape can be merged, not of {sorted(shapes) or 'none'}")
-    order = sorted(range(len(views)), key=lambda n: _digest(views[n]))
+    order = order_of_bits([(v.image, v.coverage, v.depth, v.confidence) for v in views])
     ordered = [views[n] for n in order]
     factors = [shares[n] for n in order] if shares else []
     nearness = np.stack([_nearness(view) for view in ordered])
@@ -115,10 +115,14 @@ def _nearness(view: Warped) -> Floats:
     return np.where(view.coverage > 0, 1.0 / view.depth, 0).astype(np.float32)
 
 
-def _digest(view: Warped) -> bytes:
-    """What views are put in order by: their bits."""
-    parts = (view.image, view.coverage, view.depth, view.confidence)
-    return hashlib.blake2b(b"".join(np.ascontiguousarray(part).data for part in parts)).digest()
+def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:
+    """Order of things by the bits of their arrays: the same whatever order they come in."""
+
+    def digest(n: int) -> bytes:
+        parts = (np.ascontiguousarray(part).data for part in things[n])
+        return hashlib.blake2b(b"".join(parts)).digest()
+
+    return sorted(range(len(things)), key=digest)
 
 
 def _holes(views: Sequence[Warped], coverage: Floats) -> NDArray[np.uint8]:

@@ -1,6 +1,5 @@
 """Several sources as one picture: matched, voted on and blended."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from resample.cameras.models import Camera
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles
 from resample_warp3d.depth.equation import between
-from resample_warp3d.merging import merge
+from resample_warp3d.merging import merge, order_of_bits
 from resample_warp3d.types import Method, Source, Warped
 from resample_warp3d.views.aligning import check_depths, match_depths, scaled
 from resample_warp3d.views.blending import angle_share, check_blend
@@ -116,7 +115,7 @@ def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
     >>> together.scale.round(3).tolist()  # of their nearness
     [1.01, 0.99]
     """
-    order = sorted(range(len(given)), key=lambda n: _digest(given[n]))
+    order = order_of_bits([(s.color, s.nearness, c.matrix, c.world_to_camera) for s, c in given])
     standing = [given[n] for n in order]
     equations = [[between(one.camera, other.camera) for other in standing] for one in standing]
     found = match_depths([each.source for each in standing], equations, joining.depths)
@@ -212,10 +211,3 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
         else []
     )
     return Joined(merge(views, chosen.blend, shares), match)
-
-
-def _digest(given: Standing) -> bytes:
-    """What sources are put in order by: their bits."""
-    source, camera = given
-    parts = (source.color, source.nearness, camera.matrix, camera.world_to_camera)
-    return hashlib.blake2b(b"".join(np.ascontiguousarray(part).data for part in parts)).digest()
