@@ -124,7 +124,8 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(2) as executor:
             executors.append(Elsewhere(executor))
-            yield lambda: Crew(executors[-1], sharing.workers, threads or 1, None, is_local=True)
+            crew = Crew(executors[-1], sharing.workers or 1, threads or 1, None, is_local=True)
+            yield lambda: crew
 
     monkeypatch.setattr(rendering, "hiring", hiring)
     assert ended(app, *common, "--workers", "2", "-o", "two.exr") == 0

@@ -232,6 +232,21 @@ def in_small_steps(monkeypatch):
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
+@pytest.mark.parametrize("workers", [None, 2])
+def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
+    in_small_steps(monkeypatch)
+    values = rng.integers(0, 200, (60, 60, 60)).astype(np.uint8)
+    volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "smoke")
+    in_file, read = counted(volume, (8, 8, 8))
+    look, whole = Appearance("5..190"), whole_of(volume, Appearance("5..190"))
+    with ThreadPoolExecutor(workers or 1) as executor:
+        spent = Spent(6_500_000, executor=executor if workers else None)
+        found, _ = render_in_windows(in_file, look, EYE, SIZE, spent)
+    for name in LAYERS:
+        assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+    assert len(read) < 1.05 * 8**3  # two threads may ask for one at a time
+
+
 def noted_steps(monkeypatch):
     """Samples of a step of each window that fits; 0 where all are loaded at once."""
     steps, whole_task = [], windowed._task
@@ -278,6 +293,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
 
 def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     in_small_steps(monkeypatch)
+    monkeypatch.setattr(windows, "SHARE", 1 << 40)  # nothing is on a shelf
     values = rng.integers(200, 255, (64, 64, 64)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look, bricks = Appearance("100/white/0,180/white/0.95", light=None), 8**3

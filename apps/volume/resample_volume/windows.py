@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,12 +27,14 @@ from resample_volume.rendering import (
     placement,
 )
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, faced, planes
 from resample_volume.voxels.dense.ball import ball_of
 from resample_volume.voxels.dense.light import Reaching, light_reached
 from resample_volume.voxels.dense.looked import Outline, ToSee, outlined
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.framing import ball_around, centered, sphere_around
+from resample_volume.voxels.glances.shelves import SHARE
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, lattice_of
 from resample_volume.voxels.windowed import (
@@ -163,6 +165,7 @@ def paint_unseen(
     """
     painter, tell = resampler or BY_DEFAULT, progress or _unheard
     looking = Looking(spent.executor, spent.threads, tell)
+    _shelve(media, spent)
     scene, dense = dense_of(media, painter, spent.memory, looking)
     reaching = _reaching(scene, dense, media[0][1], subject, spent, looking)
     cue = cue_range(camera, subject.sphere)
@@ -296,3 +299,11 @@ def unseen_together(
     voxel = float(np.linalg.norm(steps, axis=0).max())
     ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
     return Subject(nothing, look, ball, middle, clip)
+
+
+def _shelve(media: Sequence[Medium], spent: Spent) -> None:
+    """Let volumes keep bricks that are read first, in a share of what a process may take."""
+    for volume, _ in media:
+        bricks: Any = volume.values
+        if isinstance(bricks, Bricks):
+            bricks.shelve(spent.memory // SHARE // len(media))

@@ -32,6 +32,7 @@ from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.glances.looking import Helpers
+from resample_volume.voxels.glances.shelves import SHARE
 
 
 def opened(
@@ -97,15 +98,20 @@ def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -
         give_back()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
+        if values.memory is not None:
+            values.shelve(values.memory // SHARE)
         if hire is not None and values.size >= kept.LEAST:
-            values.helpers = partial(_helpers, hire)
+            values.helpers = partial(_helpers, hire, values)
     return volume
 
 
-def _helpers(hire: Hire) -> Helpers | None:
+def _helpers(hire: Hire, bricks: Bricks) -> Helpers | None:
     """Workers, to look at a volume in chunks; None if nobody asks for them."""
     crew = hire()
-    return None if crew is None else Helpers(crew.executor, crew.threads)
+    if crew is None:
+        return None
+    bricks.shelve(bricks.shelved // crew.tasks)
+    return Helpers(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:

@@ -12,8 +12,9 @@ from resample.types import Doubles
 from resample_volume.media.lattices import Lattice, onto
 from resample_volume.media.mixing import Mixed, mixed_at
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Asked, Box, Bricks, Recent, Step
+from resample_volume.voxels.bricks import Asked, Box, Bricks, Step
 from resample_volume.voxels.dense.classified import Classifying, classified, range_for
+from resample_volume.voxels.glances.shelves import Recent
 from resample_volume.voxels.streaming import (
     Candidates,
     Looked,
@@ -68,6 +69,16 @@ class Together:
         """Of a brick of all of them."""
         return sum(part.bytes_each for part in self.parts)
 
+    def shelve(self, most: int) -> None:
+        """As `Bricks.shelve`, in shares of so many bytes."""
+        for part in self.parts:
+            part.shelve(most // len(self.parts))
+
+    @property
+    def shelved(self) -> int:
+        """Bytes that bricks of all of them take which were read first, at most."""
+        return sum(part.shelved for part in self.parts)
+
     def within(
         self, asked: Asked | None, recent: "Recent | tuple[Recent, ...] | None" = None
     ) -> "Together":
@@ -91,6 +102,20 @@ class InGrid(Bricks):
     @property
     def limits(self) -> Box:
         return self.own
+
+    def shelve(self, most: int) -> None:
+        self._inner.shelve(most)
+
+    @property
+    def shelved(self) -> int:
+        return self._inner.shelved
+
+    @property
+    def _inner(self) -> Bricks:
+        """Bricks of the volume alone."""
+        assembled: Any = self.read
+        bricks: Bricks = assembled.bricks
+        return bricks
 
     def box(self, index: Step) -> Box:
         parts = zip(super().box(index), self.own, strict=True)

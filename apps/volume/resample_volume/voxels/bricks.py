@@ -22,6 +22,7 @@ from resample.watching import look
 from resample_volume.files.memory import require_memory
 from resample_volume.types import Volume
 from resample_volume.voxels.glances.looking import Glance, Helpers, looked_at, step_of
+from resample_volume.voxels.glances.shelves import Recent, Shelf, is_known_by_its_ends
 from resample_volume.voxels.parts import slabs, threads_at_work
 
 Step = tuple[int, int, int]  # z, y, x
@@ -69,32 +70,6 @@ class Keeper(Protocol):
         ...
 
 
-class Recent:
-    """Bricks that were read last, as many as so many bytes hold."""
-
-    def __init__(self, most: int) -> None:
-        self.most, self._size = most, 0
-        self._kept: dict[Step, NDArray[Any]] = {}
-        self._lock = Lock()
-
-    def found(self, index: Step) -> NDArray[Any] | None:
-        """A brick, if it is kept; it is the last one then."""
-        with self._lock:
-            values = self._kept.pop(index, None)
-            if values is not None:
-                self._kept[index] = values
-            return values
-
-    def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Keep a brick in place of those that were read or found before all others."""
-        with self._lock:
-            if index not in self._kept and values.nbytes <= self.most:
-                self._kept[index] = values
-                self._size += values.nbytes
-            while self._size > self.most:
-                self._size -= self._kept.pop(next(iter(self._kept))).nbytes
-
-
 @dataclass(eq=False)
 class Bricks:
     """Values (Z, Y, X) of a volume in a file, in place of an array of NumPy's.
@@ -114,6 +89,7 @@ class Bricks:
     asked: Asked | None = None  # blocks whose voxels are asked for; None: all
     keeper: "Keeper | None" = None  # of what is known of all values
     recent: Recent | None = None  # that need not be read again
+    shelf: Shelf | None = None  # of those that were read first, as they are in the file
     helpers: Callable[[], Helpers | None] | None = None  # who look at all values, too
     period: int | None = None  # voxels along z after which bricks begin anew; None: never
     _lock: Lock = field(default_factory=Lock)
@@ -163,7 +139,7 @@ class Bricks:
 
     def brick(self, index: Step) -> NDArray[Any]:
         """Values of a brick; one that is known to have a single value is not read."""
-        if self.dtype.kind in "iu" and self.dtype.itemsize <= 4 and "ends" in self.__dict__:
+        if is_known_by_its_ends(self.dtype) and "ends" in self.__dict__:
             least, greatest = (end[index] for end in self.ends)
             if least == greatest:
                 return np.full(
@@ -177,10 +153,14 @@ class Bricks:
         return values
 
     def _read(self, index: Step) -> NDArray[Any]:
-        """Values of a brick, from the file."""
-        values = self.read(self.box(index))
-        with self._lock:
-            self.reads += 1
+        """Values of a brick, from the shelf or the file."""
+        values = None if self.shelf is None else self.shelf.found(index)
+        if values is None:
+            values = self.read(self.box(index))
+            with self._lock:
+                self.reads += 1
+            if self.shelf is not None:
+                self.shelf.keep(index, values)
         if self.replaced is None:
             return values
         padding, by = self.replaced
@@ -207,6 +187,18 @@ class Bricks:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
+
+    def shelve(self, most: int) -> None:
+        """Keep bricks that are read first, as many as so many bytes hold."""
+        if self.shelf is None:
+            self.shelf = Shelf(most)
+        else:
+            self.shelf.limit(min(most, self.shelf.most))
+
+    @property
+    def shelved(self) -> int:
+        """Bytes that bricks take which were read first, at most."""
+        return 0 if self.shelf is None else self.shelf.most
 
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""

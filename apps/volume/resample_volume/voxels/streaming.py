@@ -173,10 +173,13 @@ def _known_count(bricks: Bricks, wanted: Looked) -> int:
 def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
     """Refuse so many visible voxels if they do not fit in what is allowed.
 
-    Bricks that were let go count as well: what they took is not always used again.
+    Bricks that were let go count as well: what they took is not always used again. Those on the
+    shelf give way.
     """
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
     what, size = f"{name} with {count} visible voxels", each * count + bricks.most_held
+    if bricks.memory is not None and size <= bricks.memory < size + bricks.shelved:
+        bricks.shelve(bricks.memory - size)
     if bricks.memory is not None and size > bricks.memory:
         raise TooManyVoxelsError(
             f"{what} or more needs {memory.amount(size)}, {memory.amount(bricks.memory)} are "

@@ -35,17 +35,18 @@ from resample_volume.voxels.blocks import (
     lattice_for,
     widened,
 )
-from resample_volume.voxels.bricks import Bricks, Recent
+from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.dense.looked import Classified, LookedAt
 from resample_volume.voxels.dense.passes import Looking, between, passed
+from resample_volume.voxels.glances.shelves import Recent
 from resample_volume.voxels.parts import threads_at_work
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
 LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
 WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
-RECENT = 4  # share of memory, inverted, that takes bricks which were read lately
+RECENT = 8  # share of memory, inverted, that takes bricks which were read lately
 STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
 LEAST = 1 << 19  # voxels of a step, at least
 LARGE = 1 << 16  # bytes of an array that is told by where it is
@@ -335,6 +336,7 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
         One tile takes more.
     """
     (height, width), tile = known.plan.size, known.plan.tile
+    values: Bricks = work.volume.values  # type: ignore[assignment]
     found: list[Task] = []
     waiting: deque[Window] = deque([(0, 0, width, height)])
     while waiting:
@@ -344,6 +346,10 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
         is_tile = max(columns, rows) == 1
         if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
             found.append(task)
+            continue
+        if is_tile and values.shelved:
+            values.shelve(0)
+            waiting.appendleft(window)
             continue
         if is_tile:
             raise ValueError(
@@ -365,10 +371,10 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
     task = Task(window, number, seen, 0)
-    free = work.memory - work.beside - _bytes_of_bricks(work, blocks, are_asked)
+    values: Bricks = work.volume.values  # type: ignore[assignment]
+    free = work.memory - work.beside - values.shelved - _bytes_of_bricks(work, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
-    values: Bricks = work.volume.values  # type: ignore[assignment]
     source = _source(work, known, task, values)
     kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
     # What waits is looked at again in each step.
