@@ -1,6 +1,7 @@
 """Results that are saved, shown and handed over: painted scenes and pictures that were moved."""
 
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -35,6 +36,10 @@ def picture(dtype: str = "uint8", channels: int = 3) -> NDArray[np.generic]:
     if dtype == "float32":
         return (levels / 255).astype(dtype)
     return (levels * (257 if dtype == "uint16" else 1)).astype(dtype)
+
+
+def moved() -> Warped:
+    return warp(picture(), SHIFT, (12, 20))
 
 
 def test_levels_are_those_that_are_written(tmp_path: Path) -> None:
@@ -78,11 +83,11 @@ def test_a_picture_that_was_not_moved_keeps_its_levels(dtype: str, channels: int
 
 
 def test_what_is_not_covered_is_transparent() -> None:
-    moved = warp(picture(), SHIFT, (12, 20))
-    levels = moved.to_uint8()
+    shown = moved()
+    levels = shown.to_uint8()
     assert (levels[:, :4, 3] == 0).all()
     assert (levels[:, 4:, 3] == 255).all()
-    assert (moved.to_uint8(background=(1, 1, 1))[:, :4] == 255).all()
+    assert (shown.to_uint8(background=(1, 1, 1))[:, :4] == 255).all()
 
 
 def test_masks_and_labels_are_stretched_over_gray() -> None:
@@ -118,8 +123,9 @@ def test_depth_of_a_frame_is_black_where_nothing_is() -> None:
     assert levels[:, 1:].any(axis=2).all()
 
 
-@pytest.mark.parametrize("result", [frame(), depths(), warp(picture(), SHIFT, (12, 20))])
-def test_notebooks_and_pillow_get_pictures(result: Frame) -> None:
+@pytest.mark.parametrize("make", [frame, depths, moved])
+def test_notebooks_and_pillow_get_pictures(make: Callable[[], Frame]) -> None:
+    result = make()
     png = np.asarray(Image.open(BytesIO(result._repr_png_())))
     np.testing.assert_array_equal(png, np.asarray(result.to_image()))
     assert "\n" not in repr(result)
@@ -129,7 +135,7 @@ def test_notebooks_and_pillow_get_pictures(result: Frame) -> None:
 
 def test_a_line_tells_what_a_result_is() -> None:
     assert repr(frame()) == "Frame(20 × 12 px, 95 % covered, depth from 3)"
-    assert repr(warp(picture(), SHIFT, (12, 20))) == "Warped(12 × 20 × 3 uint8, 80 % covered)"
+    assert repr(moved()) == "Warped(12 × 20 × 3 uint8, 80 % covered)"
 
 
 def test_results_are_still_tuples() -> None:
