@@ -10,7 +10,6 @@ names of modules: a checkout, a copy and an installed wheel of the same sources 
 Of several processes that want one kernel, the first compiles it and the others wait for its file.
 """
 
-import gc
 import hashlib
 import inspect
 import logging
@@ -195,43 +194,13 @@ def _say_that_it_compiles(name: str) -> None:
     LOG.debug("compiling %s", name)
 
 
-class _Collecting:
-    """Garbage collection, put off while kernels are compiled.
-
-    A compiler makes millions of objects, nearly all of which live as long as it works: to look
-    through them again and again took a fifth of its time.
-    """
-
-    def __init__(self) -> None:
-        self._lock, self._count, self._was_on = Lock(), 0, False
-
-    @contextmanager
-    def put_off(self) -> Iterator[None]:
-        """Collect none until the last of those blocks ends that run at the same time."""
-        with self._lock:
-            if self._count == 0:
-                self._was_on = gc.isenabled()
-                gc.disable()
-            self._count += 1
-        try:
-            yield
-        finally:
-            with self._lock:
-                self._count -= 1
-                if self._count == 0 and self._was_on:
-                    gc.enable()
-
-
-_COLLECTING = _Collecting()
-
-
 def _store(compiled: Any, function: Callable[..., Any]) -> None:
     """Keep a kernel's machine code on disk, compiled by one process at a time."""
     compiled._cache = _SourceAwareCache(function)
     compile_now, index = compiled.compile, compiled._cache._cache_file._index_path
 
     def compile_in_turn(signature: Any) -> Any:
-        with _in_turn(index), _COLLECTING.put_off():
+        with _in_turn(index):
             return compile_now(signature)
 
     compiled.compile = compile_in_turn
