@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 
+from resample.memory import mapped
 from resample_warp3d.clouds import spacing, storing
 from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
@@ -15,7 +16,7 @@ NOTHING = np.zeros((0, 3), np.float32)
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """Folder of the cache, in which small clouds are kept, too."""
-    monkeypatch.setenv(storing.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path))
     monkeypatch.setattr(storing, "LEAST_POINTS", 1)
     return tmp_path / "clouds"
 
@@ -105,7 +106,7 @@ def test_a_damaged_file_is_made_anew(kept, measured, content):
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch, measured):
     (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv(storing.FOLDER_VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path / "file"))
     monkeypatch.setattr(storing, "LEAST_POINTS", 1)
     prepare_cloud(_cloud(), cache=True)
     assert measured == [500]

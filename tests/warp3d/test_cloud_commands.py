@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from resample.files.images import read_image
+from resample.memory import mapped
 from resample_warp3d.clouds import storing
 from resample_warp3d.command import cli
 from tests import commands
@@ -24,7 +25,7 @@ def folder(tmp_path, monkeypatch):
     """The working folder of every command, with scan.csv: a square at y 0 of two classes."""
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    monkeypatch.setenv(storing.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(storing, "LEAST_POINTS", 1)
     x, z = np.mgrid[:30, :30] / 10.0
     table = np.column_stack([x.ravel(), np.zeros(900), z.ravel(), x.ravel() > 1.45])

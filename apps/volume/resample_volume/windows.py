@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Viewpoint
+from resample.cameras.viewpoints import Sphere, Viewpoint
 from resample.memory import available_memory
 from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
@@ -30,6 +30,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, faced, planes
 from resample_volume.voxels.dense.ball import ball_of
+from resample_volume.voxels.dense.known import keep_looked_at, known_of
 from resample_volume.voxels.dense.light import Reaching, light_reached
 from resample_volume.voxels.dense.looked import Outline, ToSee, outlined
 from resample_volume.voxels.dense.passes import Looking
@@ -37,13 +38,7 @@ from resample_volume.voxels.framing import ball_around, centered, sphere_around
 from resample_volume.voxels.glances.shelves import SHARE
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, lattice_of
-from resample_volume.voxels.windowed import (
-    Work,
-    keep_looked_at,
-    known_of,
-    painted_in_windows,
-    surveyed,
-)
+from resample_volume.voxels.windowed import Work, painted_in_windows, surveyed
 
 
 class Spent(NamedTuple):
@@ -293,11 +288,14 @@ def unseen_together(
     looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
     scene, dense = dense_of(media, painter, allowed.memory, looking)
     seen = ToSee(scene, dense, clip)
-    outline = _outline(seen, dense, looking)
-    if not outline.total:
-        return Subject(nothing, look, sphere_around(nothing, whole), middle, clip)
-    voxel = float(np.linalg.norm(steps, axis=0).max())
-    ball = known_of(scene, ("ball", dense.kind), lambda: ball_of(seen, outline, voxel, looking))
+
+    def find() -> Sphere:
+        outline = _outline(seen, dense, looking)
+        if not outline.total:
+            return sphere_around(nothing, whole)
+        return ball_of(seen, outline, float(np.linalg.norm(steps, axis=0).max()), looking)
+
+    ball = known_of(scene, ("ball", dense.kind), find, lasts=True)
     return Subject(nothing, look, ball, middle, clip)
 
 

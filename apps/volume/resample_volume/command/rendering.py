@@ -212,22 +212,13 @@ def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
     known: list[Any] = [version("hybrid-resample"), shown]
     for volume, look in media:
         labels = [] if look.labels is None else [look.labels.values]
-        states = [_state_of(values) for values in (volume.values, *labels)]
+        stored: list[Any] = [volume.values, *labels]
+        states = [part.state() if isinstance(part, Bricks) else None for part in stored]
         if None in states:
             return None
         known += [states, volume[1:], replace(look, labels=None)]
         known += [] if look.labels is None else [look.labels.rules]
     return fingerprint(known)
-
-
-def _state_of(values: Any) -> tuple[Any, ...] | None:
-    """What tells whether values in a store are the same; None: nothing does."""
-    keeper: Any = getattr(values, "keeper", None)
-    state = None if keeper is None else keeper.state()
-    if state is None:
-        return None
-    form = (values.shape, values.dtype.str, values.side, values.replaced)
-    return (str(keeper.store), state, *form)
 
 
 @contextmanager

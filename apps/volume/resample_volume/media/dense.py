@@ -29,15 +29,13 @@ from resample_volume.voxels.bricks import Bricks, Step
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.cropping import kept_index, planes
 from resample_volume.voxels.dense.classified import Classifying, classified_by_bricks
+from resample_volume.voxels.dense.known import known_of
 from resample_volume.voxels.dense.looked import Finish
 from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.glances.shelves import Recent
 from resample_volume.voxels.visible import Voxels, check_gradient
-from resample_volume.voxels.windowed import (
-    known_of,
-)
 
 OF_FILES = 8  # share of memory, inverted, that takes pages of volumes that were resampled
 OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately

@@ -266,6 +266,14 @@ class Bricks:
             self.__dict__["glance"] = kept
         return kept is not None
 
+    def state(self) -> tuple[Any, ...] | None:
+        """What tells whether values in a store are the same; None where nothing does."""
+        state = None if self.keeper is None else self.keeper.state()
+        if self.keeper is None or state is None:
+            return None
+        form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
+        return (str(self.keeper.store), state, *form)
+
     def _helped(self) -> Helpers | None:
         return None if self.helpers is None else self.helpers()
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
-from resample.fingerprints import fingerprint
 from resample.painting.plans import SPLATS, PicturePlan, PlansOfPart, Window
 from resample.painting.steps.parts import SamplesInParts
 from resample.painting.steps.planning import EVERYBODY
@@ -37,6 +36,7 @@ from resample_volume.voxels.blocks import (
 )
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.dense.known import keep_looked_at, looked_at_before
 from resample_volume.voxels.dense.looked import Classified, LookedAt
 from resample_volume.voxels.dense.passes import Looking, between, passed
 from resample_volume.voxels.glances.shelves import Recent
@@ -49,7 +49,6 @@ WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in me
 RECENT = 8  # share of memory, inverted, that takes bricks which were read lately
 STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
 LEAST = 1 << 19  # voxels of a step, at least
-LARGE = 1 << 16  # bytes of an array that is told by where it is
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
@@ -172,11 +171,8 @@ def painted_in_windows(
 def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """What a picture depends on, found a brick at a time; None if nothing is seen."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    lattice, name = (
-        lattice_for(bricks.shape),
-        _name_of(work.volume, work.kind),
-    )
-    before = _known_before(work, lattice, bricks.found.get(name))
+    lattice = lattice_for(bricks.shape)
+    before = _known_before(work, lattice)
     if before is not None:
         return before
     guess: Guess | None = _guessed(work)
@@ -192,67 +188,18 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
         seen[index] += count
     index = np.flatnonzero(seen)
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
-    if name is not None:
-        bricks.found[name] = _Found(LookedAt(steep, index, seen[index]), work.kind)
+    keep_looked_at(work.volume, work.kind, LookedAt(steep, index, seen[index]))
     if plan is None or not plan.seen:
         return None
     bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
 
 
-def known_of(volume: Volume, depends: Any, find: Callable[[], R]) -> R:
-    """What is found of a volume in bricks, which keep it for as long as they are.
-
-    Parameters
-    ----------
-    volume
-        Whose values keep it.
-    depends
-        What else it depends on; where that cannot be told, it is found each time.
-    find
-        Finds it.
-    """
-    bricks: Any = volume.values
-    name = _name_of(volume, depends)
-    if name is None:
-        return find()
-    if name not in bricks.found:
-        bricks.found[name] = _Found(find(), depends)
-    known: R = bricks.found[name].result
-    return known
-
-
-def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
-    """Let pictures of a look do with what is known already; arguments as of `known_of`."""
-    bricks: Any = volume.values
-    name = _name_of(volume, depends)
-    if name is not None:
-        bricks.found[name] = _Found(looked, depends)
-
-
-class _Found(NamedTuple):
-    """What was found."""
-
-    result: Any
-    depends: Any  # on what: as long as it is here, no other has its place in memory
-
-
-def _name_of(volume: Volume, depends: Any) -> str | None:
-    """What is the same where the same is found of a volume; None: that cannot be said."""
-    return fingerprint((depends, volume[1:4]), _place_of)
-
-
-def _place_of(part: Any) -> int | None:
-    """Large arrays and bricks are told by where they are in memory."""
-    is_large = isinstance(part, np.ndarray) and part.nbytes > LARGE
-    return id(part) if is_large or isinstance(part, Bricks) else None
-
-
-def _known_before(work: Work, lattice: Lattice, found: _Found | None) -> Surveyed | None:
+def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
     """What is known of a picture because all voxels were looked at for another, if that will do."""
-    if found is None:
+    looked = looked_at_before(work.volume, work.kind)
+    if looked is None:
         return None
-    looked: LookedAt = found.result
     height, width = work.size
     source = _in_parts(work, lattice, looked.number, looked.seen)
     plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)

@@ -7,7 +7,6 @@ than the time to measure again.
 """
 
 import hashlib
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -15,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from resample.files.cached import make_room, note_use
 from resample.files.writing import replacing
+from resample.memory import mapped
 from resample.types import Floats
 
-FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as quickly as they are looked up
 WIDTH = 9  # numbers per point: a normal and two half axes
@@ -26,10 +26,7 @@ WIDTH = 9  # numbers per point: a normal and two half axes
 
 def folder() -> Path:
     """Where what was measured is kept."""
-    import pooch
-
-    place = os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample")
-    return Path(place) / "clouds"
+    return mapped.folder() / "clouds"
 
 
 def measured_once(
@@ -90,8 +87,7 @@ def _read(path: Path, count: int) -> Floats | None:
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:
         return None
-    with suppress(OSError):
-        os.utime(path)  # it was of use now
+    note_use(path)
     return found
 
 
@@ -100,17 +96,6 @@ def _write(path: Path, numbers: Floats) -> None:
     if numbers.nbytes > MOST_BYTES:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    _make_room(path.parent, numbers.nbytes)
+    make_room(path.parent, numbers.nbytes, MOST_BYTES)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.save(file, numbers)
-
-
-def _make_room(kept: Path, wanted: int) -> None:
-    """Remove the files that were not used for longest until so many bytes are free."""
-    files = [(entry.stat(), entry) for entry in kept.glob("*.npy")]
-    total = sum(stat.st_size for stat, _ in files)
-    for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
-        if total + wanted <= MOST_BYTES:
-            return
-        entry.unlink(missing_ok=True)
-        total -= stat.st_size
