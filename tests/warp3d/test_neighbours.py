@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from resample_warp3d.clouds import spacing
+from resample_warp3d.clouds import sorting, spacing
 from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.kernels.cells import Spaced
 from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
@@ -83,6 +83,24 @@ def test_of_points_that_are_equally_far_the_first_come_first(place):
 def canonical_order(place):
     nothing = np.zeros((0, 3), np.float32)
     return canonical(Cloud(place, nothing, nothing, np.zeros(0)), curve_through(place))
+
+
+FAR = np.array([[9.0, 9.0, 9.0], [-9.0, 9.0, 9.0]])
+MANY_PLACES = {
+    "spread": np.random.default_rng(8).random((120_000, 3)),
+    "few places": np.random.default_rng(8).integers(0, 9, (120_000, 3)),
+    "one place": np.ones((70_000, 3)),
+    "strays": np.concatenate([1e-4 * np.random.default_rng(8).random((70_000, 3)), FAR]),
+}
+
+
+@pytest.mark.parametrize("name", MANY_PLACES)
+def test_many_points_come_in_the_order_of_one_sort(name, monkeypatch):
+    place = MANY_PLACES[name].astype(np.float32)
+    order, code = canonical_order(place), curve_through(place).codes(place)
+    np.testing.assert_array_equal(order, np.lexsort([*place.T[::-1], code]))
+    monkeypatch.setattr(sorting, "NEAR", 1000)
+    np.testing.assert_array_equal(canonical_order(place), order)
 
 
 def test_a_stray_point_far_away_changes_no_disc():

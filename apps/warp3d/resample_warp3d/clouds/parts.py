@@ -5,8 +5,9 @@ points, so that copies are small.
 """
 
 import logging
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -14,6 +15,8 @@ from numpy.typing import DTypeLike, NDArray
 from resample.memory import ALLOWED, amount, available_memory, held
 from resample.memory.mapped import array_in_file, array_like, folder, most_of
 from resample_warp3d.clouds.cloud import Cloud, some_of
+
+Part = TypeVar("Part")
 
 LOG = logging.getLogger("resample")
 STEP = 1 << 18  # points that are looked at together
@@ -131,6 +134,14 @@ def rows_of(values: NDArray[Any]) -> Iterator[slice]:
     """Rows of an array, so many at a time as are looked at together."""
     for first in range(0, len(values), STEP):
         yield slice(first, min(first + STEP, len(values)))
+
+
+def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
+    """Do a piece of work of NumPy for each of some parts, on as many threads as kernels take."""
+    from resample.engine.jit import workers
+
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(work, parts))  # raises what work does
 
 
 def room_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:

@@ -6,7 +6,7 @@ it does not depend on the one they were given in, nor on where they lie.
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,11 @@ from resample.memory.mapped import most_of
 from resample.types import Doubles, Floats
 from resample.watching import look, told
 from resample_warp3d.clouds.cloud import Cloud, checked, some_of
-from resample_warp3d.clouds.parts import room_beside, rows_of
+from resample_warp3d.clouds.parts import on_threads, room_beside, rows_of
 
 TOGETHER = 256  # points that are compared at a time
+NEAR = 1 << 15  # points that are put in order at a time: what the processor keeps at hand
+LOWER = np.uint64(63 - 16)  # bits of a place on a curve below those that are counted
 SAMPLED = 1 << 16  # points that say where buckets end
 SORTED = 160  # bytes that a point takes while its bucket is put in order
 
@@ -63,11 +65,28 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
     points = _drawn(cloud, radius)
     origin = _middle(*corners(points.position)) if len(points.position) else np.zeros(3)
     position = np.empty((len(points.position), 3), np.float32)
-    for rows in rows_of(position):
+
+    def move(rows: slice) -> None:
         position[rows] = points.position[rows] - origin
+
+    on_threads(move, rows_of(position))
     relative = points._replace(position=position)
     order = canonical(relative, curve_through(relative.position))
-    return Ordered(origin, some_of(relative, order))
+    parts = {name: getattr(relative, name) for name in ("position", "normal", "color", "radius")}
+    return Ordered(origin, Cloud(**{name: _taken(part, order) for name, part in parts.items()}))
+
+
+def _taken(values: NDArray[Any], order: Indices) -> Any:
+    """Values (N, ...) in an order; (0, ...) as they are."""
+    if not len(values):
+        return values
+    taken = np.empty_like(values)
+
+    def take(rows: slice) -> None:
+        np.take(values, order[rows], axis=0, out=taken[rows], mode="clip")  # "raise" would copy
+
+    on_threads(take, rows_of(order))
+    return taken
 
 
 def _drawn(cloud: Cloud, radius: float | None) -> Cloud:
@@ -107,16 +126,39 @@ def _curve_in(low: Floats, high: Floats) -> Curve:
 def canonical(cloud: Cloud, curve: Curve) -> Indices:
     """Order along a curve; points on one place of it by all that they are."""
     code = curve.codes(cloud.position)
-    order = np.argsort(code)  # in any order where codes are equal, as that is settled below
-    ordered = code[order]
-    again = np.concatenate([[False], ordered[1:] == ordered[:-1]])
-    shared = np.flatnonzero(again | np.concatenate([again[1:], [False]]))
-    if shared.size:
+    order, ordered = _ascending(code)  # in any order where codes are equal, as that is settled here
+    same = ordered[1:] == ordered[:-1]
+    if same.any():
+        shared = np.flatnonzero(np.append(False, same) | np.append(same, False))
         among = order[shared]
         parts = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
         keys = [column for columns in parts for column in columns[::-1]]
         order[shared] = among[np.lexsort([*keys, code[among]])]
     return order
+
+
+def _ascending(code: Codes) -> tuple[Indices, Codes]:
+    """Order (N,) of places on a curve, and these in order.
+
+    They are grouped by their first bits, and groups are put in order that are near each other.
+    """
+    if code.size <= NEAR:
+        order = np.argsort(code)
+        return order, code[order]
+    high = (code >> LOWER).astype(np.uint16)
+    order = np.argsort(high, kind="stable")  # counts, and compares nothing
+    grouped = code[order]
+    ends = np.cumsum(np.bincount(high))
+    wanted = np.arange(NEAR, code.size + NEAR, NEAR)
+    starts = np.unique(np.append(0, ends[np.searchsorted(ends, np.minimum(wanted, code.size))]))
+
+    def settle(span: tuple[int, int]) -> None:
+        part = slice(*span)
+        own = np.argsort(grouped[part])
+        order[part], grouped[part] = order[part][own], grouped[part][own]
+
+    on_threads(settle, pairwise(starts.tolist()))
+    return order, grouped
 
 
 def _rows(cloud: Cloud, rows: slice) -> Cloud:

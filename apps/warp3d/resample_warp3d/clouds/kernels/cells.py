@@ -14,13 +14,12 @@ from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, 
 from resample.engine.vectors import Matrix, Vector, cross, dot
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.kernels.flattest import flattest
+from resample_warp3d.clouds.kernels.polygons import SIDES, X, Y, crossed, cut, open_polygon
 
 Indices = NDArray[np.int64]
 Nearest = NDArray[np.int32]
 
 CHUNK = 1024  # points that a thread takes at a time
-MOST_CORNERS = 64
-SIDES = 8  # of the polygon that a cell is cut out of
 WIDEST = 0.7  # distances to the last neighbour, half the width of that polygon
 AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
 RIM = 0.65  # of that spacing: how far a cell reaches where there is no neighbour
@@ -29,9 +28,6 @@ LONGEST = 8.0  # times its width a disc may be long
 ALIKE = 0.5  # of a point's spacing: neighbours with as much lie as lonely as it does
 FEW = 1  # of such neighbours have only stray points
 SLACK = 1.02  # discs overlap by this
-CORNERS = tuple(
-    (math.cos(2.0 * math.pi * k / SIDES), math.sin(2.0 * math.pi * k / SIDES)) for k in range(SIDES)
-)
 
 
 class Spaced(NamedTuple):
@@ -76,77 +72,17 @@ def across(normal: Vector) -> Vector:
 
 
 @inner_kernel
-def _open_polygon(polygons: Doubles, half: float) -> None:
-    """Start with a regular polygon of half a width, the first one."""
-    outer = half / math.cos(math.pi / SIDES)
-    for k in range(SIDES):
-        polygons[0, k, 0], polygons[0, k, 1] = outer * CORNERS[k][0], outer * CORNERS[k][1]
-        polygons[0, k, 2] = 0.0  # the side from here to the next corner is of no neighbour
-
-
-@inner_kernel
-def _is_cut(polygons: Doubles, which: int, corners: int, side: Vector) -> bool:
-    """Whether a corner is where side · (x, y) is above side[2]; by how much is its last number."""
-    beyond = 0
-    for k in range(corners):
-        by = side[0] * polygons[which, k, 0] + side[1] * polygons[which, k, 1] - side[2]
-        polygons[which, k, 3] = by
-        beyond += int(by > 0.0)
-    return beyond > 0
-
-
-@inner_kernel
-def _cut(polygons: Doubles, which: int, corners: int, distance: float) -> int:
-    """Cut away what `_is_cut` has found; `distance` marks the new side.
-
-    What is left is in the other polygon; gives the number of its corners.
-    """
-    other, count, last = 1 - which, 0, corners - 1
-    before = polygons[which, last, 3]
-    for k in range(corners):
-        here = polygons[which, k, 3]
-        if (before > 0.0) != (here > 0.0) and count < MOST_CORNERS:
-            share = before / (before - here)
-            for c in range(2):
-                start = polygons[which, last, c]
-                polygons[other, count, c] = start + share * (polygons[which, k, c] - start)
-            polygons[other, count, 2] = distance if here > 0.0 else polygons[which, last, 2]
-            count += 1
-        if here <= 0.0 and count < MOST_CORNERS:
-            for c in range(3):
-                polygons[other, count, c] = polygons[which, k, c]
-            count += 1
-        before, last = here, k
-    return count
-
-
-@inner_kernel
-def _reach(polygons: Doubles, which: int, corners: int) -> float:
-    """Square of the distance of the farthest corner."""
-    most = 0.0
-    for k in range(corners):
-        x, y = polygons[which, k, 0], polygons[which, k, 1]
-        most = max(most, x * x + y * y)
-    return most
-
-
-@inner_kernel
 def _cell(
     position: Floats,
     neighbour: Indices,
     n: int,
     frame: tuple[Vector, Vector],
     half: float,
-    polygons: Doubles,
+    polygon: Doubles,
 ) -> tuple[int, int]:
-    """Cell of a point in the plane of two unit vectors; which polygon it is, and its corners.
-
-    Polygons are (2, MOST_CORNERS, 4): x, y, the mark of the side after a corner, and how far it is
-    beyond a cut.
-    """
-    which, corners = 0, SIDES
-    _open_polygon(polygons, half)
-    reach = _reach(polygons, which, corners)
+    """Cell of a point in the plane of two unit vectors: how many corners, and its open sides."""
+    corners, sides = SIDES, (2 << SIDES) - 2
+    open_polygon(polygon, half)
     here = neighbour[n, 0]
     for j in range(1, neighbour.shape[1]):
         there = neighbour[n, j]
@@ -155,25 +91,14 @@ def _cell(
             float(position[there, 1]) - position[here, 1],
             float(position[there, 2]) - position[here, 2],
         )
-        square = dot(step, step)
-        if square >= 4.0 * reach:  # neighbours come by distance
-            break
         # The plane between both points, where it meets the tangent plane.
-        side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * square
-        if square > 0.0 and _is_cut(polygons, which, corners, side):
-            corners = _cut(polygons, which, corners, math.sqrt(square))
-            which = 1 - which
-            reach = _reach(polygons, which, corners)
-    return which, corners
-
-
-@inner_kernel
-def _is_open(polygons: Doubles, which: int, corners: int) -> bool:
-    """Whether a side of a cell is of no neighbour."""
-    least = np.inf
-    for k in range(corners):
-        least = min(least, polygons[which, k, 2])
-    return least == 0.0
+        side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * dot(step, step)
+        how = crossed(polygon, corners, side)
+        if how[0] == 0:  # neighbours come by distance
+            break
+        if how[1] > 0:
+            corners, sides = cut(polygon, corners, sides, side, how)
+    return corners, sides
 
 
 @inner_kernel
@@ -195,32 +120,42 @@ def _rim(position: Floats, neighbour: Indices, n: int) -> float:
     return RIM * total / AROUND
 
 
+@kernel
+def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
+    """Cosine and sine of half the angle of (x, y), which is from −π to π."""
+    if length == 0.0:
+        return 1.0, 0.0
+    one = math.sqrt(0.5 * (length + abs(x)) / length)
+    other = 0.5 * abs(y) / (length * one)
+    c, s = (one, other) if x >= 0.0 else (other, one)
+    return c, math.copysign(s, y)
+
+
 @inner_kernel
-def _ellipse(polygons: Doubles, which: int, corners: int) -> tuple[float, float, float, float]:
+def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float]:
     """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a polygon.
 
     Its shape is that of the polygon's second moments.
     """
     xx, xy, yy = 0.0, 0.0, 0.0
-    for k in range(corners):
-        m = k + 1 if k + 1 < corners else 0
-        ax, ay = polygons[which, k, 0], polygons[which, k, 1]
-        bx, by = polygons[which, m, 0], polygons[which, m, 1]
+    for k in range(1, corners + 1):
+        m = k + 1
+        ax, ay = polygon[X, k], polygon[Y, k]
+        bx, by = polygon[X, m], polygon[Y, m]
         area = ax * by - bx * ay
         xx += area * (ax * ax + ax * bx + bx * bx)
         xy += area * (2.0 * ax * ay + ax * by + bx * ay + 2.0 * bx * by)
         yy += area * (ay * ay + ay * by + by * by)
     xy *= 0.5
-    mean, odd = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    mean, odd = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     if mean <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    angle = 0.5 * math.atan2(xy, 0.5 * (xx - yy))
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = _half_turned(0.5 * (xx - yy), xy, odd)
     long = math.sqrt(mean + odd)
     short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
     scale = 0.0
-    for k in range(corners):
-        x, y = polygons[which, k, 0], polygons[which, k, 1]
+    for k in range(1, corners + 1):
+        x, y = polygon[X, k], polygon[Y, k]
         along = (c * x + s * y) / long
         aside = (c * y - s * x) / short
         scale = max(scale, along * along + aside * aside)
@@ -234,7 +169,7 @@ def measure(
     neighbour: Indices,
     n: int,
     is_last: bool,
-    polygons: Doubles,
+    polygon: Doubles,
     normal: Floats,
     discs: Spaced,
 ) -> bool:
@@ -250,8 +185,8 @@ def measure(
         Which of these.
     is_last
         Close the cell if it is open.
-    polygons
-        (2, MOST_CORNERS, 4) to work with.
+    polygon
+        (4, WIDTH) to work with.
     normal
         (N, 3) made unit length; filled where it is 0, with either of both signs.
     discs
@@ -274,21 +209,20 @@ def measure(
     rim = _rim(position, neighbour, n)
     if is_last:
         half = min(half, FARTHEST * rim)
-    which, corners = _cell(position, neighbour, n, frame, half, polygons)
-    is_open = _is_open(polygons, which, corners)
+    corners, sides = _cell(position, neighbour, n, frame, half, polygon)
     for c in range(3):
         normal[here, c] = np.float32(upward[c])
-    if is_open and not is_last:
+    if sides > 0 and not is_last:
         return True
-    if is_open and is_last:
+    if sides > 0 and is_last:
         half = min(half, rim)
-        which, corners = _cell(position, neighbour, n, frame, half, polygons)
-    x1, y1, x2, y2 = _ellipse(polygons, which, corners)
+        corners, sides = _cell(position, neighbour, n, frame, half, polygon)
+    x1, y1, x2, y2 = _ellipse(polygon, corners)
     for c in range(3):
         discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
         discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
     discs.spacing[here] = np.float32(rim / RIM)
-    return is_open
+    return sides > 0
 
 
 @kernel

@@ -3,8 +3,11 @@
 import math
 
 from resample.engine.jit import kernel
-from resample.engine.vectors import Matrix, Vector
+from resample.engine.vectors import Matrix, Vector, dot
 
+STEPS = 8  # of Newton's method at most
+NEAR = 2.0**-26  # of the trace: the step after one so small would not be told apart
+APART = 2.0**-8  # of the trace's square: how far from the others an eigenvalue is, at least
 SWEEPS = 6  # of Jacobi's method: 3 × 3 matrices have then converged
 STILL = 2.0**-52  # tangents of rotations that are left out: 2⁻²⁸ of what float32 tells apart
 
@@ -59,8 +62,8 @@ def _rolled(m: Matrix) -> Matrix:
 
 
 @kernel
-def flattest(m: Matrix) -> Vector:
-    """Unit vector along which a symmetric 3 × 3 matrix is least."""
+def _turned_flattest(m: Matrix) -> Vector:
+    """The same by Jacobi's method, however near the eigenvalues are to each other."""
     v: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for _ in range(SWEEPS):
         before = v
@@ -76,3 +79,56 @@ def flattest(m: Matrix) -> Vector:
     elif m[2][2] < m[0][0]:
         least = v[0][2], v[1][2], v[2][2]
     return least
+
+
+@kernel
+def _least(m: Matrix, trace: float) -> float:
+    """Least eigenvalue of a matrix that has none below 0; not a number if others are as near.
+
+    Newton's method does not step beyond the first zero of the characteristic polynomial.
+    """
+    minors = (
+        m[0][0] * m[1][1]
+        - m[0][1] * m[0][1]
+        + (m[0][0] * m[2][2] - m[0][2] * m[0][2])
+        + (m[1][1] * m[2][2] - m[1][2] * m[1][2])
+    )
+    if not minors > APART * trace * trace:
+        return math.nan
+    determinant = (
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[1][2])
+        - m[0][1] * (m[0][1] * m[2][2] - m[1][2] * m[0][2])
+        + m[0][2] * (m[0][1] * m[1][2] - m[1][1] * m[0][2])
+    )
+    value = 0.0
+    for _ in range(STEPS):
+        rest = ((value - trace) * value + minors) * value - determinant
+        step = rest / ((3.0 * value - 2.0 * trace) * value + minors)
+        value -= step
+        if abs(step) <= NEAR * trace:
+            return value
+    return math.nan
+
+
+@kernel
+def flattest(m: Matrix) -> Vector:
+    """Unit vector along which a symmetric 3 × 3 matrix without eigenvalues below 0 is least.
+
+    Columns of the adjugate of the matrix, less the eigenvalue, are along the eigenvector.
+    """
+    trace = m[0][0] + m[1][1] + m[2][2]
+    value = _least(m, trace)
+    x, y, z = m[0][0] - value, m[1][1] - value, m[2][2] - value
+    xx, yy, zz = y * z - m[1][2] * m[1][2], x * z - m[0][2] * m[0][2], x * y - m[0][1] * m[0][1]
+    if not xx + yy + zz > APART * trace * trace:
+        return _turned_flattest(m)
+    xy, xz = m[0][2] * m[1][2] - m[0][1] * z, m[0][1] * m[1][2] - m[0][2] * y
+    yz = m[0][1] * m[0][2] - x * m[1][2]
+    if xx >= yy and xx >= zz:
+        along = xx, xy, xz
+    elif yy >= zz:
+        along = xy, yy, yz
+    else:
+        along = xz, yz, zz
+    length = math.sqrt(dot(along, along))
+    return along[0] / length, along[1] / length, along[2] / length

@@ -6,8 +6,9 @@ import numpy as np
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
-from resample_warp3d.clouds.kernels.cells import MOST_CORNERS, Nearest, Spaced, measure
+from resample_warp3d.clouds.kernels.cells import Nearest, Spaced, measure
 from resample_warp3d.clouds.kernels.neighbours import BLOCK, PointBlocks, look_around, search
+from resample_warp3d.clouds.kernels.polygons import WIDTH
 
 TOGETHER = 64  # blocks that a thread takes at a time
 
@@ -25,7 +26,7 @@ def _measure_blocks(
 ) -> None:
     """Measure the points of some blocks that follow each other."""
     few, many = search(wanted.few), search(wanted.many)
-    polygons = np.empty((2, MOST_CORNERS, 4))
+    polygon = np.zeros((4, WIDTH))
     place, start = blocks.place, int(np.int64(chunk)) * TOGETHER
     for block in range(start, min(start + TOGETHER, blocks.first[1])):
         first = block * BLOCK
@@ -37,13 +38,13 @@ def _measure_blocks(
             for k in range(nearest.shape[1]):
                 nearest[first + row, k] = few.found[row, k + 1]
             is_last = wanted.few == wanted.many
-            if measure(place, few.found, row, is_last, polygons, normal, discs) and not is_last:
+            if measure(place, few.found, row, is_last, polygon, normal, discs) and not is_last:
                 many.which[gaps] = first + row
                 gaps += 1
         if gaps > 0:
             look_around(blocks, block, gaps, many)
             for row in range(gaps):
-                measure(place, many.found, row, True, polygons, normal, discs)
+                measure(place, many.found, row, True, polygon, normal, discs)
 
 
 @parallel_kernel

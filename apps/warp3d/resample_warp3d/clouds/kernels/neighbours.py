@@ -51,7 +51,8 @@ class Search(NamedTuple):
     held: Numbers  # (BLOCK, HELD) which points
     away: Doubles  # (BLOCK, HELD) squares of their distances
     rank: Numbers  # (HELD,) how many of them are nearer
-    square: Doubles  # (k,) squares of the nearest points' distances
+    order: Numbers  # (HELD,) these points, the nearest first
+    square: Doubles  # (HELD,) squares of their distances
     listed: Numbers  # (LISTED,) points to look at
     near: Doubles  # (3, LISTED) where they are
     gap: Doubles  # (LISTED,) squares of distances
@@ -84,7 +85,8 @@ def search(count: int) -> Search:
         np.empty((BLOCK, HELD), np.int64),
         np.empty((BLOCK, HELD)),
         np.empty(HELD, np.int64),
-        np.empty(count),
+        np.empty(HELD, np.int64),
+        np.empty(HELD),
         np.empty(LISTED, np.int64),
         np.empty((3, LISTED)),
         np.empty(LISTED),
@@ -188,9 +190,10 @@ def _settle(looking: Search, row: int) -> None:
     _rank(looking.away, looking.held, row, looking.many[row], looking.rank)
     for n in range(looking.many[row]):
         rank = looking.rank[n]
-        if rank < wanted:
-            looking.found[row, rank] = looking.held[row, n]
-            looking.square[rank] = looking.away[row, n]
+        looking.order[rank] = looking.held[row, n]
+        looking.square[rank] = looking.away[row, n]
+    for n in range(wanted):
+        looking.found[row, n] = looking.order[n]
 
 
 @inner_kernel
