@@ -110,7 +110,7 @@ def _helpers(hire: Hire, bricks: Bricks) -> Helpers | None:
     crew = hire()
     if crew is None:
         return None
-    bricks.shelve(bricks.shelved // crew.tasks)
+    bricks.shelve((bricks.memory or 0) // SHARE // crew.tasks)
     return Helpers(crew.executor, crew.threads)
 
 

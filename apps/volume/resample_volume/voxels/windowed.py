@@ -11,7 +11,7 @@ from functools import partial, reduce
 from itertools import product
 from math import prod
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,6 @@ LEAST = 1 << 19  # voxels of a step, at least
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
 BYTES_IN_STEPS = 72  # likewise where some wait for others
 
-R = TypeVar("R")
 Lit = Callable[[Indices, Any, Steeps], Samples]  # of places, voxels and extreme gradients of all
 
 

@@ -57,45 +57,50 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool
     lasts
         Keep it for later commands, too: numbers, arrays, and tuples of such.
     """
-    bricks: Any = volume.values
-    name = _name_of(volume, depends)
-    if name is None:
-        return find()
-    if name not in bricks.found:
-        file = _file_of(volume, depends) if lasts else None
-        read = None if file is None else _read(file)
-        if read is None:
-            read = Found(find(), depends)
-            if file is not None:
-                _write(file, read.result)
-        bricks.found[name] = read._replace(depends=depends)
-    known: R = bricks.found[name].result
+    found = _found_before(volume, depends, lasts=lasts)
+    if found is None:
+        found = Found(find(), depends)
+        _keep(volume, found, lasts=lasts)
+    known: R = found.result
     return known
 
 
 def looked_at_before(volume: Volume, depends: Any) -> LookedAt | None:
     """What is known of a look, if all voxels were looked at; arguments as of `known_of`."""
-    bricks: Any = volume.values
-    name = _name_of(volume, depends)
-    if name is not None and name not in bricks.found:
-        file = _file_of(volume, depends)
-        read = None if file is None else _read(file)
-        if read is not None:
-            bricks.found[name] = read._replace(depends=depends)
-    found = None if name is None else bricks.found.get(name)
+    found = _found_before(volume, depends, lasts=True)
     return None if found is None else found.result
 
 
 def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
     """Let pictures of a look do with what is known already; arguments as of `known_of`."""
     bricks: Any = volume.values
+    if _name_of(volume, depends) not in bricks.found:
+        _keep(volume, Found(looked, depends), lasts=True)
+
+
+def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
+    """What this command has found or, of what lasts, one before; None if nothing."""
+    bricks: Any = volume.values
     name = _name_of(volume, depends)
-    if name is None or name in bricks.found:
+    if name is not None and lasts and name not in bricks.found:
+        file = _file_of(volume, depends)
+        read = None if file is None else _read(file)
+        if read is not None:
+            bricks.found[name] = read._replace(depends=depends)
+    found: Found | None = bricks.found.get(name)
+    return found
+
+
+def _keep(volume: Volume, found: Found, *, lasts: bool) -> None:
+    """Keep what was found for this command and, if it lasts, for later ones."""
+    bricks: Any = volume.values
+    name = _name_of(volume, found.depends)
+    if name is None:
         return
-    bricks.found[name] = Found(looked, depends)
-    file = _file_of(volume, depends)
+    bricks.found[name] = found
+    file = _file_of(volume, found.depends) if lasts else None
     if file is not None:
-        _write(file, looked)
+        _write(file, found.result)
 
 
 def _name_of(volume: Volume, depends: Any) -> str | None:
