@@ -28,6 +28,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numba
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import ffi
 from numba.core import cgutils
 from numba.core.caching import (
     CompileResultCacheImpl,
@@ -69,6 +70,20 @@ def _digest(*folders: Path) -> str:
 
 
 SOURCES = _digest()
+
+
+def _leave_locks_untimed() -> None:
+    """Let numba not take the time at each call of LLVM.
+
+    A first picture takes 70,000 of them, and each is told to the timers of all kernels that wait
+    for the one that is compiled: a tenth of all, for a number that nobody asks for.
+    """
+    for begin, end in list(getattr(ffi.lib._lock, "_cblist", ())):
+        if begin.__module__ == numba.core.base.__name__:
+            ffi.unregister_lock_callback(begin, end)
+
+
+_leave_locks_untimed()
 
 
 # Settings of numba's that change machine code; a trial of one must not stay in the cache.

@@ -11,6 +11,7 @@ from threading import Event, Timer
 import numba
 import numpy as np
 import pytest
+from numba.core.event import install_recorder
 
 from resample import types
 from resample.engine import jit, lookup
@@ -123,6 +124,15 @@ def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch):
 
 def double(number):
     return 2.0 * number
+
+
+@compiled_only
+def test_no_call_of_the_compiler_is_timed(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    with install_recorder("numba:llvm_lock") as heard, install_recorder("numba:compile") as made:
+        assert jit.kernel(double)(2.0) == 4.0
+    assert made.buffer
+    assert not heard.buffer
 
 
 def test_a_division_by_zero_is_infinite_as_in_numpy():
