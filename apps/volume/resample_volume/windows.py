@@ -174,7 +174,7 @@ def paint_unseen(
         subject.clip,
         *spent[:3],
         sifts=dense.sifts,
-        beside=dense.beside + (0 if reaching is None else reaching.bytes_held),
+        beside=dense.beside + _noted(media) + (0 if reaching is None else reaching.bytes_held),
         volumes=len(media),
         depends=dense.kind,
     )
@@ -297,6 +297,12 @@ def unseen_together(
 
     ball = known_of(scene, ("ball", dense.kind), find, lasts=True)
     return Subject(nothing, look, ball, middle, clip)
+
+
+def _noted(media: Sequence[Medium]) -> int:
+    """Bytes of what is known of all values of volumes."""
+    values: list[Any] = [volume.values for volume, _ in media]
+    return sum(bricks.noted for bricks in values if isinstance(bricks, Bricks))
 
 
 def _shelve(media: Sequence[Medium], spent: Spent) -> None:

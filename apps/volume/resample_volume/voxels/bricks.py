@@ -200,6 +200,12 @@ class Bricks:
         """Bytes that bricks take which were read first, at most."""
         return 0 if self.shelf is None else self.shelf.most
 
+    @property
+    def noted(self) -> int:
+        """Bytes of what is known of all values, if it was found or recalled here."""
+        glance = self.__dict__.get("glance", ())
+        return sum(np.asarray(part).nbytes for part in glance if part is not None)
+
     def hold(self, count: int) -> None:
         """Note that so many bricks are in memory."""
         self.most_held = max(self.most_held, count * self.bytes_each)

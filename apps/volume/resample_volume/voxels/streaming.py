@@ -69,12 +69,13 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
         They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
-    _require(bricks, wanted.transfer, _known_count(bricks, wanted), name)
+    together = _held_together(bricks, chosen) if wanted.gradient else 0
+    _require(bricks, wanted.transfer, _known_count(bricks, wanted), name, together)
     parts, count = [_nothing(bricks)], 0
     for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
         count += part.place.size
-        _require(bricks, wanted.transfer, count, name)
+        _require(bricks, wanted.transfer, count, name, bricks.most_held)
         look(n + 1, len(chosen))
     return _in_order(parts, bricks)
 
@@ -170,14 +171,29 @@ def _known_count(bricks: Bricks, wanted: Looked) -> int:
     return int(codes[wanted.transfer.opacities(values, wanted.data_range) > 0].sum())
 
 
-def _require(bricks: Bricks, transfer: Transfer, count: int, name: str) -> None:
+def _held_together(bricks: Bricks, chosen: Sequence[Step]) -> int:
+    """Bytes of bricks in memory at once, as slopes ask for those beside them: of two layers."""
+    layers = _with_neighbours(bricks, chosen)[1:-1, 1:-1, 1:-1].sum(axis=(1, 2))
+    together = (layers[1:] + layers[:-1]).max(initial=layers.max(initial=0))
+    return int(together) * bricks.bytes_each
+
+
+def _with_neighbours(bricks: Bricks, chosen: Sequence[Step]) -> NDArray[np.bool_]:
+    """Which bricks, within a rim of one, are some bricks or beside them."""
+    is_needed = np.zeros([n + 2 for n in bricks.count], bool)
+    for z, y, x in chosen:
+        is_needed[z : z + 3, y : y + 3, x : x + 3] = True
+    return is_needed
+
+
+def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together: int) -> None:
     """Refuse so many visible voxels if they do not fit in what is allowed.
 
-    Bricks that were let go count as well: what they took is not always used again. Those on the
-    shelf give way.
+    Bricks that are held `together` count as well, in bytes, when they have been let go, too: what
+    they took is not always used again. Those on the shelf give way.
     """
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
-    what, size = f"{name} with {count} visible voxels", each * count + bricks.most_held
+    what, size = f"{name} with {count} visible voxels", each * count + together
     if bricks.memory is not None and size <= bricks.memory < size + bricks.shelved:
         bricks.shelve(bricks.memory - size)
     if bricks.memory is not None and size > bricks.memory:
@@ -236,9 +252,7 @@ class _Window:
         bricks = part.bricks
         self._bricks, self._chosen, self._pool, self._ahead = bricks, chosen, pool, ahead
         self._held: dict[Step, Future[NDArray[Any]]] = {}
-        is_needed = np.zeros([n + 2 for n in bricks.count], bool)
-        for z, y, x in part.chosen if part.wanted.gradient else ():
-            is_needed[z : z + 3, y : y + 3, x : x + 3] = True
+        is_needed = _with_neighbours(bricks, part.chosen if part.wanted.gradient else ())
         self._left = deque(i for i in bricks.all() if is_needed[i[0] + 1, i[1] + 1, i[2] + 1])
 
     def around(self, n: int) -> dict[Step, NDArray[Any]]:

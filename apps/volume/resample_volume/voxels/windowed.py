@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.files.tiles import keep_tile, kept_tile
+from resample.memory import trim
 from resample.painting.plans import SPLATS, PicturePlan, PlansOfPart, Window
 from resample.painting.steps.parts import SamplesInParts
 from resample.painting.steps.planning import EVERYBODY
@@ -46,7 +47,7 @@ from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
 LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
 WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
-RECENT = 8  # share of memory, inverted, that takes bricks which were read lately
+RECENT = 4, 8  # shares of memory, inverted, for bricks that were read lately: the most that fits
 STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
 LEAST = 1 << 19  # voxels of a step, at least
 BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
@@ -109,7 +110,8 @@ class Task(NamedTuple):
     window: Window
     number: NDArray[np.int32]  # (N,) blocks that have part in it, by flat indices
     seen: NDArray[np.int32]  # (N,) visible voxels of each
-    step: int  # of these that are loaded together; 0: all of them
+    step: int = 0  # of these that are loaded together; 0: all of them
+    recent: int = 0  # bytes that bricks take which one step has read and the next may ask for
 
     @property
     def voxels(self) -> int:
@@ -316,17 +318,21 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     blocks = known.blocks
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
-    task = Task(window, number, seen, 0)
+    task = Task(window, number, seen)
     values: Bricks = work.volume.values  # type: ignore[assignment]
     free = work.memory - work.beside - values.shelved - _bytes_of_bricks(work, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     source = _source(work, known, task, values)
     kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
-    # What waits is looked at again in each step.
-    most = (free - kept - work.memory // RECENT) // BYTES_IN_STEPS - waiting
-    step = min(most, max(LEAST, task.voxels // STEPS))
-    return task._replace(step=step), most >= max(LEAST, waiting)
+    for recent in (work.memory // share for share in RECENT):
+        # What waits is looked at again in each step.
+        most = (free - kept - recent) // BYTES_IN_STEPS - waiting
+        step = min(most, max(LEAST, task.voxels // STEPS))
+        task = task._replace(step=step, recent=recent)
+        if most >= max(LEAST, waiting):
+            return task, True
+    return task, False
 
 
 def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
@@ -363,8 +369,9 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
             return PaintedWindow(task.window, None, stored[1]["reads"])
     from resample.engine.jit import threads
 
+    trim()
     values: Bricks = work.volume.values  # type: ignore[assignment]
-    bricks = values.within(None, Recent(work.memory // RECENT) if task.step else None)
+    bricks = values.within(None, Recent(task.recent) if task.step else None)
     with threads(work.threads):
         source = _source(work, known, task, bricks)
         by = (work.camera, known.plan, task.window)
