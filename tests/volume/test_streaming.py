@@ -15,7 +15,11 @@ from resample_volume.scenes import Scene
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, as_array
 from resample_volume.voxels.shading import Light
-from resample_volume.voxels.streaming import visible_bricks
+from resample_volume.voxels.streaming import (
+    BYTES_PER_VOXEL,
+    TooManyVoxelsError,
+    visible_bricks,
+)
 from resample_volume.voxels.visible import classify
 
 SIZE = (40, 36)
@@ -200,6 +204,18 @@ def test_voxels_that_do_not_fit_are_refused_with_a_remedy(volume):
         ValueError, match=r"blobs with \d+ visible voxels or more needs .* MiB are allowed"
     ):
         render(in_bricks(volume, (8, 8, 8), memory=100_000), "auto")
+
+
+@pytest.mark.parametrize("beside", [0, 1 << 16])
+def test_bytes_that_do_not_fit_are_refused_before_they_are_read_again(volume, beside):
+    visible = int((volume.values > 80).sum())
+    memory = BYTES_PER_VOXEL * visible + beside  # nothing, or a layer, for bricks beside each other
+    streamed = in_bricks(volume, (16, 16, 16), memory=memory)
+    streamed.values.glance  # noqa: B018
+    reads = streamed.values.reads
+    with pytest.raises(TooManyVoxelsError, match=f"blobs with {visible} visible voxels or more"):
+        render(streamed, Appearance("80.5/white/0,81/white/0.5,255/white/0.9"))
+    assert streamed.values.reads == reads
 
 
 def test_what_needs_the_whole_volume_is_refused_where_that_does_not_fit(volume):

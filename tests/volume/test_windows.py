@@ -63,7 +63,7 @@ LOOKS = [
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("number", range(len(LOOKS)))
-@pytest.mark.parametrize("memory", [700_000, 1 << 30])
+@pytest.mark.parametrize("memory", [750_000, 1 << 30])
 def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     volume, look = smoke(rng), LOOKS[number]
     side = ((8, 8, 8), (5, 7, 9))[number % 2]
