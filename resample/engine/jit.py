@@ -78,7 +78,8 @@ def _leave_locks_untimed() -> None:
     A first picture takes 70,000 of them, and each is told to the timers of all kernels that wait
     for the one that is compiled: a tenth of all, for a number that nobody asks for.
     """
-    for begin, end in list(getattr(ffi.lib._lock, "_cblist", ())):
+    lock = getattr(ffi.lib, "_lock", None)
+    for begin, end in list(getattr(lock, "_cblist", ())):
         if begin.__module__ == numba.core.base.__name__:
             ffi.unregister_lock_callback(begin, end)
 

@@ -26,9 +26,9 @@ from resample_volume.rendering import Appearance, Classification, Subject
 from resample_volume.space.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed
-from resample_volume.voxels.blocks import Lattice, bounds_of
+from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
 from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.dense.passes import Looking
+from resample_volume.voxels.dense.passes import Looking, passed
 from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
@@ -362,3 +362,19 @@ def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch)
     assert max(steps) > 0
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+@pytest.mark.parametrize(("layers", "parts"), [(1, 1), (4, 2), (7, 3), (40, 8)])
+def test_parts_that_processes_look_at_are_two_bricks_thick(layers, parts):
+    values = np.zeros((8 * layers, 8, 8), np.uint8)
+    bricks = Bricks(values.__getitem__, values.shape, values.dtype, (8, 8, 8))
+
+    def asked(part):
+        return np.flatnonzero(part.asked.is_asked.any(axis=(1, 2)))
+
+    with ThreadPoolExecutor(2) as executor:
+        lattice = lattice_for(values.shape)
+        found = passed(bricks, lattice, asked, Looking(executor))
+    assert len(found) == parts
+    assert min(len(part) for part in found) * lattice.side >= 8 * min(layers, 2)
+    np.testing.assert_array_equal(np.concatenate(found), np.arange(lattice.blocks[0]))

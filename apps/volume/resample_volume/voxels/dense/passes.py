@@ -11,7 +11,8 @@ from resample.watching import Executor, Progress, shared_out, told
 from resample_volume.voxels.blocks import Lattice
 from resample_volume.voxels.bricks import Asked, Bricks
 
-PARTS = 8  # in which several processes look at a volume
+PARTS = 8  # in which several processes look at a volume, at most
+THICK = 2  # layers of bricks of a part, at least: slopes ask for those beside it, too
 
 R = TypeVar("R")
 
@@ -40,7 +41,8 @@ def passed(
     looking
         Who does it.
     """
-    layers = _layers(bricks, lattice, 1 if looking.executor is None else PARTS)
+    several = max(1, min(PARTS, bricks.count[0] // THICK))
+    layers = _layers(bricks, lattice, 1 if looking.executor is None else several)
     common = partial(_found, job, bricks, lattice, looking.threads)
     found, parts = [], shared_out(looking.executor, common, layers)
     for n in range(len(layers)):
