@@ -28,10 +28,7 @@ def give_back() -> None:
 
     By itself glibc holds on to arrays of up to 32 MiB, in each thread. Does nothing elsewhere.
     """
-    import ctypes
-
-    with suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, GIVEN_BACK)
+    _tell_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def trim() -> None:
@@ -39,10 +36,15 @@ def trim() -> None:
 
     For between two parts of work that each take much. Does nothing where there is no glibc.
     """
+    _tell_glibc("malloc_trim", 0)
+
+
+def _tell_glibc(name: str, *numbers: int) -> None:
+    """Call a function of glibc's, if this is one."""
     import ctypes
 
     with suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).malloc_trim(0)
+        getattr(ctypes.CDLL(None), name)(*numbers)
 
 
 def physical_memory() -> int | None:

@@ -301,13 +301,16 @@ def unseen_together(
 
 def _noted(media: Sequence[Medium]) -> int:
     """Bytes of what is known of all values of volumes."""
-    values: list[Any] = [volume.values for volume, _ in media]
-    return sum(bricks.noted for bricks in values if isinstance(bricks, Bricks))
+    return sum(bricks.noted for bricks in _bricks_of(media))
 
 
 def _shelve(media: Sequence[Medium], spent: Spent) -> None:
     """Let volumes keep bricks that are read first, in a share of what a process may take."""
-    for volume, _ in media:
-        bricks: Any = volume.values
-        if isinstance(bricks, Bricks):
-            bricks.shelve(spent.memory // SHARE // len(media))
+    for bricks in _bricks_of(media):
+        bricks.shelve(spent.memory // SHARE // len(media))
+
+
+def _bricks_of(media: Sequence[Medium]) -> list[Bricks]:
+    """Values of those volumes that are in bricks."""
+    values: list[Any] = [volume.values for volume, _ in media]
+    return [bricks for bricks in values if isinstance(bricks, Bricks)]

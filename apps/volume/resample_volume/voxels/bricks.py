@@ -32,6 +32,20 @@ R = TypeVar("R")
 LOG = logging.getLogger("resample")
 
 
+def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which bricks (Z, Y, X) are chosen, or touch those that are."""
+    from scipy.ndimage import binary_dilation
+
+    found: NDArray[np.bool_] = binary_dilation(is_chosen, np.ones((3, 3, 3)))
+    return found
+
+
+def held_together(is_needed: NDArray[np.bool_]) -> int:
+    """How many bricks are in memory at once, as slopes ask for those beside: of two layers."""
+    layers = is_needed.sum(axis=(1, 2))
+    return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
+
+
 class Asked(NamedTuple):
     """Blocks whose voxels are asked for."""
 

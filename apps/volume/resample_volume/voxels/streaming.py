@@ -13,7 +13,7 @@ from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import look
 from resample_volume.looks.transfer import DataRange, Transfer, places_seen
-from resample_volume.voxels.bricks import Box, Bricks, Step
+from resample_volume.voxels.bricks import Box, Bricks, Step, held_together, with_neighbours
 from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import threads_at_work
 
@@ -69,8 +69,9 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
         They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
-    together = _held_together(bricks, chosen) if wanted.gradient else 0
-    _require(bricks, wanted.transfer, _known_count(bricks, wanted), name, together)
+    together = held_together(_with_those_beside(bricks, chosen if wanted.gradient else ()))
+    known = _known_count(bricks, wanted)
+    _require(bricks, wanted.transfer, known, name, together * bricks.bytes_each)
     parts, count = [_nothing(bricks)], 0
     for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
@@ -171,19 +172,11 @@ def _known_count(bricks: Bricks, wanted: Looked) -> int:
     return int(codes[wanted.transfer.opacities(values, wanted.data_range) > 0].sum())
 
 
-def _held_together(bricks: Bricks, chosen: Sequence[Step]) -> int:
-    """Bytes of bricks in memory at once, as slopes ask for those beside them: of two layers."""
-    layers = _with_neighbours(bricks, chosen)[1:-1, 1:-1, 1:-1].sum(axis=(1, 2))
-    together = (layers[1:] + layers[:-1]).max(initial=layers.max(initial=0))
-    return int(together) * bricks.bytes_each
-
-
-def _with_neighbours(bricks: Bricks, chosen: Sequence[Step]) -> NDArray[np.bool_]:
-    """Which bricks, within a rim of one, are some bricks or beside them."""
-    is_needed = np.zeros([n + 2 for n in bricks.count], bool)
-    for z, y, x in chosen:
-        is_needed[z : z + 3, y : y + 3, x : x + 3] = True
-    return is_needed
+def _with_those_beside(bricks: Bricks, chosen: Sequence[Step]) -> NDArray[np.bool_]:
+    is_chosen = np.zeros(bricks.count, bool)
+    for index in chosen:
+        is_chosen[index] = True
+    return with_neighbours(is_chosen)
 
 
 def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together: int) -> None:
@@ -252,8 +245,8 @@ class _Window:
         bricks = part.bricks
         self._bricks, self._chosen, self._pool, self._ahead = bricks, chosen, pool, ahead
         self._held: dict[Step, Future[NDArray[Any]]] = {}
-        is_needed = _with_neighbours(bricks, part.chosen if part.wanted.gradient else ())
-        self._left = deque(i for i in bricks.all() if is_needed[i[0] + 1, i[1] + 1, i[2] + 1])
+        is_needed = _with_those_beside(bricks, part.chosen if part.wanted.gradient else ())
+        self._left = deque(index for index in bricks.all() if is_needed[index])
 
     def around(self, n: int) -> dict[Step, NDArray[Any]]:
         """Brick n and those beside it; what comes before all that later ones need is let go."""

@@ -35,7 +35,7 @@ from resample_volume.voxels.blocks import (
     lattice_for,
     widened,
 )
-from resample_volume.voxels.bricks import Bricks
+from resample_volume.voxels.bricks import Bricks, held_together, with_neighbours
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.dense.known import keep_looked_at, looked_at_before
 from resample_volume.voxels.dense.looked import Classified, LookedAt
@@ -343,15 +343,11 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
     lattice, seen = blocks.lattice, blocks.seen[are_asked]
     at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
     last = np.minimum(at + lattice.side, bricks.shape) - 1
-    is_near = np.zeros([n + 2 for n in bricks.count], bool)
+    is_near = np.zeros(bricks.count, bool)
     for ends in product((0, 1), repeat=3):
-        z, y, x = (np.where(ends, last, at) // bricks.side + 1).T
+        z, y, x = (np.where(ends, last, at) // bricks.side).T
         is_near[z, y, x] = True
-    is_needed = is_near.copy()
-    for axis, by in product(range(3), (-1, 1)):
-        is_needed |= np.roll(is_needed, by, axis)
-    layers = is_needed[1:-1, 1:-1, 1:-1].sum(axis=(1, 2))
-    held = int((layers[1:] + layers[:-1]).max(initial=layers.max()))
+    held = held_together(with_neighbours(is_near))
     threads = work.threads or threads_at_work()
     within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
     each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
