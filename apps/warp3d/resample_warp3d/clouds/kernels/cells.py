@@ -14,13 +14,26 @@ from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, 
 from resample.engine.vectors import Matrix, Vector, cross, dot
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.kernels.flattest import flattest
-from resample_warp3d.clouds.kernels.polygons import SIDES, X, Y, crossed, cut, open_polygon
+from resample_warp3d.clouds.kernels.lines import (
+    AWAY,
+    BEGIN,
+    END,
+    Lines,
+    X,
+    Y,
+    cuts,
+    meet,
+    put,
+    put_around,
+)
 
 Indices = NDArray[np.int64]
 Nearest = NDArray[np.int32]
 
 CHUNK = 1024  # points that a thread takes at a time
-WIDEST = 0.7  # distances to the last neighbour, half the width of that polygon
+WIDEST = 0.73  # distances to the last neighbour that corners of a cell are within
+FARAWAY = 1e3  # times that: where sides of open cells end
+TOGETHER = 12  # neighbours that are looked at together
 AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
 RIM = 0.65  # of that spacing: how far a cell reaches where there is no neighbour
 FARTHEST = 5.0  # times that: how far it reaches among neighbours
@@ -77,28 +90,35 @@ def _cell(
     neighbour: Indices,
     n: int,
     frame: tuple[Vector, Vector],
-    half: float,
-    polygon: Doubles,
-) -> tuple[int, int]:
-    """Cell of a point in the plane of two unit vectors: how many corners, and its open sides."""
-    corners, sides = SIDES, (2 << SIDES) - 2
-    open_polygon(polygon, half)
-    here = neighbour[n, 0]
-    for j in range(1, neighbour.shape[1]):
-        there = neighbour[n, j]
-        step = (
-            float(position[there, 0]) - position[here, 0],
-            float(position[there, 1]) - position[here, 1],
-            float(position[there, 2]) - position[here, 2],
-        )
-        # The plane between both points, where it meets the tangent plane.
-        side = dot(step, frame[0]), dot(step, frame[1]), 0.5 * dot(step, step)
-        how = crossed(polygon, corners, side)
-        if how[0] == 0:  # neighbours come by distance
+    far: float,
+    lines: Lines,
+) -> tuple[int, int, float]:
+    """Cell of a point in the plane of two unit vectors, see `meet`."""
+    here, count, corners, reach = neighbour[n, 0], 0, 0, np.inf
+    line, last = lines.line, neighbour.shape[1]
+    for first in range(1, last, TOGETHER):
+        known, square = count, 0.0
+        for j in range(first, min(first + TOGETHER, last)):
+            there = neighbour[n, j]
+            step = (
+                float(position[there, 0]) - position[here, 0],
+                float(position[there, 1]) - position[here, 1],
+                float(position[there, 2]) - position[here, 2],
+            )
+            # The plane between both points, where it meets the tangent plane.
+            x, y, square = dot(step, frame[0]), dot(step, frame[1]), dot(step, step)
+            scale = 1.0 / math.sqrt(x * x + y * y)
+            if not scale < np.inf:
+                continue  # straight above
+            x, y, away = scale * x, scale * y, scale * 0.5 * square
+            if first == 1 or cuts(lines.corner, corners, x, y, away):
+                put(line, count, x, y, away)
+                count += 1
+        if count > known:
+            count, corners, reach = meet(lines, count, far)
+        if reach <= 0.25 * square:  # neighbours come by distance
             break
-        if how[1] > 0:
-            corners, sides = cut(polygon, corners, sides, side, how)
-    return corners, sides
+    return count, corners, reach
 
 
 @inner_kernel
@@ -132,21 +152,22 @@ def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
 
 
 @inner_kernel
-def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float]:
-    """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a polygon.
+def _ellipse(lines: Lines, count: int, corners: int) -> tuple[float, float, float, float]:
+    """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a cell.
 
-    Its shape is that of the polygon's second moments.
+    Its shape is that of the cell's second moments.
     """
+    line, corner = lines.line, lines.corner
     xx, xy, yy = 0.0, 0.0, 0.0
-    for k in range(1, corners + 1):
-        m = k + 1
-        ax, ay = polygon[X, k], polygon[Y, k]
-        bx, by = polygon[X, m], polygon[Y, m]
-        area = ax * by - bx * ay
-        xx += area * (ax * ax + ax * bx + bx * bx)
-        xy += area * (2.0 * ax * ay + ax * by + bx * ay + 2.0 * bx * by)
-        yy += area * (ay * ay + ay * by + by * by)
-    xy *= 0.5
+    for k in range(count):
+        x, y, away, begin, end = line[X, k], line[Y, k], line[AWAY, k], line[BEGIN, k], line[END, k]
+        # Of a triangle at the origin: along the normal all moments are away², along the side these.
+        area = away * (end - begin)
+        along, aside = begin * begin + begin * end + end * end, 1.5 * away * (begin + end)
+        own = 3.0 * away * away
+        xx += area * (own * x * x - 2.0 * aside * x * y + along * y * y)
+        xy += area * ((own - along) * x * y + aside * (x * x - y * y))
+        yy += area * (own * y * y + 2.0 * aside * x * y + along * x * x)
     mean, odd = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     if mean <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -154,8 +175,8 @@ def _ellipse(polygon: Doubles, corners: int) -> tuple[float, float, float, float
     long = math.sqrt(mean + odd)
     short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
     scale = 0.0
-    for k in range(1, corners + 1):
-        x, y = polygon[X, k], polygon[Y, k]
+    for k in range(corners):
+        x, y = corner[X, k], corner[Y, k]
         along = (c * x + s * y) / long
         aside = (c * y - s * x) / short
         scale = max(scale, along * along + aside * aside)
@@ -169,7 +190,7 @@ def measure(
     neighbour: Indices,
     n: int,
     is_last: bool,
-    polygon: Doubles,
+    lines: Lines,
     normal: Floats,
     discs: Spaced,
 ) -> bool:
@@ -185,8 +206,8 @@ def measure(
         Which of these.
     is_last
         Close the cell if it is open.
-    polygon
-        (4, WIDTH) to work with.
+    lines
+        To work with.
     normal
         (N, 3) made unit length; filled where it is 0, with either of both signs.
     discs
@@ -209,20 +230,21 @@ def measure(
     rim = _rim(position, neighbour, n)
     if is_last:
         half = min(half, FARTHEST * rim)
-    corners, sides = _cell(position, neighbour, n, frame, half, polygon)
+    count, corners, reach = _cell(position, neighbour, n, frame, FARAWAY * half, lines)
+    is_open = reach > half * half
     for c in range(3):
         normal[here, c] = np.float32(upward[c])
-    if sides > 0 and not is_last:
+    if is_open and not is_last:
         return True
-    if sides > 0 and is_last:
-        half = min(half, rim)
-        corners, sides = _cell(position, neighbour, n, frame, half, polygon)
-    x1, y1, x2, y2 = _ellipse(polygon, corners)
+    if is_open:
+        count = put_around(lines.line, count, min(half, rim))
+        count, corners, _ = meet(lines, count, FARAWAY * half)
+    x1, y1, x2, y2 = _ellipse(lines, count, corners)
     for c in range(3):
         discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
         discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
     discs.spacing[here] = np.float32(rim / RIM)
-    return sides > 0
+    return is_open
 
 
 @kernel

@@ -7,10 +7,11 @@ import numpy as np
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.clouds.kernels.cells import Nearest, Spaced, measure
-from resample_warp3d.clouds.kernels.neighbours import BLOCK, PointBlocks, look_around, search
-from resample_warp3d.clouds.kernels.polygons import WIDTH
+from resample_warp3d.clouds.kernels.lines import no_lines
+from resample_warp3d.clouds.kernels.neighbours import GROUP, PointBlocks, look_around, search
 
-TOGETHER = 64  # blocks that a thread takes at a time
+TOGETHER = 2048  # points that a thread takes at a time
+MARGIN = 1.15  # times the square of a distance that was enough, the next may need
 
 
 class Wanted(NamedTuple):
@@ -26,25 +27,24 @@ def _measure_blocks(
 ) -> None:
     """Measure the points of some blocks that follow each other."""
     few, many = search(wanted.few), search(wanted.many)
-    polygon = np.zeros((4, WIDTH))
-    place, start = blocks.place, int(np.int64(chunk)) * TOGETHER
-    for block in range(start, min(start + TOGETHER, blocks.first[1])):
-        first = block * BLOCK
-        count, gaps = min(BLOCK, place.shape[0] - first), 0
+    lines, likely, wider = no_lines(), 0.0, 0.0
+    place, is_last = blocks.place, wanted.few == wanted.many
+    start = int(np.int64(chunk)) * TOGETHER
+    for first in range(start, min(start + TOGETHER, place.shape[0]), GROUP):
+        count, gaps = min(GROUP, place.shape[0] - first), 0
         for row in range(count):
             few.which[row] = first + row
-        look_around(blocks, block, count, few)
+        likely = MARGIN * look_around(blocks, count, likely, few)
         for row in range(count):
             for k in range(nearest.shape[1]):
                 nearest[first + row, k] = few.found[row, k + 1]
-            is_last = wanted.few == wanted.many
-            if measure(place, few.found, row, is_last, polygon, normal, discs) and not is_last:
+            if measure(place, few.found, row, is_last, lines, normal, discs) and not is_last:
                 many.which[gaps] = first + row
                 gaps += 1
         if gaps > 0:
-            look_around(blocks, block, gaps, many)
+            wider = MARGIN * look_around(blocks, gaps, wider, many)
             for row in range(gaps):
-                measure(place, many.found, row, True, polygon, normal, discs)
+                measure(place, many.found, row, True, lines, normal, discs)
 
 
 @parallel_kernel
@@ -71,5 +71,5 @@ def measure_all(
     nearest
         (N, few − 1) filled: the neighbours of each point, without itself.
     """
-    for chunk in tasks(counter, (blocks.first[1] + TOGETHER - 1) // TOGETHER):
+    for chunk in tasks(counter, (blocks.place.shape[0] + TOGETHER - 1) // TOGETHER):
         _measure_blocks(blocks, wanted, chunk, normal, discs, nearest)

@@ -1,0 +1,131 @@
+"""Cells around the origin of a plane: what lies before all of some lines.
+
+Of each line that part is the cell's which all others leave of it. That takes a look at all pairs of
+lines, but many at a time, and no look waits for another, as it would if the cell were cut by one
+line after the other. Lines that are parallel but for rounding are one, that of the nearest, so that
+what one leaves of another and the other of it is the same corner.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import inner_kernel, kernel
+from resample.engine.vectors import Vector
+from resample.types import Doubles
+
+SIDES = 8  # of a polygon that closes a cell
+CORNERS = tuple(
+    (math.cos(2.0 * math.pi * k / SIDES), math.sin(2.0 * math.pi * k / SIDES)) for k in range(SIDES)
+)
+ROOM = 64  # lines
+LANES = 4  # lines that are looked at together
+PARALLEL = 1e-9  # sine of an angle between lines that are taken for one
+X, Y, AWAY, BEGIN, END = 0, 1, 2, 3, 4
+
+
+class Lines(NamedTuple):
+    """Lines, and the corners of what lies before them.
+
+    Along a line, places are counted from that nearest to the origin, counterclockwise.
+    """
+
+    line: (
+        Doubles  # (5, ROOM) x and y of a unit normal, distance, where the cell's side begins, ends
+    )
+    corner: Doubles  # (2, 2 ROOM) x and y; zeros after the last
+
+
+@kernel
+def no_lines() -> Lines:
+    """Room for lines."""
+    return Lines(np.zeros((5, ROOM)), np.zeros((2, 2 * ROOM)))
+
+
+@inner_kernel
+def put(line: Doubles, count: int, x: float, y: float, away: float) -> None:
+    """Add a line after so many."""
+    line[X, count], line[Y, count], line[AWAY, count] = x, y, away
+
+
+@inner_kernel
+def put_around(line: Doubles, count: int, half: float) -> int:
+    """Add a regular polygon of half a width after so many; how many lines there are."""
+    for k in range(SIDES):
+        put(line, count + k, CORNERS[k][0], CORNERS[k][1], half)
+    return count + SIDES
+
+
+@inner_kernel
+def _left(line: Doubles, n: int, m: int, other: Vector, far: float) -> tuple[float, float]:
+    """What another line leaves of a line."""
+    x, y, away = other
+    sine = line[X, n] * y - line[Y, n] * x
+    cosine = line[X, n] * x + line[Y, n] * y
+    own = line[AWAY, n]
+    place = (away - own * cosine) / sine
+    before = (away < own) | ((away == own) & (m < n))
+    hides = (abs(sine) <= PARALLEL) & (cosine > 0.0) & before
+    begin, end = place if sine < -PARALLEL else -far, place if sine > PARALLEL else far
+    return begin, -far if hides else end
+
+
+@inner_kernel
+def _leave(line: Doubles, count: int, far: float) -> None:
+    """Find of each line what all others leave of it.
+
+    Two others at a time: a least number that is stored where it was read becomes a store under a
+    mask, which takes some processors longer than all else here.
+    """
+    lanes = (count + LANES - 1) // LANES * LANES
+    for n in range(lanes):
+        line[BEGIN, n], line[END, n] = -far, far
+    put(line, count, 0.0, 0.0, 1.0)  # leaves all of each
+    for m in range(0, count, 2):
+        one = line[X, m], line[Y, m], line[AWAY, m]
+        two = line[X, m + 1], line[Y, m + 1], line[AWAY, m + 1]
+        for n in range(lanes):
+            begin, end = _left(line, n, m, one, far)
+            start, stop = _left(line, n, m + 1, two, far)
+            line[BEGIN, n] = max(line[BEGIN, n], begin, start)
+            line[END, n] = min(line[END, n], end, stop)
+
+
+@inner_kernel
+def meet(lines: Lines, count: int, far: float) -> tuple[int, int, float]:
+    """Keep those of so many lines that the cell lies at.
+
+    Gives how many these are, how many corners the cell has, and the square of the distance of the
+    farthest; where lines do not close a cell, corners are about `far` away.
+    """
+    line, corner = lines.line, lines.corner
+    _leave(line, count, far)
+    kept, corners, reach = 0, 0, 0.0
+    for n in range(count):
+        begin, end = line[BEGIN, n], line[END, n]
+        if not begin < end:
+            continue
+        x, y, away = line[X, n], line[Y, n], line[AWAY, n]
+        line[X, kept], line[Y, kept], line[AWAY, kept] = x, y, away
+        line[BEGIN, kept], line[END, kept] = begin, end
+        kept += 1
+        corner[X, corners], corner[Y, corners] = away * x - begin * y, away * y + begin * x
+        reach = max(reach, away * away + begin * begin)
+        corners += 1
+        if end == far:
+            corner[X, corners], corner[Y, corners] = away * x - end * y, away * y + end * x
+            reach = max(reach, away * away + end * end)
+            corners += 1
+    for n in range(corners, (corners + LANES - 1) // LANES * LANES):
+        corner[X, n], corner[Y, n] = 0.0, 0.0
+    return kept, corners, reach
+
+
+@inner_kernel
+def cuts(corner: Doubles, corners: int, x: float, y: float, away: float) -> bool:
+    """Whether a corner lies beyond a line."""
+    beyond = 0
+    for n in range((corners + LANES - 1) // LANES * LANES):
+        beyond += int(x * corner[X, n] + y * corner[Y, n] > away)
+    return beyond > 0
