@@ -11,7 +11,7 @@ from resample_volume.files.stores.reader import Zarr
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.presets import transfer_for
-from resample_volume.rendering import Appearance
+from resample_volume.media.appearance import Appearance
 from resample_volume.scenes import Scene
 from resample_volume.voxels.visible import finite_range
 

@@ -30,11 +30,13 @@ from benchmarks.contest import AbsentError, Options
 from benchmarks.measure import take_turns
 from benchmarks.tables import Row, Section
 from resample.colors import to_srgb
+from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Doubles, Floats
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Classification, Subject
+from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light

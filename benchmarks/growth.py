@@ -18,7 +18,8 @@ from resample_texture import warp
 from resample_texture.methods.forward import Hybrid
 from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels
 from resample_warp3d.depth.equation import between
@@ -163,7 +164,8 @@ def _linear(power: float) -> Row:
 
 def _painters(pixels: int, count: int | None = None) -> dict[str, Run]:
     """A picture of pixels × pixels by each application, of sources that stay the same."""
-    from resample.resampler import Primitive, Resampler
+    from resample.painting.choices import Primitive
+    from resample.resampler import Resampler
 
     subject = _subject()
     near = subject.camera(Orbit(), pixels, pixels)

@@ -51,7 +51,8 @@ def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
     """Our picture of the cube, its camera's places in px with depths (N, 3), and opacities."""
     from resample.cameras.models import Camera
     from resample.cameras.poses import orbit
-    from resample.resampler import Primitive, Resampler
+    from resample.painting.choices import Primitive
+    from resample.resampler import Resampler
     from resample.types import Samples
 
     place = lattice()

@@ -9,9 +9,10 @@ from benchmarks.contest import Options
 from benchmarks.measure import Run, Spread, ratio, take_turns
 from benchmarks.tables import Row, Section
 from benchmarks.volume import PAPER_OPACITY, View
+from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel
-from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 
 PLACES = ("all splats", "mixed", "all points")
 DEFAULT = "default"

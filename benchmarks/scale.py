@@ -146,7 +146,8 @@ def rendered(job: Job) -> dict[str, Any]:
 def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     """Picture by this process, of all visible voxels together where they fit."""
     from resample.resampler import Resampler
-    from resample_volume.rendering import Appearance, Subject
+    from resample_volume.media.appearance import Appearance
+    from resample_volume.rendering import Subject
     from resample_volume.voxels.streaming import TooManyVoxelsError
     from resample_volume.windows import Spent, render_in_windows
 
@@ -164,7 +165,7 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     """Picture by several processes, of which each has its share of the memory."""
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
-    from resample_volume.rendering import Appearance
+    from resample_volume.media.appearance import Appearance
     from resample_volume.windows import Spent, render_in_windows
 
     with (

@@ -9,10 +9,12 @@ from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, 
 from benchmarks.measure import Run
 from benchmarks.tables import Row, Section
 from resample.cameras.models import AnyCamera
-from resample.resampler import Primitive, Resampler
+from resample.painting.choices import Primitive
+from resample.resampler import Resampler
 from resample.types import Field, LatticeField, Samples
 from resample.types import View as Perspective
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing import timing
 from resample_volume.showing.data import Shelf

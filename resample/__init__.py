@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
-    from resample.resampler import Footprint, Opacity, Primitive, Resampler
+    from resample.painting.choices import Footprint, Opacity, Primitive
+    from resample.resampler import Resampler
     from resample.samples.finding import sample, sample_path
     from resample.types import Frame, Samples
     from resample.watching import Cancel, CancelledError, cancellable
@@ -22,12 +23,12 @@ _HOMES = {
     "Camera": "cameras.models",
     "Cancel": "watching",
     "CancelledError": "watching",
-    "Footprint": "resampler",
+    "Footprint": "painting.choices",
     "Frame": "types",
-    "Opacity": "resampler",
+    "Opacity": "painting.choices",
     "Orbit": "cameras.viewpoints",
     "Orthographic": "cameras.models",
-    "Primitive": "resampler",
+    "Primitive": "painting.choices",
     "Resampler": "resampler",
     "Samples": "types",
     "Scatter": "library.scattering",

@@ -1,17 +1,26 @@
 """Hybrid forward resampling: classify, order, paint (paper, section 2, on one page)."""
 
 import math
-import operator
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
+from resample.painting.choices import (
+    FOOTPRINTS,
+    MEASURING,
+    OWN_FOOTPRINT,
+    SCALED,
+    WHOLE,
+    Footprint,
+    Opacity,
+    Primitive,
+    Projection,
+)
 from resample.painting.layers import layers_of
 from resample.painting.plans import (
     NOTHING,
@@ -20,6 +29,7 @@ from resample.painting.plans import (
     PicturePlan,
     PlansOfPart,
     Window,
+    check_size,
     checked_window,
 )
 from resample.painting.points import (
@@ -61,7 +71,7 @@ from resample.painting.steps.planning import (
 )
 from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
 from resample.profiles.filters import table as filter_table
-from resample.profiles.orders import CompositingOrder, EverySample, Summing
+from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
     Reconstruction,
@@ -94,84 +104,9 @@ from resample.watching import Progress
 
 SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
-LARGEST_PICTURE = 2**28  # px
 EWA_VARIANCE = 0.25  # px², of the Gaussian that stands for a pixel's filter
 LITERAL_FILTER = Gaussian(0.5, 1.5, lowered=True)  # that points of the paper's form are seen under
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
-
-
-class Primitive(StrEnum):
-    """What samples are painted as.
-
-    Examples
-    --------
-    >>> from resample import Primitive, Resampler
-    >>> [primitive.value for primitive in Primitive]
-    ['hybrid', 'points', 'splats', 'paper', 'inflate', 'ewa']
-    >>> Resampler(primitive=Primitive.POINTS).primitive.value
-    'points'
-    """
-
-    HYBRID = "hybrid"  # points on fine sub-pixels where they shrink, splats where they grow
-    POINTS = "points"  # all of them points
-    SPLATS = "splats"  # all of them splats, one ray per pixel
-    PAPER = "paper"  # the paper's form: threshold 1 px, points summed at the size of pixels
-    INFLATE = "inflate"  # splats made so large that neighbours are a pixel apart (Swan 1997)
-    EWA = "ewa"  # splats under the pixel's filter (Zwicker 2001)
-
-
-class Footprint(StrEnum):
-    """Model of a splat's footprint, see `resample.engine.ellipsoids.footprints`.
-
-    Examples
-    --------
-    >>> from resample import Footprint, Resampler
-    >>> [model.value for model in Footprint]
-    ['affine', 'corrected', 'small-angle', 'exact', 'disc']
-    >>> Resampler(footprint=Footprint.AFFINE).footprint.value
-    'affine'
-    """
-
-    AFFINE = "affine"
-    CORRECTED = "corrected"
-    SMALL_ANGLE = "small-angle"
-    EXACT = "exact"
-    DISC = "disc"
-
-
-WIDENED = (Primitive.INFLATE, Primitive.EWA)  # their ellipses are affine
-SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # whose samples may differ in size
-FOOTPRINTS = {
-    primitive: [Footprint.AFFINE] if primitive in WIDENED else list(Footprint)
-    for primitive in Primitive
-}
-
-
-class Opacity(StrEnum):
-    """How a splat's line integral becomes opacity.
-
-    Examples
-    --------
-    >>> from resample import Opacity, Resampler
-    >>> [how.value for how in Opacity]
-    ['exact', 'linear']
-    >>> Resampler(opacity=Opacity.LINEAR).opacity.value
-    'linear'
-    """
-
-    EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to the field's own
-    LINEAR = "linear"  # classic splatting's α F
-
-
-class Projection(StrEnum):
-    """What a pixel shows of the field along its ray; all but the first need a `Field`."""
-
-    COMPOSITE = "composite"  # light that comes through what lies in front
-    MAXIMUM = "maximum"  # the largest value
-    AVERAGE = "average"  # the mean value
-    ADDITIVE = "additive"  # the sum of values times length, an X-ray
-    FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
-    MINIMUM = "minimum"  # the least value; along rays alone
 
 
 @dataclass(frozen=True)
@@ -796,16 +731,6 @@ class Resampler:
         )
 
 
-OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
-WHOLE = (Projection.ADDITIVE,)  # whose pixels depend on all others
-MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE, Projection.MINIMUM)
-OWN_FOOTPRINT = {
-    Primitive.PAPER: Footprint.CORRECTED,
-    Primitive.INFLATE: Footprint.AFFINE,
-    Primitive.EWA: Footprint.AFFINE,
-}
-
-
 def _check_together(choice: Resampler) -> None:
     """Refuse choices that do not go together, and say which do."""
     known = FOOTPRINTS[choice.primitive]
@@ -870,28 +795,3 @@ def _kernels(threads: int | None) -> Iterator[None]:
 
     with limited(threads):
         yield
-
-
-def shape_of(size: Sequence[int]) -> tuple[int, int]:
-    """Height and width of a picture's size, which is its width and height, px.
-
-    Raises
-    ------
-    ValueError
-        It is not two whole numbers of 1 or more, or of more than a picture can hold.
-    """
-    try:
-        width, height = (operator.index(number) for number in size)
-    except (TypeError, ValueError):
-        raise ValueError(f"size {size!r}; give width and height, two whole numbers of px") from None
-    check_size(height, width)
-    return height, width
-
-
-def check_size(height: int, width: int) -> None:
-    """Refuse what is no size of a picture, px."""
-    if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
-        raise ValueError(
-            f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
-            f"be at most {LARGEST_PICTURE} pixels"
-        )

@@ -171,7 +171,7 @@ def moving(opened: Any, volume: str) -> None:
 def flicker() -> None:
     """A checker box far away that turns: one ray a pixel, and ours, enlarged without smoothing."""
     from resample_volume import Appearance, Scene
-    from resample_volume.rendering import transfer_of
+    from resample_volume.media.appearance import transfer_of
     from resample_volume.rivals.peers import VtkRenderer
 
     scene, size = Scene(BLOCKS), (FLICKER, FLICKER)

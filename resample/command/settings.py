@@ -148,7 +148,8 @@ class Resampling(Choices):
             A plugin is unknown or refuses its parameters.
         """
         from resample import registry
-        from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+        from resample.painting.choices import Footprint, Opacity, Primitive, Projection
+        from resample.resampler import Resampler
 
         is_of_field = of_field or self.projection != "composite"
         own = "rays" if is_of_field else "every-sample"
@@ -200,7 +201,7 @@ class PictureFormat(Choices):
         ValueError
             It is not one or two whole numbers above 0, or more than a picture can hold.
         """
-        from resample.resampler import check_size
+        from resample.painting.plans import check_size
 
         match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
         if match is None:

@@ -12,9 +12,9 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.painting.plans import check_size
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
-from resample.resampler import check_size
 from resample.types import Doubles, Floats
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; splats are longer

@@ -1,5 +1,6 @@
 """What a whole picture has in common, so that parts of it can be painted by themselves."""
 
+import operator
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # painters
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the last two beyond
 NOTHING: Window = (0, 0, 0, 0)  # is painted where a plan alone is asked for
+LARGEST_PICTURE = 2**28  # px
 
 
 class PicturePlan(NamedTuple):
@@ -115,3 +117,28 @@ def checked_window(window: Window, height: int, width: int) -> Window:
             "pixels; x0 and y0 come before x1 and y1"
         )
     return x0, y0, x1, y1
+
+
+def shape_of(size: Sequence[int]) -> tuple[int, int]:
+    """Height and width of a picture's size, which is its width and height, px.
+
+    Raises
+    ------
+    ValueError
+        It is not two whole numbers of 1 or more, or of more than a picture can hold.
+    """
+    try:
+        width, height = (operator.index(number) for number in size)
+    except (TypeError, ValueError):
+        raise ValueError(f"size {size!r}; give width and height, two whole numbers of px") from None
+    check_size(height, width)
+    return height, width
+
+
+def check_size(height: int, width: int) -> None:
+    """Refuse what is no size of a picture, px."""
+    if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
+        raise ValueError(
+            f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
+            f"be at most {LARGEST_PICTURE} pixels"
+        )

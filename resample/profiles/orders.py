@@ -20,6 +20,9 @@ class Summing(IntEnum):
     RAYS = 3  # nothing: a field on a lattice is gathered along rays
 
 
+OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
+
+
 class CompositingOrder(Protocol):
     """Role of an order plugin. It gives a few numbers; painting is the kernels' work."""
 

@@ -15,7 +15,8 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.painting.choices import Footprint, Primitive
+from resample.resampler import Resampler
 from resample.types import Frame, Samples
 
 HYBRID = Resampler()

@@ -13,7 +13,8 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.painting.choices import Footprint, Primitive
+from resample.resampler import Resampler
 from resample.types import Field, Samples
 from resample_volume.files.generated import checker_box
 from resample_volume.files.source import open_volume

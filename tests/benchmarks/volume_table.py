@@ -18,9 +18,10 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.measuring.quality import largest
+from resample.painting.choices import Footprint, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Field, Samples
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.presets import load_transfer

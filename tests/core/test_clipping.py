@@ -5,9 +5,10 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import CAMERAS as SEEN

@@ -8,10 +8,11 @@ from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import run_bounds
 from resample.engine.ellipsoids.pool import ask_for
 from resample.painting import splats as deferred
+from resample.painting.choices import Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
-from resample.resampler import Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests.bits import assert_same
 from tests.records import from_records

@@ -8,10 +8,11 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.points.eights import spread
 from resample.painting import points as deferred_points
+from resample.painting.choices import Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel
-from resample.resampler import Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 from tests.bits import assert_same
 from tests.records import from_records
 from tests.samples import shuffled

@@ -7,9 +7,10 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import Primitive, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Classifier, Lamp, Samples
 from tests import naive
 from tests.bits import ARRAYS, assert_same

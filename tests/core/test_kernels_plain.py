@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
+from resample.painting.choices import FOOTPRINTS, Footprint, Opacity, Primitive
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import FOOTPRINTS, Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 

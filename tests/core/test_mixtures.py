@@ -9,6 +9,7 @@ from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids.lanes import line_integral, t_of
 from resample.engine.ellipsoids.mixed import Bend
+from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Lanczos
 from resample.profiles.orders import EverySample, Summing
 from resample.profiles.reconstruction import (
@@ -19,7 +20,7 @@ from resample.profiles.reconstruction import (
     footprint_profile,
     footprint_table,
 )
-from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Layers, Tabulated
 from tests.bits import assert_same
 from tests.records import from_records

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera
-from resample.resampler import Primitive, Resampler
+from resample.painting.choices import Primitive
+from resample.resampler import Resampler
 from resample.types import Frame, Samples
 
 WALL_DEPTH, BEHIND = 200.0, 100_000

@@ -5,9 +5,10 @@ import pytest
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import CatmullRom, Gaussian, Lanczos, Mitchell
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 

@@ -8,9 +8,10 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import MEASURING, Footprint, Primitive, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
-from resample.resampler import MEASURING, Footprint, Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive
 from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Orthographic
+from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.orders import EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel
-from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Classifier, Field, LatticeField, Samples
 from tests.samples import DARK, POSE
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera
+from resample.painting.choices import Primitive
 from resample.painting.scene import check_samples
-from resample.resampler import Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 
 CAMERA = Camera.from_intrinsics(20.0, 20.0, 8.0, 8.0)

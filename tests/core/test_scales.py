@@ -5,9 +5,10 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive, sheared
 from tests.bits import assert_same

@@ -7,8 +7,9 @@ from pydantic import ValidationError
 
 from resample.colors import from_srgb
 from resample.command.settings import SPLAT_COLOR, PictureFormat, Resampling, linear_color
+from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.profiles.filters import Gaussian
-from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+from resample.resampler import Resampler
 
 
 def test_the_defaults_are_the_resamplers_own():

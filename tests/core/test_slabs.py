@@ -9,6 +9,7 @@ from scipy.special import erf
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import (
     BSplineKernel,
@@ -16,7 +17,7 @@ from resample.profiles.reconstruction import (
     footprint_table,
     partial_table,
 )
-from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same

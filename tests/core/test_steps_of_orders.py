@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Footprint, Opacity, Primitive, Resampler
+from resample.painting.choices import Projection
 from resample.painting.plans import MIXTURE, POINTS, SPLATS
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
-from resample.resampler import Projection
 from resample.types import Classifier, Field
 from tests.core.test_steps import AROUND, EVEN, UNEVEN, Parts, planned
 from tests.core.test_windows import HEIGHT, PICTURE, WIDTH, assert_same, camera, cloud, some_of

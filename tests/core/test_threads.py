@@ -12,7 +12,8 @@ from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.command.threads import at_most
 from resample.files.images import read_image
-from resample.resampler import FOOTPRINTS, Primitive, Resampler
+from resample.painting.choices import FOOTPRINTS, Primitive
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests.bits import assert_same
 
@@ -63,7 +64,8 @@ import sys
 import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.resampler import FOOTPRINTS, Primitive, Resampler
+from resample.painting.choices import FOOTPRINTS, Primitive
+from resample.resampler import Resampler
 from resample.types import Samples
 
 rng = np.random.default_rng(7)

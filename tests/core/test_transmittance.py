@@ -5,9 +5,10 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Opacity, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same

@@ -14,11 +14,12 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel
-from resample.resampler import Footprint, Opacity, Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, LatticeField, Samples
 
 RECORD = Path(__file__).with_name("pictures.npz")

@@ -7,9 +7,10 @@ from scipy.interpolate import RegularGridInterpolator
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.correction import correction_table, true_distance
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import LARGEST_CONE, Samples
 from tests import naive
 

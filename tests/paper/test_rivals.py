@@ -10,16 +10,10 @@ from scipy.integrate import quad
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.measuring.quality import rms
+from resample.painting.choices import FOOTPRINTS, WIDENED, Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
-from resample.resampler import (
-    EWA_VARIANCE,
-    FOOTPRINTS,
-    WIDENED,
-    Footprint,
-    Primitive,
-    Resampler,
-)
+from resample.resampler import EWA_VARIANCE, Resampler
 from resample.types import Samples
 from tests import naive
 from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr

@@ -24,7 +24,7 @@ from resample_volume.command.cli import app
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import transfer_of
+from resample_volume.media.appearance import transfer_of
 from resample_volume.viewing import VolumePainter, VolumeView, picture, suits
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served

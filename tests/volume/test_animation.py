@@ -9,7 +9,8 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Spot
 from resample.files.animations import write_film
 from resample.files.images import write_png
-from resample.resampler import Primitive, Resampler
+from resample.painting.choices import Primitive
+from resample.resampler import Resampler
 from resample_volume.command.animation import (
     FRAMES,
     PATHS,
@@ -23,7 +24,8 @@ from resample_volume.command.animation import (
 )
 from resample_volume.files.generated import vessel_tree
 from resample_volume.inputs import as_volume
-from resample_volume.rendering import Appearance, Subject, render
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject, render
 from resample_volume.voxels.shading import Light
 
 SIZE = (24, 32)

@@ -4,8 +4,9 @@ from pydantic import ValidationError
 
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
+from resample.painting.choices import MEASURING, Projection
 from resample.profiles.orders import ImageSheets, Rays
-from resample.resampler import MEASURING, Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.command.choices import Look, Projecting, Source
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
@@ -13,7 +14,7 @@ from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.labels import Rule
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import Appearance
+from resample_volume.media.appearance import Appearance
 from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)

@@ -7,9 +7,10 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.colors import to_srgb
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import ImageSheets
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample_volume.command.choices import Look
 from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject

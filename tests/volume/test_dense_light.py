@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from resample_volume.rendering import Appearance
+from resample_volume.media.appearance import Appearance
 from resample_volume.voxels import reaching
 from resample_volume.voxels.reaching import LightCells, cells_around, exact_in_sums
 from resample_volume.voxels.shading import DepthCue, Light

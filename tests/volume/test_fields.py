@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from resample.cameras.viewpoints import Orbit
+from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Field, Frame
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.automatic import LEVELS

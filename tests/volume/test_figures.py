@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample_volume.files.source import generate
 from resample_volume.files.writing import write_volume
 from resample_volume.showing import data, figures, footprints, gallery, popping, schematic, timing

@@ -7,9 +7,10 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.measuring.quality import largest
+from resample.painting.choices import Footprint, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Footprint, Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.presets import load_transfer
 from resample_volume.rivals.raycasting import Casting, cast_rays

@@ -13,8 +13,8 @@ from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.looks.labels import Labels, Rule
+from resample_volume.media.appearance import Appearance
 from resample_volume.media.recordings import volume_at
-from resample_volume.rendering import Appearance
 from resample_volume.types import Recording
 from resample_volume.voxels import windowed
 from resample_volume.voxels.dense import known

@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from resample.cameras.viewpoints import Orbit
+from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.files import memory
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.transfer import TransferFunction, from_points
+from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import mixed
-from resample_volume.rendering import Appearance, Classification, Subject, render
+from resample_volume.rendering import Subject, render
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import classify, lattice_of

@@ -6,8 +6,8 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.measuring.quality import psnr
+from resample.painting.choices import Projection
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Projection
 from resample.types import Classifier, Field, Lamp
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.transfer import extinction, from_points

@@ -13,8 +13,8 @@ from resample import Resampler
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.cameras.viewpoints import Orbit
+from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
-from resample.resampler import Projection
 from resample_volume import Appearance, Scene
 from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Subject

@@ -3,8 +3,9 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.painting.choices import Primitive, Projection
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
-from resample.resampler import Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from resample_volume.rivals.raycasting import Casting, cast_rays
 

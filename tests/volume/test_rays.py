@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera, Orthographic
 from resample.cameras.viewpoints import Orbit
 from resample.painting import rays as painting
+from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Classification, Subject
+from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 
 LOOK = from_points(

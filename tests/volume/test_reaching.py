@@ -6,11 +6,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from resample.cameras.viewpoints import Orbit
+from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Classification, Subject, render
+from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.rendering import Subject, render
 from resample_volume.voxels import reaching
 from resample_volume.voxels.reaching import SKIPPED, optical_depths, reached
 from resample_volume.voxels.shading import Light

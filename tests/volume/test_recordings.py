@@ -15,13 +15,14 @@ from resample_volume.files.source import open_recording, open_volume
 from resample_volume.inputs import as_volume
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.transfer import from_points
+from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.recordings import (
     linear_colors,
     volume_at,
     with_times_first,
 )
-from resample_volume.rendering import Appearance, Classification, Subject, render
+from resample_volume.rendering import Subject, render
 from resample_volume.voxels.visible import classify
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)

@@ -16,8 +16,8 @@ from resample_volume import Appearance, Scene, render
 from resample_volume.inputs import as_volume
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.transfer import from_points
+from resample_volume.media.appearance import Classification
 from resample_volume.previews import merged
-from resample_volume.rendering import Classification
 from resample_volume.types import Volume
 from resample_volume.voxels import gathered, visible
 

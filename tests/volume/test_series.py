@@ -16,8 +16,9 @@ from resample_volume.command.choices import Look, Source
 from resample_volume.command.inputs import held
 from resample_volume.command.media import labelled, look_over_time, times_of
 from resample_volume.looks.transfer import from_points
+from resample_volume.media.appearance import Appearance
 from resample_volume.media.series import Series, around
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 from tests import commands
 

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample_volume.looks.surveys import survey, without_padding
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.glances import shelves

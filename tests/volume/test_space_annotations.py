@@ -10,7 +10,8 @@ from resample.types import Frame, Statistics
 from resample_volume import Annotations, annotate, open_volume
 from resample_volume.command.cli import app
 from resample_volume.files.writing import write_volume
-from resample_volume.rendering import Appearance, Subject, as_volume, render
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject, as_volume, render
 from resample_volume.space.annotations import round_length
 from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines

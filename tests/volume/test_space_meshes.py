@@ -7,10 +7,12 @@ import trimesh
 from resample.cameras.models import Orthographic
 from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
+from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, Classification, Subject, as_volume, render
+from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.rendering import Subject, as_volume, render
 from resample_volume.space.meshes import read_mesh, scene_mesh
 from resample_volume.voxels.shading import Light
 from tests import naive, ray_truth

@@ -7,12 +7,14 @@ import pytest
 
 from resample.cameras.models import Orthographic
 from resample.cameras.viewpoints import Orbit
+from resample.painting.choices import Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Field, Samples
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.looks.labels import Labels, Rule
-from resample_volume.rendering import Appearance, Classification, Subject, render
+from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.rendering import Subject, render
 from resample_volume.voxels.fields import FieldVoxels
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import Voxels

@@ -21,8 +21,9 @@ from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import places_seen
+from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.recordings import volume_at
-from resample_volume.rendering import Appearance, Classification, Subject
+from resample_volume.rendering import Subject
 from resample_volume.space.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks, windowed

@@ -3,8 +3,9 @@ import pytest
 
 from resample.colors import to_srgb
 from resample.measuring.color_bars import check_bar
+from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.readers import Npy
 from resample_volume.files.source import open_volume
@@ -13,7 +14,8 @@ from resample_volume.files.writing import (
     with_bar,
     write_volume,
 )
-from resample_volume.rendering import Appearance, render
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import render
 from resample_volume.types import Volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from resample_volume.inputs import as_volume
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
+    from resample_volume.media.appearance import Appearance
     from resample_volume.media.rectilinear import rectilinear
     from resample_volume.notebooks import view
-    from resample_volume.rendering import Appearance, render
+    from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Annotations": "space.annotations",
-    "Appearance": "rendering",
+    "Appearance": "media.appearance",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",

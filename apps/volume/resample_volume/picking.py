@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
-from resample.resampler import Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Doubles, View
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume

@@ -9,15 +9,17 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
-from resample.resampler import Resampler, shape_of
+from resample.painting.plans import shape_of
+from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.inputs import as_volume
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.media.appearance import Appearance, resampler_for
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
-from resample_volume.rendering import Appearance, Fit, Subject, kept_look, resampler_for
+from resample_volume.rendering import Fit, Subject, kept_look
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import as_array
 

@@ -32,7 +32,8 @@ from resample_volume.files.source import find_reader
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
-from resample_volume.rendering import Appearance, Subject, transfer_of
+from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.rendering import Subject
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.types import Volume

@@ -14,18 +14,10 @@ from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
+from resample_volume.media.appearance import BY_DEFAULT, Appearance, Medium
 from resample_volume.media.dense import Dense, check_windows, dense_of
 from resample_volume.media.mixing import Mixed, added
-from resample_volume.rendering import (
-    BY_DEFAULT,
-    NO_VOXELS,
-    Appearance,
-    Fit,
-    Medium,
-    Subject,
-    lit_samples,
-    placement,
-)
+from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, faced, planes

@@ -15,7 +15,7 @@ The same from the command line:
 
 from resample import Resampler
 from resample.profiles.orders import Rays
-from resample.resampler import Projection
+from resample.painting.choices import Projection
 from resample_volume import render
 
 for name, order in (("smoothed", Rays(sharpness=0.0)), ("interpolated", Rays())):

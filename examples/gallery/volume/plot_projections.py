@@ -16,7 +16,7 @@ The same from the command line:
 
 from resample import Resampler
 from resample.profiles.orders import Rays
-from resample.resampler import Projection
+from resample.painting.choices import Projection
 from resample_volume import render
 
 for projection in (Projection.MAXIMUM, Projection.ADDITIVE, Projection.FIRST_HIT):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
-    from resample_volume.rendering import Appearance
+    from resample_volume.media.appearance import Appearance
     from resample_volume.space.annotations import Annotations
     from resample_volume.space.meshes import SceneMesh
     from resample_volume.types import Volume
@@ -236,7 +236,7 @@ class Look(Choices):
         ValueError, LookupError
             A choice is unknown or not allowed, or two do not go together.
         """
-        from resample_volume.rendering import Classification, check_together
+        from resample_volume.media.appearance import Classification, check_together
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
@@ -258,9 +258,9 @@ class Look(Choices):
         ValueError
             A choice is unknown or not allowed.
         """
-        from resample.resampler import MEASURING, Projection
+        from resample.painting.choices import MEASURING, Projection
         from resample_volume.looks.labels import read_labels
-        from resample_volume.rendering import Appearance, Classification, named_transfer
+        from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
@@ -372,7 +372,7 @@ class Beside(Choices):
         ValueError, OSError
             The renderer shows none, or a file cannot be read.
         """
-        from resample_volume.rendering import Classification, check_together
+        from resample_volume.media.appearance import Classification, check_together
         from resample_volume.space.meshes import read_mesh
 
         if self.mesh:

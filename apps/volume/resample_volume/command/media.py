@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
-from resample.resampler import Projection, Resampler
+from resample.painting.choices import Projection
+from resample.resampler import Resampler
 from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
 from resample_volume.command.inputs import (
@@ -23,9 +24,10 @@ from resample_volume.files.stores.chunks import Chunked
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
+from resample_volume.media.appearance import Appearance, Medium
 from resample_volume.media.recordings import volume_at, with_times_first
 from resample_volume.media.series import Series
-from resample_volume.rendering import Appearance, Medium, Subject
+from resample_volume.rendering import Subject
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 

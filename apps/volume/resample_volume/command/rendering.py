@@ -22,15 +22,9 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.command import needs
+from resample_volume.media.appearance import Appearance, Medium, check_several, check_together
 from resample_volume.media.dense import is_in_store, share_lattice
-from resample_volume.rendering import (
-    Appearance,
-    Fit,
-    Medium,
-    Subject,
-    check_several,
-    check_together,
-)
+from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError

@@ -7,14 +7,15 @@ import numpy as np
 from resample.colors import to_srgb
 from resample.command.settings import Color
 from resample.files.writing import replacing
-from resample.resampler import MEASURING, Projection, Resampler
+from resample.painting.choices import MEASURING, Projection
+from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.files.formats.metaimage import write_metaimage
 from resample_volume.files.formats.nifti import write_nifti
 from resample_volume.files.formats.nrrd import write_nrrd
 from resample_volume.files.headers import KEPT
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
-from resample_volume.rendering import Appearance, transfer_of
+from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.types import Volume
 
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.resampler import Projection
+from resample.painting.choices import Projection
 from resample_volume.looks.materials import spread
 from resample_volume.looks.surveys import Survey, rim
 from resample_volume.looks.transfer import Color, Transfer, TransferFunction, from_points

@@ -8,6 +8,7 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Indices
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.regions import Faded
+from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
 from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.media.together import (
     Member,
@@ -16,14 +17,7 @@ from resample_volume.media.together import (
     mixed_by_bricks,
     resampled_bricks,
 )
-from resample_volume.rendering import (
-    Appearance,
-    Classification,
-    Medium,
-    kept_look,
-    placement,
-    transfer_of,
-)
+from resample_volume.rendering import kept_look, placement
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Step
 from resample_volume.voxels.cropping import chosen as chosen_of

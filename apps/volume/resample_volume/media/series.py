@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from resample.cameras.viewpoints import Sphere
-from resample.resampler import Projection
+from resample.painting.choices import Projection
 from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import Survey, survey, without_padding
 from resample_volume.looks.transfer import DataRange, Transfer
+from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.recordings import alone, volume_at, with_times_first
-from resample_volume.rendering import Appearance, Subject, named_or_own, transfer_of
+from resample_volume.rendering import Subject
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.visible import finite_range, seen_with_slopes, steepness

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.resampler import Projection
+from resample.painting.choices import Projection
 from resample.types import Doubles, Floats, View
 from resample_volume.files.suppression import suppressed_output
 from resample_volume.looks.transfer import Transfer

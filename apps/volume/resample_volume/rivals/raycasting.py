@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.painting.choices import Projection
 from resample.painting.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
-from resample.resampler import Projection
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample.watching import Progress
 from resample_volume.files.memory import require_memory

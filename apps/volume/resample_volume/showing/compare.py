@@ -14,11 +14,13 @@ from resample.colors import from_srgb
 from resample.command.session import Session
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
+from resample.painting.choices import Footprint, Primitive, Projection
 from resample.profiles.orders import Rays, Summing
-from resample.resampler import Footprint, Primitive, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import Floats, LatticeField
 from resample_volume.command.rendering import painted
-from resample_volume.rendering import Appearance, Subject, transfer_of
+from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.rendering import Subject
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from resample.cameras.models import Camera
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.correction import true_distance
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
-from resample.resampler import Footprint, Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers

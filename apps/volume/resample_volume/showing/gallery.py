@@ -9,10 +9,12 @@ from resample.cameras.viewpoints import Orbit
 from resample.command.settings import SPLAT_COLOR
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet
-from resample.resampler import Primitive, Resampler
+from resample.painting.choices import Primitive
+from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.looks.transfer import from_points
-from resample_volume.rendering import Appearance, render
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import render
 from resample_volume.showing.data import Shelf, Subject, missing
 from resample_volume.showing.writing import Row, write_numbers
 from resample_volume.voxels.shading import Light

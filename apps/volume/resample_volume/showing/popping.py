@@ -17,7 +17,8 @@ from resample.measuring.compare import contact_sheet, shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
 from resample_volume.files.source import generate
-from resample_volume.rendering import Appearance, lit_samples, visible_voxels
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import lit_samples, visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.voxels.framing import centered, sphere_around

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
+from resample.painting.choices import Primitive
 from resample.painting.layers import layers_of, sheets_of
 from resample.profiles.orders import EverySample
-from resample.resampler import LITERAL_FILTER, Primitive, Resampler
+from resample.resampler import LITERAL_FILTER, Resampler
 from resample.types import Doubles, Records, Samples, Sheets
 from resample_volume.files.source import generate
-from resample_volume.rendering import Appearance, visible_voxels
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import visible_voxels
 from resample_volume.showing.data import Shelf
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume

@@ -14,13 +14,15 @@ import numpy as np
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.measuring.compare import plain
+from resample.painting.choices import Primitive
 from resample.profiles.orders import AxisSheets, ImageSheets
-from resample.resampler import Primitive, Resampler
+from resample.resampler import Resampler
 from resample.types import Floats, Samples
 from resample_volume.files.source import generate
 from resample_volume.looks.presets import load_transfer
 from resample_volume.looks.transfer import TransferFunction, from_points
-from resample_volume.rendering import Appearance, visible_voxels
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import visible_voxels
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing.data import Shelf, Subject, missing
 from resample_volume.showing.writing import Row, drawing, save, write_numbers

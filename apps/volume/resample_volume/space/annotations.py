@@ -9,7 +9,8 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
 from resample.types import Doubles, Floats, Frame, View
 from resample_volume.looks.surveys import survey, without_padding
-from resample_volume.rendering import Appearance, Subject
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject
 from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.space.text import letters, put_mask, type_size

@@ -8,9 +8,11 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.files.deep import Slab, write_deep
-from resample.resampler import MEASURING, Resampler
+from resample.painting.choices import MEASURING
+from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
-from resample_volume.rendering import Medium, Subject
+from resample_volume.media.appearance import Medium
+from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import corners
 
 Painter = Callable[[AnyCamera], Frame]

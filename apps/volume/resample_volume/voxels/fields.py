@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.resampler import Projection, Resampler
+from resample.painting.choices import Projection
+from resample.resampler import Resampler
 from resample.types import Classifier, Doubles, Field, Floats
 from resample_volume.files.memory import require_memory
 from resample_volume.looks.surveys import survey

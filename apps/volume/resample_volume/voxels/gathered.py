@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like, most_of
+from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, bytes_of_field, spline_of
-from resample.resampler import MEASURING, Projection, Resampler
+from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
     Bounds,

@@ -1,0 +1,187 @@
+"""What a volume looks like, and who paints it."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from resample.painting.choices import MEASURING, Projection
+from resample.profiles.orders import OF_FIELDS, Rays, Summing
+from resample.resampler import Resampler
+from resample_volume.looks.automatic import levels
+from resample_volume.looks.presets import Window, transfer_for
+from resample_volume.looks.surveys import survey
+from resample_volume.looks.transfer import Transfer
+from resample_volume.space.meshes import SceneMesh
+from resample_volume.types import Volume
+from resample_volume.voxels.shading import DepthCue, Light
+
+if TYPE_CHECKING:
+    from resample_volume.looks.labels import Labels
+
+BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())  # each keeps tables of its own
+
+
+class Classification(StrEnum):
+    """When values get their color and opacity."""
+
+    PRE = "pre"  # voxels get them, and colors are reconstructed
+    POST = "post"  # the field is reconstructed, and gets them after that
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What of a volume is seen, and what it looks like.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Appearance, Light, render
+    >>> values = np.random.default_rng(1).integers(0, 255, (12, 12, 12), np.uint8)
+    >>> look = Appearance("120..400", Light(ambient=0.5), crop="2:10,:,:")
+    >>> render(values, look, size=(32, 24))
+    Frame(32 × 24 px, 39.6 % covered, depth from 32.2)
+    """
+
+    transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
+    light: Light | None = field(default_factory=Light)  # None: colors as they are
+    gradient: str = "central"  # or sobel
+    gradient_opacity: tuple[float, float] | None = None  # see `classify`
+    classification: Classification = Classification.PRE
+    labels: "Labels | None" = None
+    cue: DepthCue | None = None
+    crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
+    clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
+    framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
+    meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; planes do not cut them
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "classification", Classification(self.classification))
+
+    @property
+    def extras(self) -> list[str]:
+        """Names of what was chosen and is not for all projections."""
+        chosen = {
+            "labels": self.labels,
+            "gradient-opacity": self.gradient_opacity,
+            "depth-cue": self.cue,
+            "mesh": self.meshes or None,
+        }
+        return [name for name, choice in chosen.items() if choice is not None]
+
+    @property
+    def needed_gradient(self) -> str | None:
+        """How gradients are found; None where light does not need them."""
+        return None if self.light is None else self.gradient
+
+
+Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
+
+
+def transfer_of(
+    volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
+) -> Transfer:
+    """Transfer function, also where it was given by name."""
+    return named_or_own(appearance.transfer, volume, projection)
+
+
+def named_or_own(
+    given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
+) -> Transfer:
+    """Transfer function, which may be given by its name."""
+    return named_transfer(given, volume, projection) if isinstance(given, str) else given
+
+
+def named_transfer(
+    name: str, volume: Volume, projection: Projection, window: Window | None = None
+) -> Transfer:
+    """Transfer function by name; `auto` shows values as opaque gray, where they are projected."""
+    if name == "auto" and projection in MEASURING:
+        return levels(volume, survey(volume), projection, window)
+    return transfer_for(name, volume, window)
+
+
+def check_together(
+    resampler: Resampler, classification: Classification, extras: Collection[str] = ()
+) -> None:
+    """Refuse choices that do not go together, and say which do.
+
+    Parameters
+    ----------
+    resampler
+        Renderer.
+    classification
+        When values get their colors.
+    extras
+        Names of what else was chosen, see `Appearance.extras`.
+
+    Raises
+    ------
+    ValueError
+        The order composites colors, where the field is wanted; or the field has no labels, lights
+        or gradients to show.
+    """
+    projection = resampler.projection
+    is_composite = projection is Projection.COMPOSITE
+    if "mesh" in extras:
+        _check_meshes(resampler, classification)
+    if is_composite and classification is Classification.PRE:
+        if resampler.order.summing is Summing.RAYS:
+            raise ValueError(
+                "the order rays gathers values, so it needs the classification post, or a "
+                "projection of values; for the classification pre take another order"
+            )
+        return
+    if resampler.order.summing not in OF_FIELDS:
+        raise ValueError(
+            f"the classification post needs the order rays or image-sheets, not {resampler.order}"
+        )
+    if "labels" in extras:
+        raise ValueError(
+            "labels color voxels, so they need the classification pre and the projection composite"
+        )
+    if "gradient-opacity" in extras and not is_composite:
+        raise ValueError(
+            f"gradient-opacity fades voxels, so it needs the projection composite, not {projection}"
+        )
+    if "depth-cue" in extras and projection in MEASURING:
+        raise ValueError(
+            "depth-cue dims light, so it needs the projection composite or first-hit, not "
+            f"{projection}"
+        )
+
+
+def _check_meshes(resampler: Resampler, classification: Classification) -> None:
+    """Refuse meshes where no ray ends on them."""
+    if resampler.projection in MEASURING:
+        raise ValueError(
+            "a mesh is seen through the volume, so it needs the projection composite or first-hit, "
+            f"not {resampler.projection}"
+        )
+    is_pre = classification is Classification.PRE and resampler.iso is None
+    if is_pre or resampler.order.summing is not Summing.RAYS:
+        raise ValueError(
+            "a mesh ends rays through the field, so it needs the classification post and the "
+            "order rays"
+        )
+
+
+def resampler_for(appearance: Appearance) -> Resampler:
+    """Renderer by default: along rays where colors are given to the field."""
+    return ALONG_RAYS if appearance.classification is Classification.POST else BY_DEFAULT
+
+
+def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
+    """Refuse several volumes where there is one field at a time to show."""
+    if not media:
+        raise ValueError("a scene is a list of volumes with their looks; give at least one")
+    if resampler.projection is not Projection.COMPOSITE:
+        raise ValueError(
+            f"several volumes are composited; the projection {resampler.projection} shows the "
+            "values of one"
+        )
+    if any(look.classification is not Classification.PRE for _, look in media):
+        raise ValueError(
+            "several volumes need the classification pre: post reconstructs the field of one"
+        )
+    check_together(resampler, Classification.PRE, media[0][1].extras)
