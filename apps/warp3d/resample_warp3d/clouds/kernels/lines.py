@@ -31,9 +31,7 @@ class Lines(NamedTuple):
     Along a line, places are counted from that nearest to the origin, counterclockwise.
     """
 
-    line: (
-        Doubles  # (5, ROOM) x and y of a unit normal, distance, where the cell's side begins, ends
-    )
+    line: Doubles  # (5, ROOM) x and y of a unit normal, distance, begin and end of a cell's side
     corner: Doubles  # (2, 2 ROOM) x and y; zeros after the last
 
 
