@@ -175,18 +175,26 @@ def _list(blocks: PointBlocks, box: Box, far: float, looking: Search) -> int:
 
 
 @inner_kernel
+def _pick(gap: Doubles, count: int, bound: float, picked: Numbers) -> int:
+    """Find which of some squares are not above a bound; how many."""
+    total = 0
+    for n in range(count):
+        picked[total] = n
+        total += int(gap[n] <= bound)
+    return total
+
+
+@inner_kernel
 def _choose(box: Box, far: float, count: int, looking: Search) -> int:
     """List those around as near that are not far from a box; how many, 0 if they are too many."""
     (x0, y0, z0), (x1, y1, z1) = box
-    place, gap, picked, total = looking.around.place, looking.gap, looking.picked, 0
+    place, gap, picked = looking.around.place, looking.gap, looking.picked
     for n in range(count):
         x = _between(place[0, n], place[0, n], x0, x1)
         y = _between(place[1, n], place[1, n], y0, y1)
         z = _between(place[2, n], place[2, n], z0, z1)
         gap[n] = x * x + y * y + z * z
-    for n in range(count):
-        picked[total] = n
-        total += int(gap[n] <= far)
+    total = _pick(gap, count, far, picked)
     if total > NEAR:
         return 0
     name, near = looking.near.name, looking.near.place
@@ -318,10 +326,8 @@ def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
     if inside > enough:
         bound = _bounded(gap, count, found.size, LIKELY * bound, bound)
         looking.bound[row] = bound
-    picked, total = looking.picked, 0
-    for n in range(count):
-        picked[total] = n
-        total += int(gap[n] <= bound)
+    picked = looking.picked
+    total = _pick(gap, count, bound, picked)
     many, away, held = looking.many[row], looking.away[row], looking.held[row]
     for k in range(total):
         if many == HELD:
