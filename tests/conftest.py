@@ -19,6 +19,8 @@ import pytest
 
 pytest.register_assert_rewrite("tests.bits", "tests.commands")  # they say what differs
 
+# Ids of all tests, and what the mark of those that are sweeps says.
+COLLECTED = pytest.StashKey[list[tuple[str, dict[str, str] | None]]]()
 DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 with suppress(ImportError):  # tests of the wheel have pytest alone
@@ -39,15 +41,22 @@ def real(name: str) -> Path:
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks are looked at
-def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
-    """Of tests marked `each_value`, leave cases without a value of their own to `make test-all`."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Function]) -> None:
+    """Of tests marked `each_value`, leave cases without a value of their own to `make test-all`.
+
+    What each sweep is, and which test keeps its claim, is left in `config.stash` for
+    `test_sweeps.py`.
+    """
     tests: defaultdict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
         if item.get_closest_marker("each_value") and not item.get_closest_marker("sweep"):
             tests[item.nodeid.partition("[")[0]].append(item)
-    for cases in tests.values():
+    for name, cases in tests.items():
         for case in _without_own(cases):
-            case.add_marker("sweep")
+            case.add_marker(pytest.mark.sweep(kept_by=name))
+    config.stash[COLLECTED] = [
+        (item.nodeid, getattr(item.get_closest_marker("sweep"), "kwargs", None)) for item in items
+    ]
 
 
 def _without_own(cases: list[pytest.Function]) -> list[pytest.Function]:

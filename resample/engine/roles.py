@@ -9,10 +9,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
-from numba import none
-from numba.extending import overload
-
-from resample.engine.jit import OPTIONS, PartCompiler
+from resample.engine.jit import LANES, compiler, when_compiling
+from resample.engine.sources import PLAYED
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -39,7 +37,7 @@ def making_role(function: Callable[P, R]) -> Callable[P, R]:
 
 def lane_role(function: Callable[P, R]) -> Callable[P, R]:
     """A role that is a part of loops of lanes, as a `lane_step` is."""
-    return _cast(function, inline="never", fastmath={"contract", "nsz"}, forceinline=True)
+    return _cast(function, inline="never", fastmath=LANES, forceinline=True)
 
 
 def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
@@ -50,12 +48,7 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
         body = bodies.get(type(given[0])) or bodies[object]
         return body(*given, **named)  # type: ignore[no-any-return]
 
-    def chosen(*given: Any) -> Body | None:
-        of = type(None) if given[0] == none else getattr(given[0], "instance_class", object)
-        return bodies.get(of, bodies.get(object))
-
-    options = {**OPTIONS, **own, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-    overload(play, jit_options=options, strict=False, inline=inline)(chosen)
+    when_compiling(lambda: compiler().define_role(play, bodies, inline, own))
     play.bodies = bodies  # type: ignore[attr-defined]
     return play
 
@@ -65,6 +58,7 @@ def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callab
 
     def register(body: Callable[P, R]) -> Callable[P, R]:
         what.bodies[of] = body  # type: ignore[attr-defined]
+        PLAYED[of].add((what.__module__, body.__module__))
         return body
 
     return register

@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from numba.core.event import install_recorder
 
-from resample import types
-from resample.engine import jit, lookup
-from resample.engine.ellipsoids.deferred import paint_runs
+from resample.engine import compiling, jit
 from tests.processes import PATIENCE, python
 
 compiled_only = pytest.mark.skipif(
@@ -23,47 +21,23 @@ compiled_only = pytest.mark.skipif(
 )
 
 
-@compiled_only
-@pytest.mark.parametrize("compiled", [paint_runs, lookup.unit_lookup])
-def test_the_name_of_a_cache_file_holds_the_digest_of_all_kernels(compiled):
-    assert jit.SOURCES[:12] in jit.index_of(compiled).name
-
-
 @pytest.fixture
-def copied(tmp_path, monkeypatch):
-    """The package's kernels and types in a folder of our own, where the digest now looks."""
-    kernels = Path(jit.__file__).parent
-    shutil.copytree(
-        kernels, tmp_path / "engine", ignore=shutil.ignore_patterns("__pycache__", "*.nb?")
-    )
-    shutil.copy(types.__file__, tmp_path / "types.py")
-    monkeypatch.setattr(jit, "__file__", str(tmp_path / "engine" / "jit.py"))
-    return tmp_path
+def kept(monkeypatch, tmp_path):
+    """A folder of our own for kernels."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    return tmp_path / "kernels"
 
 
-def test_the_digest_is_that_of_the_sources(copied):
-    assert copied.is_dir()
-    assert jit._digest() == jit.SOURCES
-
-
-@pytest.mark.parametrize("source", ["engine/over.py", "engine/points/cells.py", "types.py"])
-@pytest.mark.usefixtures("copied")
-def test_a_changed_source_changes_the_digest(source, copied):
-    with (copied / source).open("a") as text:
-        text.write("\n# a comment\n")
-    assert jit._digest() != jit.SOURCES
-
-
-def test_a_new_kernel_changes_the_digest(copied):
-    (copied / "engine" / "another.py").write_text("ANSWER = 42\n")
-    assert jit._digest() != jit.SOURCES
+def files(folder):
+    return sorted(folder.glob("*.kernel"))
 
 
 @compiled_only
-def test_bounds_checks_have_a_cache_of_their_own(monkeypatch):
+def test_bounds_checks_have_a_cache_of_their_own(kept, monkeypatch):
+    jit.kernel(double)(1.0)
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
-    cache = jit._SourceAwareCache(lookup.unit_lookup.__wrapped__)
-    assert "-checked" in Path(cache._cache_file._index_path).name
+    jit.kernel(double)(1.0)
+    assert len(files(kept)) == 2
 
 
 @compiled_only
@@ -73,32 +47,35 @@ def test_bounds_checks_have_a_cache_of_their_own(monkeypatch):
 )
 def test_a_trial_of_the_compilers_flags_has_a_cache_of_its_own(flag):
     name, value = flag.split("=", 1)
-    code = "from resample.engine import jit, lookup; print(jit.index_of(lookup.unit_lookup).name)"
+    code = (
+        "from numba import float64\n"
+        "from resample.engine import jit, lookup\n"
+        "print(jit.dispatcher(lookup.unit_lookup)._cache.path((float64,)).name)"
+    )
+    plain = python(code)
     changed = python(f"import os; os.environ['NUMBA_{name}'] = '{value}'\n{code}")
-    assert changed.strip() != jit.index_of(lookup.unit_lookup).name
+    assert changed.strip() != plain.strip()
 
 
 @compiled_only
-def test_a_flag_that_is_set_later_leaves_nothing_in_the_cache(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    tried, kept = jit.kernel(double), jit.kernel(halve)
-    monkeypatch.setattr(numba.config, "SLP_VECTORIZE", 1)
-    assert tried(3.0) == 6.0
-    assert not jit.index_of(tried).exists()
-    monkeypatch.undo()
-    assert kept(3.0) == 1.5
-    assert jit.index_of(kept).exists()
+def test_a_flag_that_is_set_later_leaves_nothing_in_the_cache(kept, monkeypatch):
+    tried = jit.kernel(double)
+    jit.compiler()
+    with monkeypatch.context() as trial:
+        trial.setattr(numba.config, "SLP_VECTORIZE", 1)
+        assert tried(3.0) == 6.0
+    assert not files(kept)
+    assert jit.kernel(halve)(3.0) == 1.5
+    assert [file.name.partition("-")[0] for file in files(kept)] == ["halve"]
 
 
 @compiled_only
-def test_packed_kernels_are_stored_under_the_flags_that_were_asked_for(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    packed, plain = jit.packed_kernel(add_one), jit.kernel(double)
-    numbers = np.zeros(3)
+def test_packed_kernels_are_stored_under_the_flags_that_were_asked_for(kept):
+    packed, numbers = jit.packed_kernel(add_one), np.zeros(3)
     packed(numbers)
-    assert jit.index_of(packed).exists()
-    ends = [jit.index_of(kernel).stem.rpartition("-")[2] for kernel in (packed, plain)]
-    assert ends[0] == ends[1]
+    (file,) = files(kept)
+    signature = jit.dispatcher(packed).signatures[0]
+    assert jit.dispatcher(packed)._cache.path(signature) == file
 
 
 def halve(number):
@@ -112,14 +89,10 @@ def add_one(counter, numbers):
 
 
 @compiled_only
-def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch):
-    def refuse(_):
-        raise OSError("read-only")
-
-    monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
-    doubled = jit.kernel(double)
-    assert doubled(3.0) == 6.0
-    assert jit.index_of(doubled) is None
+def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file"))
+    assert jit.kernel(double)(3.0) == 6.0
 
 
 def double(number):
@@ -127,8 +100,8 @@ def double(number):
 
 
 @compiled_only
-def test_no_call_of_the_compiler_is_timed(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+@pytest.mark.usefixtures("kept")
+def test_no_call_of_the_compiler_is_timed():
     with install_recorder("numba:llvm_lock") as heard, install_recorder("numba:compile") as made:
         assert jit.kernel(double)(2.0) == 4.0
     assert made.buffer
@@ -198,37 +171,37 @@ def test_an_error_in_a_task_reaches_the_caller():
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_process_that_is_forked_while_another_thread_compiles_can_compile():
-    compiling, forking = Event(), Event()
+    is_compiling, is_forking = Event(), Event()
 
     def compiles():
-        with jit.global_compiler_lock:
-            compiling.set()
-            assert forking.wait(PATIENCE)
+        with compiling.global_compiler_lock:
+            is_compiling.set()
+            assert is_forking.wait(PATIENCE)
 
     with ThreadPoolExecutor(1) as threads:
         threads.submit(compiles)
-        assert compiling.wait(PATIENCE)
-        Timer(0.1, forking.set).start()  # the fork waits for it
+        assert is_compiling.wait(PATIENCE)
+        Timer(0.1, is_forking.set).start()  # the fork waits for it
         child = os.fork()
         if child == 0:
             signal.alarm(PATIENCE)
-            with jit.global_compiler_lock, jit._packs:
+            with compiling.global_compiler_lock, compiling._packs:
                 os._exit(0)
         assert os.waitpid(child, 0)[1] == 0
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-def test_a_forked_process_does_not_keep_others_from_compiling(tmp_path):
+def test_a_forked_process_does_not_keep_others_from_compiling(kept):
     ends, lives = os.pipe()
-    with jit._in_turn(str(tmp_path / "index")):
+    with compiling.in_turn("a_kernel"):
         child = os.fork()
         if child == 0:
             os.close(lives)
             os.read(ends, 1)  # lives on, with all that was open
             os._exit(0)
-    lock = os.open(tmp_path / "index.lock", os.O_RDWR)
-    jit.fcntl.flock(lock, jit.fcntl.LOCK_EX | jit.fcntl.LOCK_NB)
+    lock = os.open(kept / "a_kernel.lock", os.O_RDWR)
+    compiling.fcntl.flock(lock, compiling.fcntl.LOCK_EX | compiling.fcntl.LOCK_NB)
     for opened in (lock, ends, lives):
         os.close(opened)
     os.waitpid(child, 0)
@@ -255,7 +228,7 @@ from resample.engine import jit, lookup
 print(jit.__file__, flush=True)
 sys.stdin.readline()
 lookup.unit_lookup(np.ones(4, np.float32), 0.5)
-stats = lookup.unit_lookup.compiled.stats
+stats = jit.dispatcher(lookup.unit_lookup).stats
 print(sum(stats.cache_misses.values()), sum(stats.cache_hits.values()))
 """
 

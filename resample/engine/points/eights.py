@@ -1,75 +1,7 @@
 """Eight numbers at once, where a compiler would not see that it may take them so."""
 
-from typing import Any
-
-import numba
-from llvmlite import ir
-from numba.extending import intrinsic, overload
-
+from resample.engine.jit import when_compiling
 from resample.types import Doubles
-
-MOST_TAPS = 8
-EIGHT = ir.VectorType(ir.DoubleType(), 8)
-
-
-def _all(builder: Any, number: Any) -> Any:
-    """Eight times the same number."""
-    one = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), number, ir.IntType(32)(0))
-    return builder.shuffle_vector(
-        one,
-        ir.Constant(EIGHT, ir.Undefined),
-        ir.Constant(ir.VectorType(ir.IntType(32), 8), [0] * 8),
-    )
-
-
-def _eight(builder: Any, data: Any, first: Any) -> Any:
-    """Where eight numbers of an array are."""
-    return builder.bitcast(builder.gep(data, [first]), EIGHT.as_pointer())
-
-
-@intrinsic
-def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        cells, amount, weight = (
-            context.make_array(signature.args[n])(context, builder, arguments[n]).data
-            for n in (0, 3, 6)
-        )
-        first, pitch, line, across, down, step, taps = (
-            arguments[n] for n in (1, 2, 4, 7, 8, 9, 10)
-        )
-        rounding, whole = _all(builder, arguments[5]), first.type
-        amounts = builder.load(_eight(builder, amount, line), align=8)
-
-        def weights(begin: Any, count: int) -> list[Any]:
-            places = [builder.add(begin, builder.mul(step, whole(n))) for n in range(count)]
-            return [_all(builder, builder.load(builder.gep(weight, [n]))) for n in places]
-
-        def spread_over(count: int) -> None:
-            columns = weights(across, count)
-            for row, share in enumerate(weights(down, count)):
-                shares = builder.fadd(builder.fmul(amounts, share), rounding)
-                shares = builder.fsub(shares, rounding)
-                begin = builder.add(first, builder.mul(pitch, whole(row)))
-                for column, weighed in enumerate(columns):
-                    cell = _eight(builder, cells, builder.add(begin, whole(8 * column)))
-                    added = builder.fmul(shares, weighed, flags=["contract"])
-                    total = builder.fadd(builder.load(cell, align=8), added, flags=["contract"])
-                    builder.store(total, cell, align=8)
-
-        end = builder.append_basic_block("spread")
-        choice = builder.switch(taps, end)
-        for count in range(1, MOST_TAPS + 1):
-            block = builder.append_basic_block(f"taps{count}")
-            choice.add_case(whole(count), block)
-            with builder.goto_block(block):
-                spread_over(count)
-                builder.branch(end)
-        builder.position_at_end(end)
-        return context.get_dummy_value()
-
-    whole, array, number = numba.int64, numba.float64[::1], numba.float64
-    arguments = (array, whole, whole, array, whole, number, array, whole, whole, whole, whole)
-    return numba.void(*arguments), generate
 
 
 def spread(
@@ -107,11 +39,6 @@ def spread(
             cells[cell : cell + 8] += shares * weight[across + column * step]
 
 
-@overload(spread, inline="always")
-def _spread_compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    def compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]
-        return _spread(
-            cells, first, pitch, amount, line, rounding, weight, across, down, step, taps
-        )
-
-    return compiled
+@when_compiling
+def _compile_as_vectors() -> None:
+    from resample.engine.points import vectors_of_eight  # noqa: F401  tells numba of `spread`

@@ -1,0 +1,420 @@
+"""What knows numba: the compiler's options, and machine code that is kept on disk.
+
+Imported by `resample.engine.jit` when a kernel has to be compiled, or was compiled before.
+"""
+
+import hashlib
+import logging
+import os
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from types import FunctionType
+from typing import Any
+
+import llvmlite
+import numba
+from llvmlite import ir
+from llvmlite.binding import ffi
+from numba.core import cgutils, sigutils, types
+from numba.core.caching import NullCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
+from numba.extending import intrinsic, overload
+from numba.np.numpy_support import as_dtype
+
+from resample.engine import jit, library, sources
+from resample.engine.entries import SUFFIX, Entry, read, write
+
+try:
+    import fcntl
+except ImportError:  # Windows: every process compiles for itself
+    fcntl = None  # type: ignore[assignment]
+
+LOG = logging.getLogger("resample")
+
+
+def _leave_locks_untimed() -> None:
+    """Let numba not take the time at each call of LLVM.
+
+    A first picture takes 70,000 of them, and each is told to the timers of all kernels that wait
+    for the one that is compiled: a tenth of all, for a number that nobody asks for.
+    """
+    lock = getattr(ffi.lib, "_lock", None)
+    for begin, end in list(getattr(lock, "_cblist", ())):
+        if begin.__module__ == numba.core.base.__name__:
+            ffi.unregister_lock_callback(begin, end)
+
+
+_leave_locks_untimed()
+
+
+# Settings of numba's that change machine code; a trial of one must not stay in the cache.
+SETTINGS = (
+    "BOUNDSCHECK",
+    "OPT",
+    "LOOP_VECTORIZE",
+    "SLP_VECTORIZE",
+    "CPU_NAME",
+    "CPU_FEATURES",
+    "ENABLE_AVX",
+    "DISABLE_INTEL_SVML",
+    "USING_SVML",
+    "LLVM_REFPRUNE_PASS",
+    "LLVM_REFPRUNE_FLAGS",
+    "DEBUGINFO_DEFAULT",
+    "EXTEND_VARIABLE_LIFETIMES",
+    "DEBUG_NRT",
+    "NRT_STATS",
+    "ENABLE_PROFILING",
+)
+_asked: list[int] = []  # what SLP_VECTORIZE was before a packed kernel set it for itself
+
+
+def _settings() -> tuple[object, ...]:
+    """The compiler's settings, as they are now."""
+    values = {name: getattr(numba.config, name, None) for name in SETTINGS}
+    if _asked:
+        values["SLP_VECTORIZE"] = _asked[0]
+    return tuple(values.items())
+
+
+def key_of(given: types.Type) -> str:
+    """Name of an argument's type, as `Kernel` of the library makes it of a value.
+
+    Parameters
+    ----------
+    given
+        What numba takes the argument for.
+
+    Returns
+    -------
+    str
+        ``q``, ``d``, ``b``, ``n`` for an int, a float, a bool and None; ``sf4`` for a number of
+        NumPy; ``[f4,2,C]`` for an array (dtype, dimensions, layout; ``r`` after it: read-only);
+        ``(module.Bundle;...)`` for a bundle and its parts, ``(;...)`` for a tuple; ``o`` and the
+        default for an argument that is left out.
+    """
+    plain = {types.none: "n", types.boolean: "b", types.int64: "q", types.float64: "d"}
+    if given in plain:
+        return plain[given]
+    match given:
+        case types.Array():
+            readonly = "" if given.mutable else "r"
+            return f"[{_dtype(given.dtype)},{given.ndim},{given.layout}{readonly}]"
+        case types.Omitted():
+            return f"o{given.value!r};"
+        case types.Integer() | types.Float():
+            return "s" + _dtype(given)
+        case types.BaseNamedTuple():
+            of = given.instance_class
+            return f"({of.__module__}.{of.__qualname__};{''.join(map(key_of, given.types))})"
+        case types.BaseTuple():
+            return f"(;{''.join(map(key_of, given.types))})"
+    return f"<{given}>"  # the library knows none of these
+
+
+def _dtype(given: types.Type) -> str:
+    """Name of what an array holds: `library.dtype_name` of the same."""
+    return library.dtype_name(as_dtype(given))
+
+
+def _classes(given: types.Type) -> Iterator[type]:
+    """Classes of all bundles in an argument."""
+    if isinstance(given, types.BaseNamedTuple):
+        yield given.instance_class
+    for part in getattr(given, "types", ()):
+        yield from _classes(part)
+
+
+def folder() -> Path:
+    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache."""
+    asked = numba.config.CACHE_DIR
+    if asked:
+        return Path(asked)
+    from resample.memory import mapped
+
+    return mapped.folder() / "kernels"
+
+
+class KernelCache(NullCache):  # type: ignore[misc]
+    """What numba asks for machine code of one kernel before it compiles, and gives what it made.
+
+    Settings of the compiler that were changed after a kernel was defined are a trial: nothing is
+    taken from the disk then, and nothing stored.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        self._module = function.__module__
+        self._name = f"{function.__module__}.{function.__qualname__}"
+        self._defined_with = _settings()
+
+    @property
+    def cache_path(self) -> str:
+        """Folder of the files, which numba's statistics tell."""
+        return str(folder())
+
+    def path(self, signature: Any) -> Path | None:
+        """File of the machine code for types of arguments.
+
+        Returns
+        -------
+        Path or None
+            None if it is not kept: the kernel's source is in no file, or settings are on trial.
+        """
+        arguments = sigutils.normalize_signature(signature)[0]
+        classes = {of for each in arguments for of in _classes(each)}
+        digest = sources.digest(self._module, classes)
+        if digest is None or _settings() != self._defined_with:
+            return None
+        codegen = cpu_target.target_context.codegen()
+        parts = (digest, self._name, *arguments, self._defined_with, *codegen.magic_tuple())
+        made_by = (numba.__version__, llvmlite.__version__, sys.version_info[:2])
+        name = hashlib.sha256(repr((parts, made_by)).encode()).hexdigest()[:40]
+        return folder() / f"{self._name.rpartition('.')[2]}-{name}{SUFFIX}"
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        target_context.refresh()
+        path = self.path(signature)
+        entry = None if path is None else read(path)
+        if entry is None:
+            _say_that_it_compiles(self._name)
+            return None
+        LOG.debug("%s: taken from %s", self._name, path)
+        _note_use(path)
+        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own, checked above
+        return CompileResult._rebuild(target_context, *payload)
+
+    def save_overload(self, signature: Any, made: Any) -> None:
+        path = self.path(signature)
+        if path is None or made.library.has_dynamic_globals or made.lifted:
+            return
+        key = "".join(map(key_of, made.signature.args))
+        classes = {of for each in made.signature.args for of in _classes(each)}
+        digest = sources.digest(self._module, classes)
+        write(path, Entry(self._name, key, digest or "", dumps(made._reduce())))
+        _note_use(path)
+
+
+def _note_use(path: Path) -> None:
+    """Append the name of a kernel's file to the list that RESAMPLE_KERNELS_LOG names, if any."""
+    log = os.environ.get("RESAMPLE_KERNELS_LOG")
+    if log:
+        with Path(log).open("a") as lines:
+            lines.write(f"{path}\n")
+
+
+@contextmanager
+def in_turn(name: str) -> Iterator[None]:
+    """Wait until no other process or thread loads or compiles the kernel of a name."""
+    with ExitStack() as held:
+        with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
+            if fcntl is not None:
+                folder().mkdir(parents=True, exist_ok=True)
+                lock = held.enter_context((folder() / f"{name}.lock").open("ab"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                # To close the file is not enough: a forked process may hold it, too.
+                held.callback(fcntl.flock, lock, fcntl.LOCK_UN)
+        yield
+
+
+@cache
+def _say_that_it_takes_long() -> None:
+    LOG.info("compiling kernels, once per installation: about 20 seconds")
+
+
+def _say_that_it_compiles(name: str) -> None:
+    _say_that_it_takes_long()
+    LOG.debug("compiling %s", name)
+
+
+def _keep(compiled: Any, function: FunctionType) -> None:
+    """Keep a kernel's machine code on disk, compiled by one process at a time."""
+    compiled._cache = KernelCache(function)
+    compile_now, name = compiled.compile, f"{function.__module__}.{function.__qualname__}"
+
+    def compile_in_turn(signature: Any) -> Any:
+        with in_turn(name):
+            return compile_now(signature)
+
+    compiled.compile = compile_in_turn
+
+
+_packs = Lock()  # numba has one setting for all threads
+
+
+def _pack(compiled: Any) -> None:
+    """Let the compiler make equal operations on neighbouring numbers one operation."""
+    compile_now = compiled.compile
+
+    def compile_packed(signature: Any) -> Any:
+        with _packs:
+            before = numba.config.SLP_VECTORIZE
+            _asked.append(before)
+            numba.config.SLP_VECTORIZE = 1
+            try:
+                return compile_now(signature)
+            finally:
+                numba.config.SLP_VECTORIZE = before
+                _asked.pop()
+
+    compiled.compile = compile_packed
+
+
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code of a kernel that becomes a part of those that call it, and is never run by itself.
+
+    numba would make machine code of it and of all that it calls, which nothing would use.
+    """
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002
+        return 0
+
+    @property
+    def codegen(self) -> "type[_Unheard]":
+        return _Unheard
+
+
+class _Unheard:
+    """Takes the place of the engine, which parts are not given to."""
+
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        """Parts raise nothing that would need an environment of theirs."""
+
+
+class PartCompiler(Compiler):  # type: ignore[misc]
+    """numba's compiler for kernels that others call."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Part(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)
+
+
+# error_model="numpy": a division by zero is inf or nan, as in NumPy, and costs no branch.
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+
+
+def define(
+    called: Callable[..., Any],
+    function: FunctionType,
+    is_packed: bool,
+    options: dict[str, Any],
+) -> Any:
+    """Tell numba of a kernel.
+
+    What kernels call is compiled with them, without the code that unpacks Python's arguments and
+    without machine code of its own: both would take a fifth of the time.
+
+    Parameters
+    ----------
+    called
+        What kernels and Python call, by the kernel's name.
+    function
+        Its body.
+    is_packed
+        Whether equal operations on neighbouring numbers become one.
+    options
+        Further ones of numba's.
+
+    Returns
+    -------
+    Dispatcher
+    """
+    compiled = numba.njit(function, **OPTIONS, **options)
+    _keep(compiled, function)
+    if is_packed:
+        _pack(compiled)
+    inner = {**OPTIONS, **options, **PART}
+    overload(called, jit_options=inner, strict=False)(lambda *_: function)
+    return compiled
+
+
+def define_role(
+    play: Callable[..., Any],
+    bodies: dict[type, Callable[..., Any]],
+    inline: str,
+    options: dict[str, Any],
+) -> None:
+    """Tell numba of a role, whose body the class of the first argument chooses."""
+
+    def chosen(*given: Any) -> Callable[..., Any] | None:
+        first = given[0]
+        of = type(None) if first == types.none else getattr(first, "instance_class", object)
+        return bodies.get(of, bodies.get(object))
+
+    overload(play, jit_options={**OPTIONS, **options, **PART}, strict=False, inline=inline)(chosen)
+
+
+def _compile_nothing() -> None:
+    """Wait until no thread compiles: a process that is forked the while could never compile."""
+    _packs.acquire()
+    global_compiler_lock.acquire()
+
+
+def _compile_again() -> None:
+    global_compiler_lock.release()
+    _packs.release()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=_compile_nothing, after_in_parent=_compile_again, after_in_child=_compile_again
+    )
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _add_one(_: Any, counter: Any) -> Any:
+    """Add 1 to the first number of an array of int64 at one go; gives what it was."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        one = context.get_constant(numba.int64, 1)
+        return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+    return numba.int64(counter), generate
+
+
+@overload(jit.next_task)
+def _compiled_next_task(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(counter):  # type: ignore[no-untyped-def]
+        return _add_one(counter)
+
+    return compiled
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _load_soon(_: Any, array: Any, index: Any) -> Any:
+    """Ask for the cache line of a number of a flat array."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        place = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        of_types = ir.FunctionType(ir.VoidType(), [place.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(builder.module, of_types, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, number(0), number(3), number(1)])  # to read, keep, data
+        return context.get_dummy_value()
+
+    return numba.void(array, index), generate
+
+
+@overload(jit.load_soon)
+def _compiled_load_soon(array, index):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def compiled(array, index):  # type: ignore[no-untyped-def]
+        _load_soon(array, index)
+
+    return compiled

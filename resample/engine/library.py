@@ -1,0 +1,145 @@
+"""Kernels that were compiled ahead, in a shared library beside this file.
+
+`make kernels` builds it, and wheels have it. It holds machine code for x86-64-v3, and a marshaller in
+C that finds the code for the types of a call's arguments. A kernel of it is used if the sources
+are those that it was compiled from, the processor has what it needs, and no setting of numba's
+asks for other code; else numba compiles, as it does where there is no library.
+RESAMPLE_KERNELS=off works as if there were none.
+"""
+
+import logging
+import os
+from collections.abc import Callable, Iterator
+from functools import cache
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from resample.engine import sources
+
+LOG = logging.getLogger("resample")
+VARIABLE = "RESAMPLE_KERNELS"
+# Variables of numba's that ask for other machine code than the library's.
+OTHER_CODE = (
+    "BOUNDSCHECK",
+    "CPU_FEATURES",
+    "CPU_NAME",
+    "DISABLE_JIT",
+    "ENABLE_AVX",
+    "ENABLE_PROFILING",
+    "LOOP_VECTORIZE",
+    "OPT",
+    "SLP_VECTORIZE",
+)
+
+Call = Callable[[tuple[Any, ...], dict[str, Any]], Any]
+
+
+def dtype_name(dtype: DTypeLike) -> str:
+    """Name of what an array holds: ``f4``, or names, types and places of fields.
+
+    Examples
+    --------
+    >>> from resample.engine.library import dtype_name
+    >>> dtype_name("u2"), dtype_name([("x", "f4"), ("y", "i8", 2)])
+    ('u2', '{x:f4@0,y:i8(2,)@4;20}')
+    """
+    given = np.dtype(dtype)
+    if given.fields is None:
+        return given.str[1:] if given.isnative else given.str
+    parts = []
+    for name, field in given.fields.items():
+        of, shape = field[0].base, field[0].shape
+        parts.append(f"{name}:{dtype_name(of)}{shape or ''}@{field[1]}".replace(" ", ""))
+    return f"{{{','.join(parts)};{given.itemsize}}}"
+
+
+def kernel(function: Callable[..., Any]) -> Call | None:
+    """A kernel of the library, to be called with a tuple and a dict of arguments.
+
+    The call gives `NotImplemented` if the library has no code for their types.
+
+    Returns
+    -------
+    callable or None
+        None if the library has no code of the kernel at all, or is not used.
+    """
+    native = _native()
+    if native is None or not isinstance(function, FunctionType):
+        return None
+    name = f"{function.__module__}.{function.__qualname__}"
+    code = function.__code__
+    names = code.co_varnames[: code.co_argcount]
+    found = native.find(name, names, function.__defaults__ or ())
+    if found is None:
+        return None
+
+    def call(args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+        result = found(args, kwargs)
+        if result is NotImplemented and _admits(found, function, args, kwargs):
+            result = found(args, kwargs)
+        return result
+
+    return call
+
+
+def _admits(found: Any, function: FunctionType, args: Any, kwargs: Any) -> bool:
+    """Whether the library has code for a first call, of the sources that are there now."""
+    name = f"{function.__module__}.{function.__qualname__}"
+    match = found.match(args, kwargs)
+    if match is None:
+        _say_that_it_is_missing(name, "these types of arguments")
+        return False
+    position, made_from = match
+    classes = set(_classes((*args, *kwargs.values())))
+    if sources.digest(function.__module__, classes) != made_from:
+        _say_that_it_is_missing(name, "the sources as they are now")
+        return False
+    found.admit(position)
+    return True
+
+
+def _classes(values: tuple[Any, ...]) -> Iterator[type]:
+    """Classes of all bundles in values."""
+    for value in values:
+        if isinstance(value, tuple):
+            if hasattr(value, "_fields"):
+                yield type(value)
+            yield from _classes(value)
+
+
+@cache
+def _say_that_it_is_missing(name: str, what: str) -> None:
+    LOG.info("%s is not in the library of kernels for %s: numba compiles it", name, what)
+
+
+@cache
+def _native() -> ModuleType | None:
+    """The shared library, if there is one and it is to be used."""
+    asked = os.environ.get(VARIABLE, "on")
+    if asked not in {"on", "off"}:
+        raise ValueError(f"{VARIABLE} is {asked!r}: on or off")
+    if asked == "off" or any(_is_set(f"NUMBA_{name}") for name in OTHER_CODE):
+        return None
+    try:
+        from resample.engine import _kernels
+    except ImportError as error:
+        LOG.debug("no library of kernels: %s", error)
+        return None
+    missing = lacking(_kernels)
+    if missing:
+        LOG.info("the processor lacks %s: numba compiles all kernels", ", ".join(missing))
+        return None
+    _kernels.set_dtype_name(dtype_name)
+    return _kernels
+
+
+def lacking(native: ModuleType) -> tuple[str, ...]:
+    """What the library needs of the processor and is not there."""
+    return tuple(native.lacking())
+
+
+def _is_set(variable: str) -> bool:
+    return os.environ.get(variable, "") != ""

@@ -1,0 +1,272 @@
+"""Machine code of kernels that numba has compiled, in one extension module.
+
+numba keeps optimised LLVM bitcode beside its machine code. From that, each kernel gets machine code
+for any processor of a level (x86-64-v3), with an entry that takes its arguments as numbers of
+eight bytes; so no kernel is compiled twice. The C compiler links it with the marshaller.
+"""
+
+import json
+import os
+import pickle
+import re
+import shlex
+import subprocess
+import sysconfig
+import tempfile
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.registry import cpu_target
+
+from resample.engine import entries
+from resample.engine.compiling import key_of
+from resample.engine.library import dtype_name
+from numba.np.numpy_support import as_dtype
+
+HERE = Path(__file__).parent
+LEVEL = "x86-64-v3"
+# All that the level has and the marshaller looks for (`lacking`).
+FEATURES = "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"
+FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*)"')
+WORD = ir.IntType(64)
+
+
+class Part(NamedTuple):
+    """A kernel for types of arguments, as it is in the library."""
+
+    kernel: str  # module and name
+    key: str  # types of the arguments
+    sources: str  # fingerprint of what it was compiled from
+    symbol: str  # of its entry
+    gives: str  # types of the results
+    count: int  # of numbers that the arguments take
+    failures: tuple[bytes, ...]  # what it may raise, as numba pickles it
+
+
+def build(files: Iterable[Path], library: Path) -> list[Part]:
+    """Link compiled kernels to an extension module.
+
+    Parameters
+    ----------
+    files
+        Kernels as `resample.engine.entries` keeps them.
+    library
+        File of the module.
+
+    Raises
+    ------
+    ValueError
+        A file is none of a kernel's, or the kernel's types are none that the library knows.
+    OSError
+        There is no C compiler.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        with ProcessPoolExecutor() as pool:
+            numbered = enumerate(sorted(set(files)))
+            parts = list(pool.map(_emit, *zip(*((f, n, folder) for n, f in numbered), strict=True)))
+        parts.sort()
+        (Path(folder) / "table.c").write_text(_table(parts))
+        _link(Path(folder), library)
+    return parts
+
+
+def _emit(file: Path, number: int, folder: str) -> Part:
+    """Write an object file of one kernel."""
+    entry = entries.read(file)
+    if entry is None:
+        raise ValueError(f"{file} holds no kernel")
+    made = pickle.loads(entry.payload)  # noqa: S301  the builder's own
+    (_, _, (_, bitcode)), description = made[0], made[1]
+    if entry.key != "".join(map(key_of, description.argtypes)) or "<" in entry.key:
+        raise ValueError(f"{entry.kernel}: types of arguments without a name: {entry.key}")
+    symbol = f"kernel_{number}"
+    module = llvm.parse_bitcode(bitcode)
+    text, count = _trampoline(symbol, description)
+    module.link_in(llvm.parse_assembly(text))
+    for value in (*module.functions, *module.global_variables):
+        if not value.is_declaration and value.name != symbol:
+            value.linkage = "internal"
+    machine = _machine()
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(0)))
+    failures = tuple(_bytes(found) for found in FAILURES.findall(str(module)))
+    (Path(folder) / f"{symbol}.o").write_bytes(machine.emit_object(module))
+    gives = _gives(description.restype)
+    return Part(entry.kernel, entry.key, entry.sources, symbol, gives, count, failures)
+
+
+def _machine() -> Any:
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(
+        cpu=LEVEL, features=FEATURES, opt=3, reloc="pic", codemodel="default"
+    )
+
+
+def _gives(given: types.Type) -> str:
+    """Type of a result, as the marshaller reads it."""
+    match given:
+        case types.NoneType():
+            return "n"
+        case types.Boolean():
+            return "b"
+        case types.Integer():
+            return "q" if given.signed else "Q"
+        case types.Float():
+            return "d" if given == types.float64 else "f"
+        case types.Array():
+            return f"A{dtype_name(as_dtype(given.dtype))},{given.ndim};"
+        case types.BaseNamedTuple():
+            of = given.instance_class
+            name = f"{of.__module__}.{of.__qualname__}"
+        case types.BaseTuple():
+            name = ""
+        case _:
+            raise ValueError(f"a kernel gives {given}, which the library cannot")
+    return f"T{len(given.types)}:{name};{''.join(map(_gives, given.types))}"
+
+
+def _trampoline(symbol: str, description: Any) -> tuple[str, int]:
+    """LLVM code of an entry, and how many numbers it takes for the arguments."""
+    context = cpu_target.target_context
+    convention = context.call_conv
+    called = convention.get_function_type(description.restype, description.argtypes)
+    module = ir.Module(symbol)
+    module.triple = llvm.get_process_triple()
+    body = ir.Function(module, called, description.llvm_func_name)
+    pointer = WORD.as_pointer()
+    entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [pointer, pointer]), symbol)
+    builder = ir.IRBuilder(entry.append_basic_block("entry"))
+    given, result = entry.args
+    arguments = [
+        _from_word(builder, builder.load(builder.gep(given, [WORD(n)])), each)
+        for n, each in enumerate(called.args[2:])
+    ]
+    places = []
+    for to in called.args[:2]:  # of the result, and of what is raised
+        places.append(builder.alloca(to.pointee))
+        builder.store(ir.Constant(to.pointee, None), places[-1])
+    status = builder.call(body, [*places, *arguments])
+    is_well = builder.or_(
+        *(builder.icmp_signed("==", status, ir.Constant(status.type, n)) for n in (0, -2))
+    )
+    with builder.if_else(is_well) as (well, failed):
+        with well:
+            if description.restype != types.none:
+                model = context.data_model_manager[description.restype]
+                value = model.from_return(builder, builder.load(places[0]))
+                _store(builder, description.restype, value, result, 0)
+        with failed:
+            raised = builder.load(places[1])
+            builder.store(builder.ptrtoint(raised, WORD), result)
+    builder.ret(status)
+    return str(module), len(arguments)
+
+
+def _from_word(builder: Any, word: Any, kind: Any) -> Any:
+    """A number of eight bytes as numba's calling convention wants it."""
+    match kind:
+        case ir.PointerType():
+            return builder.inttoptr(word, kind)
+        case ir.DoubleType():
+            return builder.bitcast(word, kind)
+        case ir.FloatType():
+            return builder.bitcast(builder.trunc(word, ir.IntType(32)), kind)
+    return builder.trunc(word, kind) if kind.width < WORD.width else word
+
+
+def _store(builder: Any, given: types.Type, value: Any, result: Any, at: int) -> int:
+    """Store a result as numbers of eight bytes; gives where the next is."""
+    if isinstance(given, types.BaseTuple):
+        for n, part in enumerate(given.types):
+            at = _store(builder, part, builder.extract_value(value, n), result, at)
+        return at
+    words = [value]
+    if isinstance(given, types.Array):
+        words = [builder.extract_value(value, n) for n in range(5)]
+        for of in (5, 6):  # shape, strides
+            every = builder.extract_value(value, of)
+            words += [builder.extract_value(every, axis) for axis in range(given.ndim)]
+    for word in words:
+        is_signed = getattr(given, "signed", False)
+        builder.store(_to_word(builder, word, is_signed), builder.gep(result, [WORD(at)]))
+        at += 1
+    return at
+
+
+def _to_word(builder: Any, value: Any, is_signed: bool) -> Any:
+    match value.type:
+        case ir.PointerType():
+            return builder.ptrtoint(value, WORD)
+        case ir.DoubleType():
+            return builder.bitcast(value, WORD)
+        case ir.FloatType():
+            return builder.zext(builder.bitcast(value, ir.IntType(32)), WORD)
+    if value.type.width == WORD.width:
+        return value
+    return (builder.sext if is_signed else builder.zext)(value, WORD)
+
+
+def _bytes(text: str) -> bytes:
+    r"""Bytes of a constant of LLVM's, in which \0A is one of them."""
+    return re.sub(
+        rb"\\([0-9A-Fa-f]{2})", lambda found: bytes([int(found[1], 16)]), text.encode("latin-1")
+    )
+
+
+def _table(parts: list[Part]) -> str:
+    """C code of all entries, and of what they may raise."""
+    declared, rows = [], []
+    for part in parts:
+        texts = (part.kernel, part.key, part.sources, part.gives)
+        declared.append(f"int {part.symbol}(const int64_t *, int64_t *);")
+        rows.append(f"{{{', '.join(map(json.dumps, texts))}, {part.count}, {part.symbol}}},")
+    raised = sorted({each for part in parts for each in part.failures})
+    failures = [f"{{{', '.join(row)}}}," for row in map(_failure, raised) if row]
+    return "\n".join(
+        [
+            '#include "entries.h"',
+            *declared,
+            "const Entry ENTRIES[] = {",
+            *rows,
+            "{0}};",
+            f"const int ENTRY_COUNT = {len(parts)};",
+            "const Failure FAILURES[] = {",
+            *failures,
+            "{0}};",
+            f"const int FAILURE_COUNT = {len(failures)};\n",
+        ]
+    )
+
+
+def _failure(pickled: bytes) -> Iterator[str]:
+    """Fields of what a kernel may raise, in C; nothing for what is no error of Python's."""
+    try:
+        of, arguments, *_ = pickle.loads(pickled)  # noqa: S301  the builder's own
+    except Exception:  # noqa: BLE001  a constant of another kind
+        return
+    if not (isinstance(of, type) and of.__module__ == "builtins"):
+        return
+    yield '"' + "".join(f"\\{byte:03o}" for byte in pickled) + '"'
+    yield str(len(pickled))
+    yield json.dumps(of.__name__)
+    yield json.dumps(str(arguments[0]) if arguments else "")
+
+
+def _link(folder: Path, library: Path) -> None:
+    compiler = shlex.split(os.environ.get("CC", "cc"))
+    include = ["-I", str(HERE), "-I", np.get_include(), "-I", sysconfig.get_path("include")]
+    sources = [str(HERE / "marshal.c"), str(HERE / "runtime.c"), str(folder / "table.c")]
+    objects = sorted(str(each) for each in folder.glob("*.o"))
+    options = ["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"]
+    options += ["-Wl,--strip-all", "-Wl,-Bsymbolic", "-Wl,--gc-sections"]
+    made = library.with_suffix(".new")
+    command = [*compiler, *options, *include, *sources, *objects, "-lm", "-o", str(made)]
+    subprocess.run(command, check=True)
+    made.replace(library)
