@@ -35,6 +35,11 @@ LEVEL = "x86-64-v3"
 FEATURES = "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"
 FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*)"')
 WORD = ir.IntType(64)
+# Of an error whose text numba would make of numbers: shapes of arrays that do not fit.
+UNKNOWN = "arrays of a kernel do not fit each other; RESAMPLE_KERNELS=off tells their shapes"
+# Functions whose calls go through runtime.c (FIRST).
+WRAPPED = ("exp", "exp2", "log", "log2", "pow", "expf", "exp2f", "logf", "log2f", "powf")
+WRAPPED += ("hypot", "hypotf", "fmod", "fmodf")
 
 
 class Part(NamedTuple):
@@ -256,7 +261,8 @@ def _failure(pickled: bytes) -> Iterator[str]:
     yield '"' + "".join(f"\\{byte:03o}" for byte in pickled) + '"'
     yield str(len(pickled))
     yield json.dumps(of.__name__)
-    yield json.dumps(str(arguments[0]) if arguments else "")
+    is_fixed = not any(isinstance(each, ir.Value) for each in arguments or ())
+    yield json.dumps(str(arguments[0]) if arguments and is_fixed else UNKNOWN)
 
 
 def _link(folder: Path, library: Path) -> None:
@@ -266,6 +272,7 @@ def _link(folder: Path, library: Path) -> None:
     objects = sorted(str(each) for each in folder.glob("*.o"))
     options = ["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"]
     options += ["-Wl,--strip-all", "-Wl,-Bsymbolic", "-Wl,--gc-sections"]
+    options += [f"-Wl,--wrap={name}" for name in WRAPPED]
     made = library.with_suffix(".new")
     command = [*compiler, *options, *include, *sources, *objects, "-lm", "-o", str(made)]
     subprocess.run(command, check=True)

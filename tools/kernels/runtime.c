@@ -121,3 +121,26 @@ int numba_attempt_nocopy_reshape(intptr_t count, const intptr_t *dims, const int
     }
     return 1;
 }
+
+/* The C library has some functions twice: a newer version leaves errno alone and is the same
+   otherwise. Calls go to the first version, with which the library runs on older systems. */
+#if defined(__x86_64__) && defined(__GLIBC__)
+#define FIRST(name) __asm__(".symver first_" #name "," #name "@GLIBC_2.2.5")
+#else
+#error "link.py wraps functions of glibc's on x86-64"
+#endif
+#define ONE(type, name)              \
+    FIRST(name);                     \
+    type first_##name(type);         \
+    type __wrap_##name(type number); \
+    type __wrap_##name(type number) { return first_##name(number); }
+#define TWO(type, name)                  \
+    FIRST(name);                         \
+    type first_##name(type, type);       \
+    type __wrap_##name(type one, type two); \
+    type __wrap_##name(type one, type two) { return first_##name(one, two); }
+
+ONE(double, exp) ONE(double, exp2) ONE(double, log) ONE(double, log2)
+ONE(float, expf) ONE(float, exp2f) ONE(float, logf) ONE(float, log2f)
+TWO(double, pow) TWO(double, hypot) TWO(double, fmod)
+TWO(float, powf) TWO(float, hypotf) TWO(float, fmodf)

@@ -1,0 +1,37 @@
+"""Wheels with the library of kernels, where `make kernels` has built one, and with their platform's tag."""
+
+import platform
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+LIBRARY = Path("resample", "engine", "_kernels.abi3.so")
+OLDEST = (2, 17)  # the glibc that tags begin with
+
+
+class KernelLibrary(BuildHookInterface):  # type: ignore[misc]
+    """Puts the library into wheels that are not editable."""
+
+    PLUGIN_NAME = "custom"
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Add the library's file and the wheel's tag."""
+        library = Path(self.root) / LIBRARY
+        if version != "standard" or not library.exists():
+            return
+        build_data["pure_python"] = False
+        build_data["tag"] = f"cp311-abi3-{platform_tag(library.read_bytes())}"
+        build_data["force_include"][str(library)] = str(LIBRARY)
+
+
+def platform_tag(library: bytes) -> str:
+    """Tag of the systems that a shared library runs on: by the newest glibc that it asks for."""
+    machine = platform.machine()
+    if sys.platform != "linux":
+        raise ValueError(f"the library of kernels is built for Linux, not for {sys.platform}")
+    asked = {(int(a), int(b)) for a, b in re.findall(rb"GLIBC_(\d+)\.(\d+)", library)}
+    major, minor = max({OLDEST, *asked})
+    return f"manylinux_{major}_{minor}_{machine}"

@@ -1,0 +1,108 @@
+"""Build the library of kernels, or list what was compiled: `python -m tools.kernels [--list]`.
+
+Kernels that the user's cache already holds are taken from there; the others are compiled first.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from resample.engine import entries
+from resample.engine.library import VARIABLE
+from tools.kernels.scenes import GROUPS
+
+ROOT = Path(__file__).parents[2]
+LIBRARY = ROOT / "resample" / "engine" / "_kernels.abi3.so"
+
+
+def used(log: Path) -> list[Path]:
+    """Files of kernels that a list of RESAMPLE_KERNELS_LOG names, each once."""
+    return sorted({Path(line) for line in log.read_text().splitlines()}) if log.exists() else []
+
+
+def compiled_for_scenes(folder: Path) -> list[Path]:
+    """Run all groups of scenes, and find the kernels that they need.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        A command of a group fails.
+    """
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        logs = list(pool.map(lambda group: _run(group, folder), GROUPS))
+    return sorted({file for log in logs for file in used(log)})
+
+
+def _run(group: str, folder: Path) -> Path:
+    log = folder / group
+    environment = {
+        **os.environ,
+        VARIABLE: "off",
+        "RESAMPLE_KERNELS_LOG": str(log),
+        "RESAMPLE_LOG": "warning",
+    }
+    command = [sys.executable, "-m", "tools.kernels.scenes", group]
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, stdout=subprocess.DEVNULL)
+    return log
+
+
+def listed(files: Iterable[Path]) -> list[str]:
+    """Lines that tell for each kernel how many forms it has, and in what these differ."""
+    keys = defaultdict(list)
+    for file in files:
+        entry = entries.read(file)
+        if entry is not None and not entry.kernel.startswith("tests."):
+            keys[entry.kernel].append(entry.key)
+    lines = []
+    for kernel, forms in sorted(keys.items()):
+        lines.append(f"{len(forms):3d}  {kernel}")
+        lines += [f"       {part}" for part in (differences(forms) if len(forms) > 1 else ())]
+    return [*lines, f"{sum(map(len, keys.values())):3d}  specialisations of {len(keys)} kernels"]
+
+
+def differences(keys: list[str]) -> list[str]:
+    """What is not the same in all keys, without what they begin and end with."""
+    begin = len(os.path.commonprefix(keys))
+    rest = [key[begin:] for key in keys]
+    end = len(os.path.commonprefix([key[::-1] for key in rest]))
+    return sorted(key[: len(key) - end] or "nothing there" for key in rest)
+
+
+def main() -> int:
+    """Answer the command line; gives the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tools.kernels", description=__doc__)
+    parser.add_argument("--list", action="store_true", help="list kernels and their forms")
+    parser.add_argument("--log", type=Path, help="kernels of this list of RESAMPLE_KERNELS_LOG")
+    parser.add_argument("--most", type=int, help="exit with 1 if there are more specialisations")
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        files = used(asked.log) if asked.log else compiled_for_scenes(Path(folder))
+    if asked.list:
+        lines = listed(files)
+        print("\n".join(lines))
+        count = int(lines[-1].split()[0])
+        if asked.most is not None and count > asked.most:
+            print(f"{count} specialisations, at most {asked.most}", file=sys.stderr)
+            return 1
+        return 0
+    from tools.kernels.link import build
+
+    begin = time.process_time()
+    parts = build(files, LIBRARY)
+    size = LIBRARY.stat().st_size / 1e6
+    kernels = len({part.kernel for part in parts})
+    spent = time.process_time() - begin
+    print(f"{LIBRARY.relative_to(ROOT)}: {len(parts)} specialisations of {kernels} kernels,", end="")
+    print(f" {size:.1f} MB, linked in {spent:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""Commands whose kernels the library holds: small ones, for every method, projection and dtype.
+
+`python -m tools.kernels.scenes volume` runs those of one group, in an empty folder.
+"""
+
+import os
+import shlex
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+VOLUME = "resample-volume render {} --size 40 -o out.png"
+WARP = "resample-texture warp {} --corners '2,3 40,8 36,38 6,30' --size 44 -o out.tif"
+DEPTH = "resample-warp3d render {} --size 40 -o out.png"
+
+
+def volumes() -> Iterator[str]:
+    """Commands of volumes."""
+    for dtype in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"):
+        for more in ("", "--classify post", "--shading --light 1/-1/2", "--gradient sobel"):
+            yield VOLUME.format(f"{dtype}.npy {more}")
+    for dtype in ("uint8", "int16", "uint16", "float32"):
+        for projection in ("maximum", "minimum", "average", "additive", "first-hit --iso 90"):
+            for more in ("", "--order image-sheets", "--camera 30/20/0.2"):
+                yield VOLUME.format(f"{dtype}.npy --projection {projection} {more}")
+    for method in ("hybrid", "points", "splats", "paper", "inflate", "ewa"):
+        for more in (
+            "",
+            "--fov 0",
+            "--camera 30/20/0.1",
+            "--camera 30/20/6",
+            "--order axis-sheets",
+            "--order image-sheets:thickness=1",
+            "--color-by primitive",
+        ):
+            yield VOLUME.format(f"uint8.npy --method {method} {more}")
+    for more in (
+        *(f"--footprint {name}" for name in ("corrected", "small-angle", "affine", "disc")),
+        *(f"--subpixels {count}" for count in (1, 2, 3)),
+        "--kernel bspline",
+        "--kernel bspline --order image-sheets",
+        "--filter gaussian:sigma=0.6",
+        "--opacity linear",
+        "--transfer bone --window 90/120",
+        "--gradient-opacity 0.1/0.5",
+        "--labels labels.npy",
+        "--labels labels.npy --classify post",
+        "--classify post --order image-sheets",
+        "--classify post --camera 30/20/0.2",
+        "--classify post --fov 0",
+        "--classify post --light 1/-1/2 --shadows",
+        "--shadows --light 1/-1/2",
+        "--ambient-occlusion",
+        "--no-shading",
+        "--depth-cue 0.4",
+        "--clip 1/0/-1",
+        "--crop 4:20,:,2:",
+        "--also uint16.npy",
+        "--also uint16.npy --classify post",
+        "--axes --box",
+        "--transfer skin:opacity=0.1+bone",
+    ):
+        yield VOLUME.format(f"uint8.npy {more}")
+    for name in ("checker-box:size=24", "vessel-tree:size=24", "marschner-lobb:size=24"):
+        yield VOLUME.format(name)
+        yield VOLUME.format(f"{name} --classify post")
+    yield "resample-volume generate checker-box:size=16 -o box.nrrd"
+    yield "resample-volume info box.nrrd"
+    yield VOLUME.format("box.nrrd --memory 1MiB")
+    yield VOLUME.format("float32.zarr --memory 1MiB")
+    yield "resample-volume animate uint8.npy --frames 2 --size 32 -o out.webp"
+    yield "resample-volume demo --output demo"
+
+
+def textures() -> Iterator[str]:
+    """Commands of pictures and meshes."""
+    pictures = [f"{name}.{kind}" for name in ("gray", "rgb", "rgba") for kind in ("png", "tif")]
+    pictures += ["gray16.png", "rgb16.png"]
+    for picture in pictures:
+        for more in ("", "--method paper", "--no-linear", "--filter gaussian:sigma=0.6"):
+            yield WARP.format(f"{picture} {more}")
+        yield f"resample-texture resize {picture} --size 20 -o out.tif"
+        yield f"resample-texture resize {picture} --size 90 -o out.tif"
+        yield f"resample-texture rotate {picture} --degrees 10 -o out.tif"
+        yield f"resample-texture scale {picture} --factor 0.4 -o out.tif"
+        yield f"resample-texture warp {picture} --map map.npy -o out.tif"
+        yield f"resample-texture warp {picture} --flow flow.npy -o out.tif"
+        yield f"resample-texture undistort {picture} --lens 40,40,24,20,-0.2,0.05,0,0 -o out.tif"
+    for method in (
+        *("hybrid", "points", "supersample:n=2", "splats", "paper", "nearest", "majority"),
+        *("bilinear", "cubic", "lanczos4", "area", "opencv-supersample:n=2", "mipmap"),
+        *("anisotropic", "oiio"),
+    ):
+        for picture in ("gray.png", "rgb.png"):
+            yield WARP.format(f"{picture} --method {method}")
+    for name in ("lanczos", "spline", "catmull-rom", "bilinear", "nearest", "gaussian"):
+        yield WARP.format(f"rgb.png --interpolation {name}")
+        yield WARP.format(f"gray.png --interpolation {name}")
+    for more in (
+        *(f"--edge {name}" for name in ("clamp", "wrap", "mirror")),
+        *("--total", "--quality 8", "--background white", "--coverage cover.png", "--roi 3,4,9,8"),
+    ):
+        yield WARP.format(f"rgb.png {more}")
+    yield "resample-texture warp rgb.png --matrix 0.2,0,0,0,0.2,0 -o out.tif"
+    yield "resample-texture warp rgb.png --matrix 3,0,0,0,3,0 --size 90 -o out.tif"
+    yield "resample-texture demo --output demo"
+
+
+def depths() -> Iterator[str]:
+    """Commands of pictures with depth, and of clouds."""
+    for method in (
+        *("hybrid", "paper", "point", "preview", "splat", "mcmillan", "mcmillan-zbuffer"),
+        *("mesh", "subsample", "ldi", "opencv"),
+    ):
+        for more in ("--move 0.1,0,0", "--move 0,0,1.5", "--move 0,0,-3"):
+            yield DEPTH.format(f"sample:room --method {method} {more}")
+    for picture in ("gray.png", "rgb.png", "rgba.png", "rgb.tif", "rgb16.png"):
+        for depth in ("depth.npy", "depth.png --depth-scale 1000"):
+            yield DEPTH.format(f"{picture} {depth} --fov 60 --move 0.1,0,0")
+    yield DEPTH.format("rgb.png depth.npy --fov 60 --move 0.1,0,0 --filter gaussian:sigma=0.6")
+    yield "resample-warp3d stereo rgb.png depth.npy --fov 60 --baseline 0.1 -o out.png"
+    yield "resample-warp3d animate rgb.png depth.npy --fov 60 --frames 2 -o out.webp"
+    yield "resample-warp3d demo --output demo"
+
+
+def documented() -> Iterator[str]:
+    """Commands of README and docs that need no files of the user's."""
+    from tests.core.test_docs import commands, runs_as_it_stands
+
+    yield from sorted({line for _, line in commands() if runs_as_it_stands(line)})
+
+
+GROUPS: dict[str, Callable[[], Iterator[str]]] = {
+    "volume": volumes,
+    "texture": textures,
+    "warp3d": depths,
+    "documented": documented,
+}
+
+
+def prepare() -> None:
+    """Write the files that commands read."""
+    import cv2
+
+    axis = np.linspace(-1, 1, 24)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    ball = 120 * np.clip(1.2 - np.sqrt(x * x + y * y + z * z), 0, 1)
+    for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"):
+        np.save(f"{name}.npy", ball.astype(name))
+    np.save("labels.npy", (ball > 30).astype(np.uint8) + (ball > 70))
+    _store("float32.zarr", ball.astype(np.float32))
+    rng = np.random.default_rng(7)
+    for name, channels in (("gray", ()), ("rgb", (3,)), ("rgba", (4,))):
+        noise = rng.random((40, 48, *channels))
+        cv2.imwrite(f"{name}.png", (255 * noise).astype(np.uint8))
+        cv2.imwrite(f"{name}.tif", noise.astype(np.float32))
+        cv2.imwrite(f"{name}16.png", (65535 * noise).astype(np.uint16))
+    down, across = np.mgrid[:40, :48] + 0.5
+    np.save("map.npy", np.stack([across + 0.1 * down, 0.9 * down], axis=-1).astype(np.float32))
+    np.save("flow.npy", np.full((40, 48, 2), 0.7, np.float32))
+    depth = 2 + 0.01 * across
+    np.save("depth.npy", depth.astype(np.float32))
+    cv2.imwrite("depth.png", (1000 * depth).astype(np.uint16))
+
+
+def _store(path: str, values: np.ndarray) -> None:
+    """Write a volume in chunks, where zarr is installed."""
+    try:
+        import zarr
+    except ImportError:
+        return
+    zarr.create_array(path, data=values, chunks=(12, 12, 12))
+
+
+def run(group: str) -> int:
+    """Run commands of a group; gives how many failed."""
+    from resample.command.options import run as answer
+
+    lines = list(GROUPS[group]())
+    failed, home = 0, Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        prepare()
+        for line in lines:
+            program, *words = shlex.split(line, comments=True)
+            package = f"{program.replace('-', '_')}.command" if "-" in program else program
+            app = import_module(f"{package}.cli").app
+            try:
+                answer(app, words)
+            except SystemExit as end:
+                if end.code:
+                    failed += 1
+                    print(f"{line}: status {end.code}", file=sys.stderr)
+        os.chdir(home)
+    return failed
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[2]))
+    sys.exit(min(1, sum(map(run, sys.argv[1:] or GROUPS))))
