@@ -8,6 +8,7 @@ import logging
 import os
 import pickle
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -155,6 +156,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
         self._module = function.__module__
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._defined_with = _settings()
+        self._began = 0.0  # the thread's time when the last was not found
 
     @property
     def cache_path(self) -> str:
@@ -186,6 +188,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
         entry = None if path is None else read(path)
         if entry is None:
             _say_that_it_compiles(self._name)
+            self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
         _note_use(path)
@@ -199,7 +202,10 @@ class KernelCache(NullCache):  # type: ignore[misc]
         key = "".join(map(key_of, made.signature.args))
         classes = {of for each in made.signature.args for of in _classes(each)}
         digest = sources.digest(self._module, classes)
-        write(path, Entry(self._name, key, digest or "", dumps(made._reduce())))
+        modules = sorted(sources.modules(self._module, classes))
+        seconds = time.thread_time() - self._began
+        payload = dumps(made._reduce())
+        write(path, Entry(self._name, key, digest or "", modules, seconds, payload))
         _note_use(path)
 
 

@@ -30,6 +30,8 @@ class Entry(NamedTuple):
     kernel: str  # module and name
     key: str  # types of the arguments
     sources: str  # fingerprint of what it was compiled from
+    modules: list[str]  # names of that
+    seconds: float  # of CPU time that this took
     payload: bytes  # pickled by numba
 
 

@@ -50,13 +50,16 @@ def digest(module: str, classes: Iterable[type] = ()) -> str | None:
     str or None
         None if the module has no file to be read.
     """
+    needed = modules(module, classes)
+    return _digest_of(needed) if module in needed else None
+
+
+def modules(module: str, classes: Iterable[type] = ()) -> frozenset[str]:
+    """Names of the modules that a kernel is compiled from, of those that have files."""
     classes = list(classes)
     needed = closure(module, *(each.__module__ for each in classes))
     bodies = {body for each in classes for role, body in PLAYED[each] if role in needed}
-    needed = needed.union(*(closure(body) for body in bodies))
-    if module not in needed:
-        return None
-    return _digest_of(needed)
+    return needed.union(*(closure(body) for body in bodies))
 
 
 @cache

@@ -75,10 +75,34 @@ def differences(keys: list[str]) -> list[str]:
     return sorted(key[: len(key) - end] or "nothing there" for key in rest)
 
 
+def edits(files: Iterable[Path]) -> list[str]:
+    """Lines that tell what share of all compiling an edit of each module causes again."""
+    known = [entry for entry in map(entries.read, files) if entry is not None]
+    total = sum(entry.seconds for entry in known)
+    seconds: defaultdict[str, float] = defaultdict(float)
+    for entry in known:
+        for module in entry.modules:
+            seconds[module] += entry.seconds
+    shares = {name: spent / total for name, spent in seconds.items() if is_of_kernels(name)}
+    lines = [f"{share:6.1%}  {name}" for name, share in sorted(shares.items(), key=_by_share)]
+    mean = sum(shares.values()) / len(shares)
+    return [*lines, f"{mean:6.1%}  of {total:.0f} s in the mean over {len(shares)} modules"]
+
+
+def is_of_kernels(module: str) -> bool:
+    """Whether a module holds kernels or what they are made of."""
+    return bool({"engine", "kernels"} & set(module.split(".")[:-1]))
+
+
+def _by_share(item: tuple[str, float]) -> tuple[float, str]:
+    return -item[1], item[0]
+
+
 def main() -> int:
     """Answer the command line; gives the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.kernels", description=__doc__)
     parser.add_argument("--list", action="store_true", help="list kernels and their forms")
+    parser.add_argument("--edits", action="store_true", help="what edits of modules compile anew")
     parser.add_argument("--log", type=Path, help="kernels of this list of RESAMPLE_KERNELS_LOG")
     parser.add_argument("--most", type=int, help="exit with 1 if there are more specialisations")
     asked = parser.parse_args()
@@ -91,6 +115,9 @@ def main() -> int:
         if asked.most is not None and count > asked.most:
             print(f"{count} specialisations, at most {asked.most}", file=sys.stderr)
             return 1
+        return 0
+    if asked.edits:
+        print("\n".join(edits(files)))
         return 0
     from tools.kernels.link import build
 

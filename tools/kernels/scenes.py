@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+DTYPES = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 VOLUME = "resample-volume render {} --size 40 -o out.png"
 WARP = "resample-texture warp {} --corners '2,3 40,8 36,38 6,30' --size 44 -o out.tif"
 DEPTH = "resample-warp3d render {} --size 40 -o out.png"
@@ -20,12 +21,13 @@ DEPTH = "resample-warp3d render {} --size 40 -o out.png"
 
 def volumes() -> Iterator[str]:
     """Commands of volumes."""
-    for dtype in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"):
+    for dtype in DTYPES:
         for more in ("", "--classify post", "--shading --light 1/-1/2", "--gradient sobel"):
             yield VOLUME.format(f"{dtype}.npy {more}")
     for dtype in ("uint8", "int16", "uint16", "float32"):
         for projection in ("maximum", "minimum", "average", "additive", "first-hit --iso 90"):
-            for more in ("", "--order image-sheets", "--camera 30/20/0.2"):
+            sheets = [] if projection == "minimum" else ["--order image-sheets"]
+            for more in ("", "--camera 30/20/0.2", *sheets):
                 yield VOLUME.format(f"{dtype}.npy --projection {projection} {more}")
     for method in ("hybrid", "points", "splats", "paper", "inflate", "ewa"):
         for more in (
@@ -48,7 +50,6 @@ def volumes() -> Iterator[str]:
         "--transfer bone --window 90/120",
         "--gradient-opacity 0.1/0.5",
         "--labels labels.npy",
-        "--labels labels.npy --classify post",
         "--classify post --order image-sheets",
         "--classify post --camera 30/20/0.2",
         "--classify post --fov 0",
@@ -60,9 +61,8 @@ def volumes() -> Iterator[str]:
         "--clip 1/0/-1",
         "--crop 4:20,:,2:",
         "--also uint16.npy",
-        "--also uint16.npy --classify post",
         "--axes --box",
-        "--transfer skin:opacity=0.1+bone",
+        "--transfer skin:opacity=0.1+bone --units hu",
     ):
         yield VOLUME.format(f"uint8.npy {more}")
     for name in ("checker-box:size=24", "vessel-tree:size=24", "marschner-lobb:size=24"):
@@ -70,8 +70,8 @@ def volumes() -> Iterator[str]:
         yield VOLUME.format(f"{name} --classify post")
     yield "resample-volume generate checker-box:size=16 -o box.nrrd"
     yield "resample-volume info box.nrrd"
-    yield VOLUME.format("box.nrrd --memory 1MiB")
-    yield VOLUME.format("float32.zarr --memory 1MiB")
+    yield VOLUME.format("box.nrrd --memory 300MiB")
+    yield VOLUME.format("float32.zarr --memory 300MiB")
     yield "resample-volume animate uint8.npy --frames 2 --size 32 -o out.webp"
     yield "resample-volume demo --output demo"
 
@@ -91,7 +91,7 @@ def textures() -> Iterator[str]:
         yield f"resample-texture warp {picture} --flow flow.npy -o out.tif"
         yield f"resample-texture undistort {picture} --lens 40,40,24,20,-0.2,0.05,0,0 -o out.tif"
     for method in (
-        *("hybrid", "points", "supersample:n=2", "splats", "paper", "nearest", "majority"),
+        *("hybrid", "points", "supersample", "splats", "paper", "nearest", "majority"),
         *("bilinear", "cubic", "lanczos4", "area", "opencv-supersample:n=2", "mipmap"),
         *("anisotropic", "oiio"),
     ):
@@ -149,7 +149,7 @@ def prepare() -> None:
     axis = np.linspace(-1, 1, 24)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     ball = 120 * np.clip(1.2 - np.sqrt(x * x + y * y + z * z), 0, 1)
-    for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"):
+    for name in DTYPES:
         np.save(f"{name}.npy", ball.astype(name))
     np.save("labels.npy", (ball > 30).astype(np.uint8) + (ball > 70))
     _store("float32.zarr", ball.astype(np.float32))
