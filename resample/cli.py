@@ -5,7 +5,6 @@ import math
 import sys
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -14,6 +13,7 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.options import run
+from resample.lazy import installed_version
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 app = App(
     name="resample",
     help="Hybrid forward resampling: points where samples shrink, splats where they grow.",
-    version=lambda: version("hybrid-resample"),
+    version=installed_version,
 )
 app.register_install_completion_command()
 

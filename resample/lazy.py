@@ -20,6 +20,13 @@ def warn_of_namesake(folder: str) -> None:
         warnings.warn(NAMESAKE, RuntimeWarning, stacklevel=3)
 
 
+def installed_version() -> str:
+    """Version of the distribution; what tells it takes 30 ms to import."""
+    from importlib.metadata import version
+
+    return version("hybrid-resample")
+
+
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """`__getattr__` of a package: `homes` says in which module each public name lives.
 
@@ -28,9 +35,7 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
     def get(name: str) -> Any:
         if name == "__version__":
-            from importlib.metadata import version
-
-            return version("hybrid-resample")
+            return installed_version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         home = homes[name]

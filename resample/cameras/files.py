@@ -7,13 +7,10 @@ the view along +z; where intrinsics come along, their pixel centers are at + 0.5
 import errno
 from collections import Counter
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
-from resample.cameras.calibrations.colmap import read_colmap
-from resample.cameras.calibrations.nerf import read_nerf
-from resample.cameras.calibrations.open3d import is_open3d, read_open3d
 from resample.cameras.models import Camera
-from resample.cameras.tables import read_toml, read_viewpoint
 from resample.cameras.trajectories import (
     Entry,
     Refused,
@@ -27,15 +24,28 @@ from resample.cameras.trajectories import (
 from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint
 from resample.types import Doubles
 
-KINDS: Mapping[str, Callable[[Path], list[Entry]]] = {
+Read = Callable[[Path], list[Entry]]
+
+
+def _from(module: str, name: str) -> Read:
+    """What reads a kind of files; its module is imported when it is first asked for."""
+
+    def read(path: Path) -> list[Entry]:
+        entries: list[Entry] = getattr(import_module(f"resample.cameras.{module}"), name)(path)
+        return entries
+
+    return read
+
+
+KINDS: Mapping[str, Read] = {
     "matrix": read_matrices,
     "tum": read_tum,
     "icl": read_icl,
     "log": read_log,
-    "nerf": read_nerf,
-    "open3d": read_open3d,
-    "colmap": read_colmap,
-    "toml": read_toml,
+    "nerf": _from("calibrations.nerf", "read_nerf"),
+    "open3d": _from("calibrations.open3d", "read_open3d"),
+    "colmap": _from("calibrations.colmap", "read_colmap"),
+    "toml": _from("tables", "read_toml"),
 }
 SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 
@@ -198,6 +208,8 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
         The file cannot be read.
     """
     if text.lower().endswith(".toml"):
+        from resample.cameras.tables import read_viewpoint
+
         return read_viewpoint(Path(text))
     if text and Path(file_and_frame(text)[0]).exists():
         shot = read_shot(text)
@@ -221,8 +233,10 @@ def _recognised(path: Path) -> str:
     if path.is_dir() or path.name.lower() in ("images.txt", "images.bin"):
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
-    if known == "nerf" and is_open3d(path):
-        return "open3d"
+    if known == "nerf":
+        from resample.cameras.calibrations.open3d import is_open3d
+
+        return "open3d" if is_open3d(path) else known
     if known is not None:
         return known
     counts = [len(line.words) for line in lines_of(path)]

@@ -5,7 +5,7 @@ stays quick.
 """
 
 import re
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -85,7 +85,13 @@ class Choices(BaseModel):
 
     heading: ClassVar[str]  # over these options in a command's help
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # What checks a model is built when it is first given something: most commands need few.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+
+    @classmethod
+    def usual(cls) -> Self:
+        """Choices of which none is given. They need no check, which would have to be built."""
+        return cls.model_construct()
 
 
 class Resampling(Choices):

@@ -56,6 +56,9 @@ def start(module: str) -> NoReturn:
     try:
         from importlib import import_module
 
+        from resample.command.threads import leave_algebra_alone
+
+        leave_algebra_alone()
         import_module(module).main()
     except StoppedError as end:
         from resample.command.console import say

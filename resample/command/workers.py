@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple
 
 from resample.command.settings import Sharing
@@ -161,6 +160,8 @@ def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
 
 def _check_versions(client: "Client") -> None:
     """Refuse workers whose pictures may have other bits."""
+    from importlib.metadata import PackageNotFoundError, version
+
     own = version(PACKAGE)
     try:
         others = set(client.run(version, PACKAGE).values()) - {own}

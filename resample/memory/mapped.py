@@ -42,9 +42,9 @@ _thread: Thread | None = None
 
 def folder() -> Path:
     """Where files are: the user's cache, or the folder that HYBRID_RESAMPLE_CACHE names."""
-    import pooch
+    from platformdirs import user_cache_dir
 
-    return Path(os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))
+    return Path(os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample"))
 
 
 def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str) -> NDArray[Any]:

@@ -7,6 +7,7 @@ voxel, so that a constant field reconstructs as that constant (up to the ripple 
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +19,6 @@ PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the
 PROFILE_ERROR = 5e-6  # of the peak
 PIECES_ERROR = 1e-5  # likewise
 DENSITY_ERROR = 2e-5  # likewise
-QUADRATURE = np.polynomial.legendre.leggauss(200)
 
 
 class Reconstruction(Protocol):
@@ -212,9 +212,16 @@ def ripple(reconstruction: Reconstruction, steps: int = 12) -> tuple[float, floa
     return float(field.min() - 1), float(field.max() - 1)
 
 
+@cache
+def _quadrature() -> tuple[Doubles, Doubles]:
+    """Nodes and weights from -1 to 1; to find them takes longer than to import all of this."""
+    node, weight = np.polynomial.legendre.leggauss(200)
+    return node, weight
+
+
 def _line_integrals(reconstruction: Reconstruction, squared: Doubles) -> Doubles:
     """Integrals along lines at squared distances (K,) of the center, radii²; over the disk 1."""
-    node, weight = QUADRATURE
+    node, weight = _quadrature()
     squared = squared[:, None]
     half_chord = np.sqrt(1 - squared)
     along = half_chord * node
@@ -225,7 +232,7 @@ def _line_integrals(reconstruction: Reconstruction, squared: Doubles) -> Doubles
 
 def _shells(reconstruction: Reconstruction) -> tuple[Doubles, Doubles]:
     """Radii in (0, 1) and what the shell around each adds to the kernel's integral."""
-    node, weight = QUADRATURE
+    node, weight = _quadrature()
     r = (node + 1) / 2
     return r, 4 * np.pi * r**2 * reconstruction(r * reconstruction.radius) * weight / 2
 

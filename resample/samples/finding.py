@@ -178,9 +178,9 @@ def _fill(folder: Path, spec: str, name: str) -> None:
 @cache
 def _base() -> Path:
     """Folder of all samples; one that goes with the process where none can be kept."""
-    from pooch import os_cache
+    from platformdirs import user_cache_dir
 
-    base = Path(os.environ.get(FOLDER_VARIABLE) or os_cache("hybrid-resample")) / "samples"
+    base = Path(os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample")) / "samples"
     try:
         base.mkdir(parents=True, exist_ok=True)
         if os.access(base, os.W_OK | os.X_OK):

@@ -69,8 +69,19 @@ def with_settings(app: App) -> None:
     app.config = (partial(_take, app.name[0]),)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
-        if command is not None and any(key not in TARGETS for key in options_of(app[name])):
+        if command is not None and _has_options(command):
             app[name].default_command = _keeping(f"{app.name[0]} {name}", command)
+
+
+def _has_options(command: Command) -> bool:
+    """Whether a command has options that settings may hold.
+
+    Its signature says so; to assemble all commands as they are parsed would take a tenth of a
+    second, and one of them is asked for.
+    """
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    parts = inspect.signature(command).parameters.values()
+    return any(part.kind in named and part.name.replace("_", "-") not in TARGETS for part in parts)
 
 
 def options_of(command: App) -> dict[str, Argument]:

@@ -40,9 +40,9 @@ def available(package: str) -> dict[str, PublicSet]:
 
 def place_of(folder: str | Path | None) -> Path:
     """Folder that public files are kept in; None: what HYBRID_RESAMPLE_DATA says, or a cache."""
-    import pooch
+    from platformdirs import user_cache_dir
 
-    return Path(folder or os.environ.get(FOLDER_VARIABLE) or pooch.os_cache("hybrid-resample"))
+    return Path(folder or os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample"))
 
 
 def fetch(

@@ -1,13 +1,15 @@
 """What OME-Zarr 0.4 and 0.5 say of an image: axes, levels and where these lie."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
 
 from resample.types import Doubles
 from resample.words import one_line
+
+if TYPE_CHECKING:
+    from resample.files.stores.models import Axis, Dataset, Transformation
 
 VERSIONS = ("0.4", "0.5")
 KINDS = {"time": "t", "channel": "c"}  # of axes that are not of space
@@ -21,50 +23,6 @@ METERS = {
     "meter": 1.0,
 }
 OWN = "hybrid-resample"  # key of what the format cannot say of a volume that we have written
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class _Axis(BaseModel):
-    """One axis of all arrays."""
-
-    name: str
-    type: str | None = None
-    unit: str | None = None
-
-
-class _Transformation(BaseModel):
-    """Scale or translation; numbers in a file of their own are of older versions."""
-
-    type: Literal["identity", "scale", "translation"]
-    scale: list[Number] | None = None
-    translation: list[Number] | None = None
-
-
-class _Dataset(BaseModel):
-    """One level."""
-
-    path: str
-    transformations: Annotated[
-        list[_Transformation], Field(alias="coordinateTransformations", min_length=1)
-    ]
-
-
-class _Multiscale(BaseModel):
-    """One image at several sizes."""
-
-    axes: Annotated[list[_Axis], Field(min_length=2, max_length=5)]
-    datasets: Annotated[list[_Dataset], Field(min_length=1)]
-    transformations: Annotated[list[_Transformation], Field(alias="coordinateTransformations")] = []
-
-
-class _Own(BaseModel):
-    """What the format cannot say; see `writing`."""
-
-    direction: Annotated[list[list[Number]], Field(min_length=3, max_length=3)] | None = None
-    units: str = ""
-    space: str = ""
-    color: bool = False
 
 
 class Level(NamedTuple):
@@ -103,6 +61,10 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
     ValueError
         They are of another version, are not as this demands, or the axes are none of space.
     """
+    from pydantic import ValidationError
+
+    from resample.files.stores.models import Multiscale, Own
+
     told = attributes.get("ome", attributes)
     if not isinstance(told, Mapping) or "multiscales" not in told:
         return None
@@ -117,8 +79,8 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
             "or name one of its arrays"
         )
     try:
-        image = _Multiscale.model_validate(first)
-        own = _Own.model_validate(attributes.get(OWN, {}))
+        image = Multiscale.model_validate(first)
+        own = Own.model_validate(attributes.get(OWN, {}))
     except ValidationError as error:
         raise ValueError(f"{name}, multiscales: {one_line(error)}") from None
     axes, factor, unit = _axes(image.axes, name, space)
@@ -139,7 +101,7 @@ def moved(layout: Layout, number: int) -> Level:
     return level._replace(start=finest.start + (level.scale - finest.scale) / 2)
 
 
-def _axes(given: list[_Axis], name: str, space: str) -> tuple[str, Doubles, str]:
+def _axes(given: "list[Axis]", name: str, space: str) -> tuple[str, Doubles, str]:
     """Letters of axes; what their lengths are multiplied by; and the unit that these are in."""
     letters = [_letter(axis, name) for axis in given]
     if len(set(letters)) < len(letters) or not set(letters) >= set(space):
@@ -162,7 +124,7 @@ def _axes(given: list[_Axis], name: str, space: str) -> tuple[str, Doubles, str]
     return "".join(letters), factor, unit
 
 
-def _letter(axis: _Axis, name: str) -> str:
+def _letter(axis: "Axis", name: str) -> str:
     """Letter of an axis: by its type, else by its name."""
     letter = KINDS.get(axis.type or "", axis.name.lower())
     if letter not in (*SPACE, *KINDS.values()):
@@ -173,7 +135,7 @@ def _letter(axis: _Axis, name: str) -> str:
     return letter
 
 
-def _level(given: _Dataset, after: list[_Transformation], factor: Doubles, name: str) -> Level:
+def _level(given: "Dataset", after: "list[Transformation]", factor: Doubles, name: str) -> Level:
     """Level after its own transformations and those of the image."""
     scale, start, is_placed = np.ones(factor.size), np.zeros(factor.size), False
     for step in [*given.transformations, *after]:

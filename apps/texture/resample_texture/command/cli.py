@@ -1,7 +1,6 @@
 """The `resample-texture` command."""
 
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
@@ -11,6 +10,7 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
+from resample.lazy import installed_version
 from resample_texture.command import everyday
 from resample_texture.command.choices import (
     Besides,
@@ -29,14 +29,14 @@ app = App(
     help="Texture mapping and image warping: points where texels shrink, parts of them where they "
     "grow.\n\nExample: resample-texture warp photo.png --corners "
     "'0,0 400,60 400,240 0,300' -o out.png",
-    version=lambda: version("hybrid-resample"),
+    version=installed_version,
 )
 app.register_install_completion_command()
 
-PLACE, WARPING, WRITTEN = Place(), Warping(), Written()
-VIEW, DRAWING, FORM = MeshView(), MeshDrawing(), MeshFormat()
-BESIDES, SERVING = Besides(), Serving()
-PAGE = Filling()  # a page that reaches the photo's edge does not fade there
+PLACE, WARPING, WRITTEN = Place.usual(), Warping.usual(), Written.usual()
+VIEW, DRAWING, FORM = MeshView.usual(), MeshDrawing.usual(), MeshFormat.usual()
+BESIDES, SERVING = Besides.usual(), Serving.usual()
+PAGE = Filling.usual()  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
 FIGURES, DEMO = Path("figures"), Path("demo")

@@ -22,8 +22,8 @@ Output = Annotated[
     flags.OptionalOutput, Parameter(help="Written to: as warp does. The last of the files.")
 ]
 
-WRITTEN, BESIDES = Written(), Besides()
-SIZE, WARPING, FILLING = NewSize(), Warping(), Filling()
+WRITTEN, BESIDES = Written.usual(), Besides.usual()
+SIZE, WARPING, FILLING = NewSize.usual(), Warping.usual(), Filling.usual()
 
 
 def resize(

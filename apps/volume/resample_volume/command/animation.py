@@ -12,7 +12,6 @@ downloads the second volume::
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +29,7 @@ from resample.files.animations import (
     check_count,
     fingerprint,
 )
+from resample.lazy import installed_version
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
@@ -296,7 +296,7 @@ def _job(
         **({} if paint.drawing is None else {"drawn": repr(paint.drawing.given)}),
         **facts,
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
-        "version": version("hybrid-resample"),
+        "version": installed_version(),
     }
 
 

@@ -3,7 +3,6 @@
 import json
 import math
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
@@ -20,6 +19,7 @@ from resample.command.settings import (
     method_names,
 )
 from resample.files.facts.settings import with_settings
+from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
     Beside,
@@ -42,14 +42,16 @@ app = App(
     name="resample-volume",
     help="Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
     "Example: resample-volume render checker-box -o box.png",
-    version=lambda: version("hybrid-resample"),
+    version=installed_version,
 )
 app.register_install_completion_command()
 
-LOOK, RESAMPLING, PICTURE, SOURCE = Look(), Resampling(), PictureFormat(), Source()
-PROJECTING, ADDED = Projecting(), Added()
-BESIDE, BESIDE_PICTURE, SERVING, SHARING = Beside(), BesidePicture(), Serving(), Sharing()
-FAR_LOOK = Look(camera="30/20/0.8")  # in a small picture voxels shrink, and primitives differ
+LOOK, RESAMPLING, PICTURE = Look.usual(), Resampling.usual(), PictureFormat.usual()
+SOURCE, PROJECTING, ADDED = Source.usual(), Projecting.usual(), Added.usual()
+BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
+SERVING, SHARING = Serving.usual(), Sharing.usual()
+# In a small picture voxels shrink, and primitives differ.
+FAR_LOOK = LOOK.model_copy(update={"camera": "30/20/0.8"})
 MOST_RAYS = 32
 BAR = 40  # characters of the longest bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way

@@ -3,13 +3,12 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
-from resample_volume.command.animation import Course
 from resample_volume.command.choices import Added, Look, Source
 from resample_volume.command.inputs import (
     allowed_memory,
@@ -30,6 +29,9 @@ from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
+
+if TYPE_CHECKING:
+    from resample_volume.command.animation import Course
 
 KEYS = ("time", "channel", "level", "units", "spacing", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
@@ -129,8 +131,10 @@ def times_of(source: Source, recording: Recording) -> Recording | None:
     return ordered if ordered.values.shape[0] > 1 else None
 
 
-def filmed(subject: Callable[[int], Subject], times: int) -> Course:
+def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
     """What is seen at so many times, each of which is looked at."""
+    from resample_volume.command.animation import Course
+
     with progress_bar("looking at all times") as progress:
         return Course(times, subject, progress)
 

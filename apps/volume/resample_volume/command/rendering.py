@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ from resample.command.workers import Hire, hiring
 from resample.files.tiles import NAME
 from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint
+from resample.lazy import installed_version
 from resample.memory import available_memory
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
@@ -203,7 +203,7 @@ def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
 
 def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
     """Text that pictures of equal pixels share; None where values may change unseen."""
-    known: list[Any] = [version("hybrid-resample"), shown]
+    known: list[Any] = [installed_version(), shown]
     for volume, look in media:
         labels = [] if look.labels is None else [look.labels.values]
         stored: list[Any] = [volume.values, *labels]

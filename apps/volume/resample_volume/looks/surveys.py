@@ -1,5 +1,6 @@
 """What a volume's values are, found by looking at all of them: range, padding, strays, units."""
 
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -258,7 +259,7 @@ def counted(values: Values) -> Levels:
         total += values.glance.codes
     else:
         for part in parts(values):
-            total += count_codes(part)
+            total += count_codes(part, of=prod(values.shape))
     if values.dtype.kind == "i":
         total = np.roll(total, size // 2)
     present = np.flatnonzero(total)

@@ -2,7 +2,6 @@
 
 import sys
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
@@ -12,7 +11,7 @@ from resample.command import flags
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
-from resample.watching import told
+from resample.lazy import installed_version
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
@@ -33,16 +32,16 @@ app = App(
     help="Pictures with depth, seen from somewhere else: points where samples shrink, parts of "
     "them where they grow.\n\nExample: resample-warp3d render photo.jpg depth.png "
     "--depth-scale 1000 --fov 60 --move 0.1,0,0 -o moved.png",
-    version=lambda: version("hybrid-resample"),
+    version=installed_version,
 )
 app.register_install_completion_command()
 
-EYE, DEPTH, AIM, WARPING = SourceCamera(), Depth(), Aim(), Warping()
-WRITTEN, EXTRAS, TRAVEL, CLOUD = Written(), Extras(), Travel(), CloudLook()
-TARGET, SHOWING = TargetCamera(), Showing()
-JOINT, SERVING, SHARING = Joint(), Serving(), Sharing()
-PAIR_DEPTH, PARALLAX = PairDepth(), Parallax()
-CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart(), CloudAim(), CloudFormat()
+EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), Warping.usual()
+WRITTEN, EXTRAS, TRAVEL, CLOUD = Written.usual(), Extras.usual(), Travel.usual(), CloudLook.usual()
+TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
+JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
+PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
+CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart.usual(), CloudAim.usual(), CloudFormat.usual()
 VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -323,6 +322,7 @@ def cloud(
     from resample.command.session import Session
     from resample.files.images import check_suffix
     from resample.files.writing import check_targets
+    from resample.watching import told
     from resample_warp3d.command.clouds import scene_of
     from resample_warp3d.command.rendering import check_memory
 

@@ -20,7 +20,7 @@ from resample.command.settings import (
     linear_color,
     number,
 )
-from resample.watching import told
+from resample.lazy import installed_version
 
 if TYPE_CHECKING:
     from resample.cameras.lens_files import Calibration
@@ -284,6 +284,7 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
     ValueError, OSError
         It is no cloud, has not what is asked for, or cannot be read.
     """
+    from resample.watching import told
     from resample_warp3d.clouds.coloring import colored
     from resample_warp3d.clouds.files import read_cloud
     from resample_warp3d.clouds.spacing import LARGEST, prepare_cloud
@@ -457,8 +458,6 @@ def cameras_of(
 
 def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background: Any) -> "Shots":
     """Frames of a cloud."""
-    from importlib.metadata import version
-
     import numpy as np
 
     from resample.files.animations import Shots, fingerprint
@@ -480,7 +479,7 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
         "size": list(shape),
         "look": scene.look.model_dump(exclude={"threads", "no_cache"}),
         "background": list(background),
-        "version": version("hybrid-resample"),
+        "version": installed_version(),
     }
     return Shots(len(cameras), frame, job)
 

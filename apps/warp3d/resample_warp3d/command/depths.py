@@ -22,7 +22,7 @@ from resample_warp3d.command.rendering import Film, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
 from resample_warp3d.wide.sights import Sight
 
-ALONE = Sharing()
+ALONE = Sharing.usual()
 FRAME = "frame-*.png"  # in a folder of which no pattern was given
 KEPT = ".depths"  # folder of what is done, until all is
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +13,7 @@ from resample.colors import Background
 from resample.command.console import say
 from resample.command.session import LIBRARIES, Session, bytes_written
 from resample.files.animations import fingerprint
+from resample.lazy import installed_version
 from resample.memory import require
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
@@ -229,7 +229,7 @@ def film_of(
         "size": list(shape),
         "choices": choice.model_dump(exclude={"threads"}),
         "background": list(background),
-        "version": version("hybrid-resample"),
+        "version": installed_version(),
     }
     return Film(seen, screen, job)
 

@@ -75,12 +75,12 @@ def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
     no farther from there than the far side lies from any pixel of the same hole, so that what
     spreads from behind the hidden comes too late.
     """
-    import cv2
-
     unknown = coverage < SOLID
     nowhere = Rim(unknown, np.zeros_like(unknown))
     if unknown.all() or not unknown.any():
         return nowhere
+    import cv2
+
     limit = _middle(nearness, unknown)
     limit[(holes == Hole.OUTSIDE) | (holes == Hole.NO_DEPTH)] = np.inf
     distance, label = cv2.distanceTransformWithLabels(

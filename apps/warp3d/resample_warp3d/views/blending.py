@@ -63,10 +63,10 @@ def weights(
 
 def feather(shown: Mask) -> Floats:
     """From 0 at the border of what is shown to 1 inside; the picture's own frame is no border."""
-    import cv2
-
     if shown.all():
         return np.ones(shown.shape, np.float32)
+    import cv2
+
     mask = shown.astype(np.uint8)
     away = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     share = np.clip(away / np.float32(FEATHER), 0, 1)

@@ -88,9 +88,12 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
 
 def _is_torn(nearness: Floats) -> bool:
     """Whether a map has many gaps, each for itself."""
+    is_gap = nearness <= 0
+    if np.count_nonzero(is_gap) < MANY_GAPS:
+        return False
     import cv2
 
-    count, _ = cv2.connectedComponents((nearness <= 0).astype(np.uint8))
+    count, _ = cv2.connectedComponents(is_gap.astype(np.uint8))
     return bool(count > MANY_GAPS)
 
 

@@ -1,0 +1,49 @@
+"""What the attributes of an OME-Zarr image have to be; built where a store is read."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Axis(BaseModel):
+    """One axis of all arrays."""
+
+    name: str
+    type: str | None = None
+    unit: str | None = None
+
+
+class Transformation(BaseModel):
+    """Scale or translation; numbers in a file of their own are of older versions."""
+
+    type: Literal["identity", "scale", "translation"]
+    scale: list[Number] | None = None
+    translation: list[Number] | None = None
+
+
+class Dataset(BaseModel):
+    """One level."""
+
+    path: str
+    transformations: Annotated[
+        list[Transformation], Field(alias="coordinateTransformations", min_length=1)
+    ]
+
+
+class Multiscale(BaseModel):
+    """One image at several sizes."""
+
+    axes: Annotated[list[Axis], Field(min_length=2, max_length=5)]
+    datasets: Annotated[list[Dataset], Field(min_length=1)]
+    transformations: Annotated[list[Transformation], Field(alias="coordinateTransformations")] = []
+
+
+class Own(BaseModel):
+    """What the format cannot say; see `writing`."""
+
+    direction: Annotated[list[list[Number]], Field(min_length=3, max_length=3)] | None = None
+    units: str = ""
+    space: str = ""
+    color: bool = False
