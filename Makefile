@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default, and never what stays in the checkout): halves every later start.
 export UV_COMPILE_BYTECODE := 1
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard kernels lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -43,6 +43,9 @@ bench: $(VENV)/.dev
 # Kernels that have become half as fast, or worse, beside fixed NumPy code fail.
 guard: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.guard
+# The library of kernels (docs/developers.md): built from a list of commands; ARGS=--list prints what is in it, ARGS=--edits what an edit of each module compiles anew.
+kernels: $(VENV)/.dev
+	$(BIN)/python -m tools.kernels $(ARGS)
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -64,7 +67,8 @@ docs-links: $(VENV)/.dev
 	$(BIN)/python -m pytest -q tests/core/test_docs.py
 sdist: $(VENV)/.dev
 	$(BIN)/uv build -q --sdist --no-build-isolation --python $(BIN)/python --out-dir dist
-wheel: $(VENV)/.dev
+# With the library of kernels, where there is one for this machine.
+wheel: kernels
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 
 # --without-pip: works where Debian's python3-venv is missing; the machine's pip then installs uv into it.

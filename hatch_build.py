@@ -1,4 +1,4 @@
-"""Wheels with the library of kernels, where `make kernels` has built one, and with their platform's tag."""
+"""Wheels hold the library of kernels that `make kernels` has built, and their platform's tag."""
 
 import platform
 import re
@@ -8,7 +8,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-LIBRARY = Path("resample", "engine", "_kernels.abi3.so")
+LIBRARY = Path("resample", "engine", "compiled", "_kernels.abi3.so")
 OLDEST = (2, 17)  # the glibc that tags begin with
 
 

@@ -1,5 +1,6 @@
 """What all tests share: threads, the search for examples, the real data, random numbers."""
 
+import hashlib
 import os
 from collections import defaultdict
 from contextlib import suppress
@@ -10,6 +11,12 @@ from pathlib import Path
 if "PYTEST_XDIST_WORKER_COUNT" in os.environ:
     share = (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
     os.environ.setdefault("NUMBA_NUM_THREADS", str(max(2, share)))
+
+# Tests give commands a cache of their own, but kernels are compiled once for all of them.
+if "NUMBA_CACHE_DIR" not in os.environ:
+    from resample.memory.mapped import folder
+
+    os.environ["NUMBA_CACHE_DIR"] = str(folder() / "kernels")
 
 # Which test is the first to compile a kernel is chance: commands do not say so.
 os.environ.setdefault("RESAMPLE_LOG", "warning")
@@ -57,6 +64,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Func
     config.stash[COLLECTED] = [
         (item.nodeid, getattr(item.get_closest_marker("sweep"), "kwargs", None)) for item in items
     ]
+    commit = config.getoption("--eighth")
+    if commit is not None:
+        items[:] = [item for item in items if _is_of_eighth(item, commit)]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--eighth COMMIT` runs an eighth of the sweeps, another one for each commit."""
+    parser.addoption("--eighth", metavar="COMMIT", help="an eighth of the sweeps, and no others")
+
+
+def _is_of_eighth(item: pytest.Item, commit: str) -> bool:
+    """Whether a case is a sweep, and one that a commit's hash chooses."""
+    chosen = hashlib.sha256(f"{commit} {item.nodeid}".encode()).digest()[0] % 8 == 0
+    return chosen and item.get_closest_marker("sweep") is not None
 
 
 def _without_own(cases: list[pytest.Function]) -> list[pytest.Function]:

@@ -2,8 +2,8 @@
 
 A kernel is a function of arrays and numbers that runs as machine code. Who writes one writes plain
 numba code. Where the machine code comes from is settled at the first call with arguments of new
-types: from the library that was built ahead (`resample.engine.library`), else from numba, which is
-imported only then (`resample.engine.compiling`) and keeps what it compiles on disk.
+types: from the library that was built ahead (`compiled.library`), else from numba, which is
+imported only then (`compiled.compiling`) and keeps what it compiles on disk.
 """
 
 import logging
@@ -22,7 +22,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine import library
+from resample.engine.compiled import library
 from resample.watching import OFTEN, is_watched, look
 
 LOG = logging.getLogger("resample")
@@ -37,11 +37,8 @@ LANES = {"contract", "nsz"}  # a product and a sum may be one operation; zeros h
 
 # numba's own variables, under their own names: numba may not be there to be asked.
 IS_PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-if hasattr(os, "sched_getaffinity"):
-    _cores = len(os.sched_getaffinity(0))
-else:
-    _cores = os.cpu_count() or 1
-CORES = int(os.environ.get("NUMBA_NUM_THREADS") or _cores)
+_allowed = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
+CORES = int(os.environ.get("NUMBA_NUM_THREADS") or len(_allowed(0)))
 
 _registering = RLock()
 _registrations: list[Callable[[], None]] = []  # that wait for numba to be imported
@@ -52,7 +49,7 @@ def compiler() -> ModuleType:
     """The module that knows numba, which has been told of all kernels and roles."""
     with _registering:
         if not _compiler:
-            from resample.engine import compiling
+            from resample.engine.compiled import compiling
 
             _compiler.append(compiling)
         while _registrations:
@@ -216,7 +213,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=lambda: _pool.cache_clear())
+    os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 @kernel
@@ -237,6 +234,9 @@ def next_task(counter: Counter) -> int:
 
 def load_soon(array: NDArray[Any], index: int) -> None:
     """Begin to load what is around a number of a flat array; changes nothing but time."""
+
+
+when_compiling(lambda: _compiler[0].define_instructions(next_task, load_soon))
 
 
 _limit: ContextVar[int | None] = ContextVar("limit", default=None)

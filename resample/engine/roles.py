@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from resample.engine.compiled.sources import PLAYED
 from resample.engine.jit import LANES, compiler, when_compiling
-from resample.engine.sources import PLAYED
 
 P = ParamSpec("P")
 R = TypeVar("R")

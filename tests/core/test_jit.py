@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from numba.core.event import install_recorder
 
-from resample.engine import compiling, jit
+from resample.engine import jit
+from resample.engine.compiled import compiling
 from tests.processes import PATIENCE, python
 
 compiled_only = pytest.mark.skipif(

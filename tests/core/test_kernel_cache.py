@@ -7,8 +7,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from resample.engine import compiling, entries, jit
-from resample.engine.entries import Entry
+from resample.engine import jit
+from resample.engine.compiled import compiling, entries
+from resample.engine.compiled.entries import Entry
 from tests.small_kernels import nothing
 
 ENTRY = Entry("a.kernel", "qd", "0" * 64, ["a", "b"], 1.5, b"machine code\n" * 100)
@@ -27,7 +28,7 @@ def test_there_is_no_entry_without_a_file(tmp_path):
 @pytest.mark.parametrize(
     "damage",
     [
-        lambda data: b"",
+        lambda _: b"",
         lambda data: data[:10],
         lambda data: data[:-1],
         lambda data: data[: len(data) // 2] + b"\0" + data[len(data) // 2 + 1 :],

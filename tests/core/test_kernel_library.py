@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from resample.engine import compiling, jit, library, sources
+from resample.engine import jit
+from resample.engine.compiled import compiling, library, sources
 from tests import small_kernels
 from tests.processes import python
 from tests.small_kernels import Pair, Sums, copy_into, nothing, steps, sums
@@ -143,8 +144,8 @@ def test_kernels_that_are_not_there_have_no_call(native, of_library):
 
 
 def test_a_processor_that_lacks_something_has_no_library(native, monkeypatch):
-    monkeypatch.setattr("resample.engine._kernels", native, raising=False)
-    monkeypatch.setitem(sys.modules, "resample.engine._kernels", native)
+    monkeypatch.setattr("resample.engine.compiled._kernels", native, raising=False)
+    monkeypatch.setitem(sys.modules, "resample.engine.compiled._kernels", native)
     assert library._native.__wrapped__() is native
     assert native.lacking() == []
     monkeypatch.setattr(library, "lacking", lambda _: ("AVX2",))
@@ -152,11 +153,12 @@ def test_a_processor_that_lacks_something_has_no_library(native, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("variable", "value"), [("RESAMPLE_KERNELS", "off"), ("NUMBA_OPT", "1"), ("NUMBA_CPU_NAME", "x")]
+    ("variable", "value"),
+    [("RESAMPLE_KERNELS", "off"), ("NUMBA_OPT", "1"), ("NUMBA_CPU_NAME", "x")],
 )
 def test_the_library_is_left_alone_where_that_is_asked_for(native, monkeypatch, variable, value):
-    monkeypatch.setattr("resample.engine._kernels", native, raising=False)
-    monkeypatch.setitem(sys.modules, "resample.engine._kernels", native)
+    monkeypatch.setattr("resample.engine.compiled._kernels", native, raising=False)
+    monkeypatch.setitem(sys.modules, "resample.engine.compiled._kernels", native)
     monkeypatch.setenv(variable, value)
     assert library._native.__wrapped__() is None
 
@@ -173,8 +175,19 @@ plain = st.one_of(
     st.integers(-(2**63), 2**63 - 1),
     st.floats(allow_nan=False),
     st.sampled_from(
-        [np.float32(1.5), np.float64(2), np.int8(-3), np.uint16(4), np.int64(-5), np.uint64(6)]
-        + [np.bool_(True), np.int32(-7), np.uint32(8), np.uint8(9), np.int16(-10)]
+        [
+            np.float32(1.5),
+            np.float64(2),
+            np.int8(-3),
+            np.uint16(4),
+            np.int64(-5),
+            np.uint64(6),
+            np.bool_(True),
+            np.int32(-7),
+            np.uint32(8),
+            np.uint8(9),
+            np.int16(-10),
+        ]
     ),
 )
 
@@ -218,7 +231,7 @@ def test_a_process_without_numba_runs_a_library(native, tmp_path):
 import sys
 sys.path[:0] = [{str(tmp_path)!r}, {str(where)!r}, {str(Path(small_kernels.__file__).parents[1])!r}]
 import _kernels
-sys.modules["resample.engine._kernels"] = _kernels
+sys.modules["resample.engine.compiled._kernels"] = _kernels
 import numpy as np
 from tests.small_kernels import nothing, steps
 print(steps(3, 0.5)[0])

@@ -5,12 +5,14 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
-from resample.engine import sources
+from resample.engine.compiled import sources
 from tests.processes import PATIENCE
 
 FILES = {
     "kernels_a/__init__.py": "",
-    "kernels_a/bundles.py": "from typing import NamedTuple\nclass Bundle(NamedTuple):\n    n: int\n",
+    "kernels_a/bundles.py": (
+        "from typing import NamedTuple\nclass Bundle(NamedTuple):\n    n: int\n"
+    ),
     "kernels_a/helpers.py": "STEP = 2\n",
     "kernels_a/loops.py": (
         "from kernels_a import (\n    helpers,  # a comment\n)\n"
@@ -19,7 +21,8 @@ FILES = {
     ),
     "kernels_a/late.py": "LATE = 1\n",
     "kernels_a/roles.py": (
-        "from resample.engine.roles import role\n@role\ndef part(bundle):\n    raise NotImplementedError\n"
+        "from resample.engine.roles import role\n"
+        "@role\ndef part(bundle):\n    raise NotImplementedError\n"
     ),
     "kernels_a/uses.py": "from kernels_a.roles import part\n",
     "kernels_b/__init__.py": "",
@@ -46,7 +49,7 @@ CODE = """
 import sys
 import kernels_a.loops, kernels_a.uses, kernels_b.player
 from kernels_a.bundles import Bundle
-from resample.engine import sources
+from resample.engine.compiled import sources
 
 for edited in ["", *sys.argv[1:]]:
     if edited:
@@ -79,7 +82,11 @@ def test_an_edit_changes_the_fingerprints_of_what_depends_on_it(tmp_path):
 
 def test_all_kernels_depend_on_what_compiles_them():
     needed = sources.closure("resample.engine.lookup")
-    assert {"resample.engine.jit", "resample.engine.compiling", "resample.engine.roles"} <= needed
+    assert {
+        "resample.engine.jit",
+        "resample.engine.compiled.compiling",
+        "resample.engine.roles",
+    } <= needed
     assert "resample.types" in needed
     assert "resample.watching" not in needed
 
@@ -87,7 +94,7 @@ def test_all_kernels_depend_on_what_compiles_them():
 def test_a_kernel_of_the_engine_depends_on_a_part_of_it():
     modules = {
         f"resample.engine.{path.relative_to(root).with_suffix('').as_posix().replace('/', '.')}"
-        for root in [Path(sources.__file__).parent]
+        for root in [Path(sources.__file__).parents[1]]
         for path in root.rglob("*.py")
         if path.name != "__init__.py"
     }

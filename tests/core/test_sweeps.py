@@ -1,7 +1,5 @@
 """What `make test` leaves out is kept by a test that it runs."""
 
-import pytest
-
 from tests.conftest import COLLECTED
 
 

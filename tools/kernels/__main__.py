@@ -4,7 +4,9 @@ Kernels that the user's cache already holds are taken from there; the others are
 """
 
 import argparse
+import json
 import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -14,12 +16,17 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from resample.engine import entries
-from resample.engine.library import VARIABLE
+from resample.engine.compiled import entries
+from resample.engine.compiled.library import VARIABLE
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
-LIBRARY = ROOT / "resample" / "engine" / "_kernels.abi3.so"
+LIBRARY = ROOT / "resample" / "engine" / "compiled" / "_kernels.abi3.so"
+
+
+def is_for_this_machine() -> bool:
+    """Whether libraries are built where this runs."""
+    return sys.platform == "linux" and platform.machine() == "x86_64"
 
 
 def used(log: Path) -> list[Path]:
@@ -55,24 +62,31 @@ def _run(group: str, folder: Path) -> Path:
 
 def listed(files: Iterable[Path]) -> list[str]:
     """Lines that tell for each kernel how many forms it has, and in what these differ."""
-    keys = defaultdict(list)
+    keys = defaultdict(set)
     for file in files:
         entry = entries.read(file)
         if entry is not None and not entry.kernel.startswith("tests."):
-            keys[entry.kernel].append(entry.key)
+            keys[entry.kernel].add(entry.key)
     lines = []
     for kernel, forms in sorted(keys.items()):
         lines.append(f"{len(forms):3d}  {kernel}")
-        lines += [f"       {part}" for part in (differences(forms) if len(forms) > 1 else ())]
+        lines += [
+            f"       {part}" for part in (differences(sorted(forms)) if len(forms) > 1 else ())
+        ]
     return [*lines, f"{sum(map(len, keys.values())):3d}  specialisations of {len(keys)} kernels"]
 
 
 def differences(keys: list[str]) -> list[str]:
     """What is not the same in all keys, without what they begin and end with."""
-    begin = len(os.path.commonprefix(keys))
-    rest = [key[begin:] for key in keys]
-    end = len(os.path.commonprefix([key[::-1] for key in rest]))
-    return sorted(key[: len(key) - end] or "nothing there" for key in rest)
+    begin = _alike(keys)
+    end = _alike([key[:begin:-1] for key in keys])
+    return sorted(key[begin : len(key) - end] or "nothing there" for key in keys)
+
+
+def _alike(texts: list[str]) -> int:
+    """How many characters all texts begin with."""
+    columns = enumerate(zip(*texts, strict=False))
+    return next((n for n, letters in columns if len(set(letters)) > 1), min(map(len, texts)))
 
 
 def edits(files: Iterable[Path]) -> list[str]:
@@ -104,18 +118,21 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="list kernels and their forms")
     parser.add_argument("--edits", action="store_true", help="what edits of modules compile anew")
     parser.add_argument("--log", type=Path, help="kernels of this list of RESAMPLE_KERNELS_LOG")
-    parser.add_argument("--most", type=int, help="exit with 1 if there are more specialisations")
+    parser.add_argument("--most", type=Path, help="file of limits: a list beyond them is an error")
     asked = parser.parse_args()
+    if not (asked.list or asked.edits) and not is_for_this_machine():
+        print(f"no library of kernels is built for {sys.platform} on {platform.machine()}")
+        return 0
     with tempfile.TemporaryDirectory() as folder:
         files = used(asked.log) if asked.log else compiled_for_scenes(Path(folder))
     if asked.list:
         lines = listed(files)
         print("\n".join(lines))
         count = int(lines[-1].split()[0])
-        if asked.most is not None and count > asked.most:
-            print(f"{count} specialisations, at most {asked.most}", file=sys.stderr)
-            return 1
-        return 0
+        most = json.loads(asked.most.read_text())["specialisations"] if asked.most else count
+        if count > most:
+            print(f"{count} specialisations, at most {most}", file=sys.stderr)
+        return int(count > most)
     if asked.edits:
         print("\n".join(edits(files)))
         return 0
@@ -126,7 +143,9 @@ def main() -> int:
     size = LIBRARY.stat().st_size / 1e6
     kernels = len({part.kernel for part in parts})
     spent = time.process_time() - begin
-    print(f"{LIBRARY.relative_to(ROOT)}: {len(parts)} specialisations of {kernels} kernels,", end="")
+    print(
+        f"{LIBRARY.relative_to(ROOT)}: {len(parts)} specialisations of {kernels} kernels,", end=""
+    )
     print(f" {size:.1f} MB, linked in {spent:.0f} s")
     return 0
 

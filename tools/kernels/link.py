@@ -23,11 +23,11 @@ import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.core.registry import cpu_target
-
-from resample.engine import entries
-from resample.engine.compiling import key_of
-from resample.engine.library import dtype_name
 from numba.np.numpy_support import as_dtype
+
+from resample.engine.compiled import entries
+from resample.engine.compiled.compiling import key_of
+from resample.engine.compiled.library import dtype_name
 
 HERE = Path(__file__).parent
 LEVEL = "x86-64-v3"
@@ -60,7 +60,7 @@ def build(files: Iterable[Path], library: Path) -> list[Part]:
     Parameters
     ----------
     files
-        Kernels as `resample.engine.entries` keeps them.
+        Kernels as `resample.engine.compiled.entries` keeps them.
     library
         File of the module.
 
@@ -254,7 +254,7 @@ def _failure(pickled: bytes) -> Iterator[str]:
     """Fields of what a kernel may raise, in C; nothing for what is no error of Python's."""
     try:
         of, arguments, *_ = pickle.loads(pickled)  # noqa: S301  the builder's own
-    except Exception:  # noqa: BLE001  a constant of another kind
+    except Exception:  # a constant of another kind
         return
     if not (isinstance(of, type) and of.__module__ == "builtins"):
         return

@@ -1,7 +1,7 @@
-/* The extension module resample.engine._kernels: calls of compiled kernels.
+/* The extension module resample.engine.compiled._kernels: calls of compiled kernels.
 
    A call's arguments are walked once. The walk writes two things: a key, which names their types as
-   resample.engine.compiling.key_of does, and numbers of eight bytes, which are what numba's calling
+   resample.engine.compiled.compiling.key_of does, and numbers of eight bytes, which are what numba's calling
    convention takes them apart to. A kernel's entries are compared with the key; the code of the one
    that is equal gets the numbers, without Python's lock.
 
@@ -540,7 +540,7 @@ static PyType_Slot kernel_slots[] = {
     {0, NULL},
 };
 static PyType_Spec kernel_spec = {
-    "resample.engine._kernels.Kernel", sizeof(Kernel), 0,
+    "resample.engine.compiled._kernels.Kernel", sizeof(Kernel), 0,
     Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, kernel_slots};
 static PyTypeObject *kernel_type;
 

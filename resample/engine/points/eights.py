@@ -41,4 +41,6 @@ def spread(
 
 @when_compiling
 def _compile_as_vectors() -> None:
-    from resample.engine.points import vectors_of_eight  # noqa: F401  tells numba of `spread`
+    from resample.engine.points import vectors_of_eight
+
+    vectors_of_eight.define(spread)

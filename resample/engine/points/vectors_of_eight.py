@@ -1,12 +1,11 @@
 """`eights.spread` for numba, as operations on vectors of eight numbers."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numba
 from llvmlite import ir
 from numba.extending import intrinsic, overload
-
-from resample.engine.points.eights import spread
 
 MOST_TAPS = 8
 EIGHT = ir.VectorType(ir.DoubleType(), 8)
@@ -72,11 +71,14 @@ def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down
     return numba.void(*arguments), generate
 
 
-@overload(spread, inline="always")
-def _spread_compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    def compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]
-        return _spread(
-            cells, first, pitch, amount, line, rounding, weight, across, down, step, taps
-        )
+def define(spread: Callable[..., None]) -> None:
+    """Tell numba of what `spread` is made of."""
 
-    return compiled
+    @overload(spread, inline="always")
+    def vectors(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        def compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]
+            return _spread(
+                cells, first, pitch, amount, line, rounding, weight, across, down, step, taps
+            )
+
+        return compiled

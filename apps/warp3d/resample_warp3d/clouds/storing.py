@@ -71,12 +71,12 @@ def _name(position: Floats, normal: Floats, largest: float) -> str:
 @cache
 def _code() -> str:
     """Fingerprint of the sources by which discs are measured."""
-    from resample.engine.jit import SOURCES
+    from resample.engine.compiled.sources import engine_digest
 
     here = Path(__file__).parent
     sources = [here / "spacing.py", *sorted((here / "kernels").glob("*.py"))]
     read = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(SOURCES.encode() + read).hexdigest()
+    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
 def _read(path: Path, count: int) -> Floats | None:

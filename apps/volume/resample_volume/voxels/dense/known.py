@@ -144,12 +144,12 @@ def _content_of(part: Any) -> object | None:
 @cache
 def _code() -> str:
     """Fingerprint of the sources by which voxels are looked at."""
-    from resample.engine.jit import SOURCES
+    from resample.engine.compiled.sources import engine_digest
 
     home = Path(__file__).parents[2]
     sources = sorted(file for name in ("voxels", "looks") for file in (home / name).rglob("*.py"))
     read = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(SOURCES.encode() + read).hexdigest()
+    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
 def _read(file: Path) -> Found | None:

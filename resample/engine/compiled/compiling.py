@@ -21,7 +21,8 @@ import llvmlite
 import numba
 from llvmlite import ir
 from llvmlite.binding import ffi
-from numba.core import cgutils, sigutils, types
+from numba.core import cgutils, sigutils
+from numba.core import types as numba_types
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
@@ -31,8 +32,8 @@ from numba.core.serialize import dumps
 from numba.extending import intrinsic, overload
 from numba.np.numpy_support import as_dtype
 
-from resample.engine import jit, library, sources
-from resample.engine.entries import SUFFIX, Entry, read, write
+from resample.engine.compiled import library, sources
+from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
 
 try:
     import fcntl
@@ -40,6 +41,7 @@ except ImportError:  # Windows: every process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
 LOG = logging.getLogger("resample")
+types: Any = numba_types  # which has more in it than its stubs say
 
 
 def _leave_locks_untimed() -> None:
@@ -87,7 +89,7 @@ def _settings() -> tuple[object, ...]:
     return tuple(values.items())
 
 
-def key_of(given: types.Type) -> str:
+def key_of(given: Any) -> str:
     """Name of an argument's type, as `Kernel` of the library makes it of a value.
 
     Parameters
@@ -122,12 +124,12 @@ def key_of(given: types.Type) -> str:
     return f"<{given}>"  # the library knows none of these
 
 
-def _dtype(given: types.Type) -> str:
+def _dtype(given: Any) -> str:
     """Name of what an array holds: `library.dtype_name` of the same."""
     return library.dtype_name(as_dtype(given))
 
 
-def _classes(given: types.Type) -> Iterator[type]:
+def _classes(given: Any) -> Iterator[type]:
     """Classes of all bundles in an argument."""
     if isinstance(given, types.BaseNamedTuple):
         yield given.instance_class
@@ -178,7 +180,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
             return None
         codegen = cpu_target.target_context.codegen()
         parts = (digest, self._name, *arguments, self._defined_with, *codegen.magic_tuple())
-        made_by = (numba.__version__, llvmlite.__version__, sys.version_info[:2])
+        made_by = (FIRST, numba.__version__, llvmlite.__version__, sys.version_info[:2])
         name = hashlib.sha256(repr((parts, made_by)).encode()).hexdigest()[:40]
         return folder() / f"{self._name.rpartition('.')[2]}-{name}{SUFFIX}"
 
@@ -186,7 +188,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
         target_context.refresh()
         path = self.path(signature)
         entry = None if path is None else read(path)
-        if entry is None:
+        if path is None or entry is None:
             _say_that_it_compiles(self._name)
             self._began = time.thread_time()
             return None
@@ -394,14 +396,6 @@ def _add_one(_: Any, counter: Any) -> Any:
     return numba.int64(counter), generate
 
 
-@overload(jit.next_task)
-def _compiled_next_task(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    def compiled(counter):  # type: ignore[no-untyped-def]
-        return _add_one(counter)
-
-    return compiled
-
-
 @intrinsic  # type: ignore[untyped-decorator]
 def _load_soon(_: Any, array: Any, index: Any) -> Any:
     """Ask for the cache line of a number of a flat array."""
@@ -418,9 +412,19 @@ def _load_soon(_: Any, array: Any, index: Any) -> Any:
     return numba.void(array, index), generate
 
 
-@overload(jit.load_soon)
-def _compiled_load_soon(array, index):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    def compiled(array, index):  # type: ignore[no-untyped-def]
-        _load_soon(array, index)
+def define_instructions(next_task: Callable[..., int], load_soon: Callable[..., None]) -> None:
+    """Tell numba of functions of the engine that are one instruction each."""
 
-    return compiled
+    @overload(next_task)
+    def add_one(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        def compiled(counter):  # type: ignore[no-untyped-def]
+            return _add_one(counter)
+
+        return compiled
+
+    @overload(load_soon)
+    def prefetch(array, index):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        def compiled(array, index):  # type: ignore[no-untyped-def]
+            _load_soon(array, index)
+
+        return compiled

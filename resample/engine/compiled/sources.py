@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 CORE = __name__.partition(".")[0]
 # An edit of these changes all machine code; what they import changes none.
-TOOLS = tuple(f"{CORE}.engine.{name}" for name in ("jit", "roles", "compiling"))
+TOOLS = tuple(f"{CORE}.engine.{name}" for name in ("jit", "roles", "compiled.compiling"))
 IMPORT = re.compile(
-    rb"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n#;]+)|import[ \t]+([^\n#;]+))",
+    rb"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]+)|import[ \t]+([^\n;]+))",
     re.MULTILINE,
 )
 NAME = re.compile(rb"([A-Za-z_][\w.]*)(?:[ \t]+as[ \t]+\w+)?")
@@ -28,7 +28,7 @@ COMMENT = re.compile(rb"#[^\n]*")
 PLAYED: defaultdict[type, set[tuple[str, str]]] = defaultdict(set)
 
 
-class Source(NamedTuple):
+class ModuleSource(NamedTuple):
     """A module's source."""
 
     digest: str
@@ -63,6 +63,14 @@ def modules(module: str, classes: Iterable[type] = ()) -> frozenset[str]:
 
 
 @cache
+def engine_digest() -> str:
+    """Fingerprint of the whole engine, for what is kept of its results."""
+    folder = Path(__file__).parents[1]
+    files = [folder.parent / "types.py", *sorted(folder.rglob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+@cache
 def _digest_of(modules: frozenset[str]) -> str:
     lines = (f"{name} {source(name).digest}\n" for name in sorted(modules))  # type: ignore[union-attr]
     return hashlib.sha256("".join(lines).encode()).hexdigest()
@@ -86,7 +94,7 @@ def closure(*modules: str) -> frozenset[str]:
 
 
 @cache
-def source(module: str) -> Source | None:
+def source(module: str) -> ModuleSource | None:
     """A module's source as it is on disk; None if there is no such module, or no file of it."""
     path = _path(module)
     try:
@@ -95,16 +103,16 @@ def source(module: str) -> Source | None:
         text = None
     if text is None:
         return None
-    return Source(hashlib.sha256(text).hexdigest(), tuple(dict.fromkeys(_imports(text))))
+    return ModuleSource(hashlib.sha256(text).hexdigest(), tuple(dict.fromkeys(_imports(text))))
 
 
 def _imports(text: bytes) -> Iterator[str]:
-    for origin, names, plain in IMPORT.findall(text):
+    for origin, names, plain in IMPORT.findall(COMMENT.sub(b"", text)):
         if plain:
             yield from (name.decode() for name in NAME.findall(plain))
             continue
         yield origin.decode()
-        for name in NAME.findall(COMMENT.sub(b"", names)):
+        for name in NAME.findall(names):
             yield f"{origin.decode()}.{name.decode()}"
 
 

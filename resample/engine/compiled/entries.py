@@ -57,7 +57,8 @@ def read(path: Path) -> Entry | None:
         if time.time() - path.stat().st_mtime > DAY:
             os.utime(path)  # when it was last used
     head, _, payload = data[start:].partition(b"\n")
-    return Entry(*json.loads(head), payload)
+    kernel, key, sources, modules, seconds = json.loads(head)
+    return Entry(kernel, key, sources, modules, seconds, payload)
 
 
 def write(path: Path, entry: Entry) -> None:

@@ -1,23 +1,24 @@
 """Kernels that were compiled ahead, in a shared library beside this file.
 
-`make kernels` builds it, and wheels have it. It holds machine code for x86-64-v3, and a marshaller in
-C that finds the code for the types of a call's arguments. A kernel of it is used if the sources
-are those that it was compiled from, the processor has what it needs, and no setting of numba's
-asks for other code; else numba compiles, as it does where there is no library.
-RESAMPLE_KERNELS=off works as if there were none.
+`make kernels` builds it, and wheels have it. It holds machine code for x86-64-v3, and a marshaller
+in C that finds the code for the types of a call's arguments. A kernel of it is used if the sources
+are those that it was compiled from, the processor has what it needs, and no setting of numba's asks
+for other code; else numba compiles, as it does where there is no library. RESAMPLE_KERNELS=off
+works as if there were none.
 """
 
 import logging
 import os
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib import import_module
 from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from resample.engine import sources
+from resample.engine.compiled import sources
 
 LOG = logging.getLogger("resample")
 VARIABLE = "RESAMPLE_KERNELS"
@@ -42,7 +43,7 @@ def dtype_name(dtype: DTypeLike) -> str:
 
     Examples
     --------
-    >>> from resample.engine.library import dtype_name
+    >>> from resample.engine.compiled.library import dtype_name
     >>> dtype_name("u2"), dtype_name([("x", "f4"), ("y", "i8", 2)])
     ('u2', '{x:f4@0,y:i8(2,)@4;20}')
     """
@@ -124,7 +125,7 @@ def _native() -> ModuleType | None:
     if asked == "off" or any(_is_set(f"NUMBA_{name}") for name in OTHER_CODE):
         return None
     try:
-        from resample.engine import _kernels
+        _kernels = import_module("resample.engine.compiled._kernels")
     except ImportError as error:
         LOG.debug("no library of kernels: %s", error)
         return None
