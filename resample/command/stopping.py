@@ -7,6 +7,7 @@ while a library in C++ is loaded, it is raised a little later. And when the comm
 signals change nothing any more.
 """
 
+import gc
 import signal
 import sys
 import time
@@ -54,12 +55,10 @@ def start(module: str) -> NoReturn:
             signal.signal(number, stop)
     status: Any = 0
     try:
-        from importlib import import_module
-
         from resample.command.threads import leave_algebra_alone
 
         leave_algebra_alone()
-        import_module(module).main()
+        _imported(module).main()
     except StoppedError as end:
         from resample.command.console import say
 
@@ -70,7 +69,20 @@ def start(module: str) -> NoReturn:
     finally:
         for number in WORDS:
             signal.signal(number, signal.SIG_IGN)
+        gc.freeze()  # all that is left goes with the process: it is not looked through for that
     raise SystemExit(status)
+
+
+def _imported(module: str) -> Any:
+    """A module, imported; what that makes stays, and is not looked through for garbage."""
+    from importlib import import_module
+
+    gc.disable()
+    try:
+        return import_module(module)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 def _stopping() -> "Callable[[int, FrameType | None], None]":

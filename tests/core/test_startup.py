@@ -130,6 +130,18 @@ def test_packages_are_searched_once_for_all_groups(tmp_path, monkeypatch):
     assert searched == [1]
 
 
+def test_garbage_is_not_looked_for_in_what_imports_have_made_and_then_again():
+    said = python(
+        "import gc, sys\n"
+        "from types import SimpleNamespace as Module\n"
+        "from resample.command.stopping import start\n"
+        "told = lambda: print(gc.isenabled(), gc.get_freeze_count() > 1000)\n"
+        "sys.modules['told'] = Module(main=told)\n"
+        "start('told')"
+    )
+    assert said.split() == ["True", "True"]
+
+
 @pytest.mark.parametrize(("given", "found"), [(None, "1"), ("3", "3")])
 def test_algebra_has_one_thread_unless_the_environment_says_more(given, found):
     said = python(
