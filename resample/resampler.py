@@ -498,12 +498,12 @@ class Resampler:
 
     def is_even(self, plan: PicturePlan) -> bool:
         """Whether all tiles of a picture are as fine."""
-        from resample.engine.grid import grid
+        from resample.engine.grid import grid_of
 
         style = self._style(np.eye(3), None)
         if self.projection is Projection.FIRST_HIT:
             return True
-        return bool(grid(plan.least, style) == grid(plan.most, style))
+        return bool(grid_of(plan.least, style) == grid_of(plan.most, style))
 
     def can_step(self, plan: PicturePlan) -> bool:
         """Whether a picture of this plan can be painted nearest parts first."""
@@ -714,7 +714,7 @@ class Resampler:
         return Style(
             model=list(Footprint).index(footprint),
             threshold=float(threshold),
-            subpixels=fixed if self.subpixels is None else self.subpixels,
+            subpixels=fixed if self.subpixels is None else int(self.subpixels),
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,
             most_for_points=POINT_GRID,
             point_extent=self._points.extent,

@@ -126,10 +126,10 @@ def planned_as_summed(scene: Scene, samples: Samples, painter: str) -> PicturePl
 
 def columns_of(scene: Scene, least: Single) -> int:
     """Sub-pixels in a row of a tile, at most, where spacings of samples are as small."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.slabs.sums import NARROW
 
-    return NARROW if _is_narrow(scene, grid(least, scene.style)) else MOST_COLUMNS
+    return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
 
 def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
@@ -139,12 +139,12 @@ def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
 
 def _as_fine(scene: Scene, least: Single) -> Scene:
     """Scene whose tiles all are as fine as the finest, if the projection asks for that."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     fewest = FEWEST.get(scene.style.projection, 0)
     if not fewest or scene.style.subpixels:
         return scene
-    finest = max(fewest, int(grid(least, scene.style)))
+    finest = max(fewest, grid_of(least, scene.style))
     return replace(scene, style=scene.style._replace(subpixels=finest))
 
 
@@ -180,11 +180,11 @@ def _is_narrow(scene: Scene, finest: int) -> bool:
 
 def _sums_of(scene: Scene) -> "Summed":
     """What is summed of a scene that was planned."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import Narrow, Wide
 
-    layers, finest = scene.layers, grid(plan_of(scene).least, scene.style)
+    layers, finest = scene.layers, grid_of(plan_of(scene).least, scene.style)
     ring = Narrow if _is_narrow(scene, finest) else Wide
     if scene.style.projection in (AVERAGE, ADDITIVE):
         return Summed(ALL, layers.thickness, layers, ring(1))

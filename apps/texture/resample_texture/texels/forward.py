@@ -26,7 +26,7 @@ from resample_texture.texels.kernels.blocks import (
     LEVEL,
     START,
     Integers,
-    sight,
+    sight_of,
     split_map,
     split_plane,
 )
@@ -234,7 +234,7 @@ def _roots(
     height, width = source_shape
     if edge is Edge.TRANSPARENT:
         return np.array([[0, 0, width, height]])
-    polygon = seen(sight(matrix, *shape, cells.reach), FARTHEST)
+    polygon = seen(sight_of(matrix, shape, cells.reach), FARTHEST)
     if not polygon.size:
         return np.zeros((0, 4), np.int64)
     if not cells.joined:

@@ -33,7 +33,7 @@ from resample_texture.texels.forward import (
     widened,
     with_margins,
 )
-from resample_texture.texels.kernels.blocks import Integers, sight
+from resample_texture.texels.kernels.blocks import Integers, sight_of
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splat_shapes import Shape
 from resample_texture.texels.kernels.splats import Splatted, splat_blocks
@@ -181,7 +181,7 @@ def _sight_of_splats(
     radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.
     """
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
-    lines = np.asarray(sight(matrix, *shape, reach))
+    lines = sight_of(matrix, shape, reach)
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
     lines[4, 2] -= numbers.nearest
     return lines
