@@ -171,6 +171,7 @@ def paint_points(
     progress
         Called with the share of the work that is done.
     """
+    from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.grid import grid_of
     from resample.engine.points.outlines import find_point_spacings
     from resample.engine.points.runs import paint_point_runs
@@ -191,7 +192,7 @@ def paint_points(
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, None))
+        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, AT_ONCE))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")

@@ -67,6 +67,7 @@ def paint_summed(
 ) -> tuple[Painted, Statistics]:
     """Picture of samples that are summed before they are composited."""
     from resample.engine.ellipsoids.deferred import find_spacings
+    from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
@@ -74,17 +75,18 @@ def paint_summed(
     summed, mixture = _sums_of(scene), mixture_of(scene)
     runs = _keyed(scene, summed, runs)
     clock.lap("project")
-    stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    stage, are_mixed = scene.stage, mixture is not None
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
     clock.lap("bin")
     screen, is_measuring = scene.screen, scene.style.projection in MEASURING
     value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
-    blend = _blend_of(scene, is_mixed=mixture is not None)
+    blend = _blend_of(scene, is_mixed=are_mixed)
     ways = Ways(_integral_of(scene, reconstruction), summed, blend)
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         film, tally = output
-        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally, None))
+        whole = film, value, tally, AT_ONCE
+        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
 
     painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
     clock.lap("paint")

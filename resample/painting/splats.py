@@ -156,9 +156,9 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
     """
     from resample.engine.ellipsoids.deferred import find_spacings
 
-    mixture = mixture_of(scene)
-    runs = runs_of(scene, samples, are_mixed=mixture is not None)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, mixture))
+    are_mixed = mixture_of(scene) is not None
+    runs = runs_of(scene, samples, are_mixed=are_mixed)
+    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, are_mixed))
     return tiles.spacing
 
 
@@ -210,13 +210,14 @@ def _painted(
 ) -> tuple[Painted, Statistics]:
     """Picture of samples in runs."""
     from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
+    from resample.engine.ellipsoids.steps import AT_ONCE
 
-    stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    stage, are_mixed = scene.stage, mixture is not None
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, None))
+        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, AT_ONCE))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")
