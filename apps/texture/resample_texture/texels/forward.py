@@ -75,12 +75,12 @@ class Cells:
     @property
     def cut_quality(self) -> float:
         """Cells per px that texels are cut for; 0 if they are not."""
-        return self.quality if self.cut else 0.0
+        return float(self.quality) if self.cut else 0.0
 
     @property
     def longest(self) -> float:
         """Length that joined texels may have, px."""
-        return self.joined / max(self.quality, 1.0)
+        return float(self.joined / max(self.quality, 1.0))
 
     @property
     def taps_reach(self) -> int:

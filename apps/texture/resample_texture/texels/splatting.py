@@ -108,7 +108,8 @@ class Splatting:
         nearest = max(2.0 * self.radius, 0.5) * slope
         variance = self.sigma**2 if self.threshold < math.inf else 0.0
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
-        return Shape(variance, self.filter_sigma**2, self.threshold, nearest, taps)
+        widths = float(variance), float(self.filter_sigma**2)  # numbers may be given as integers
+        return Shape(*widths, float(self.threshold), nearest, taps)
 
 
 def splat(
