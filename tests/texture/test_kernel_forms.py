@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from resample.engine.cells.sums import finish
 from resample.engine.levels import look_up
-from resample_texture import ForwardMap, Hybrid, warp
+from resample_texture import ForwardMap, Hybrid, Splats, warp
 from resample_texture.texels.encoding import light
 from resample_texture.texels.kernels.blocks import sight, sight_of, split_map, split_plane
 from resample_texture.texels.kernels.painting import paint_blocks
@@ -47,6 +48,13 @@ def test_what_splats_are_may_be_said_in_whole_numbers(threshold: Any) -> None:
     before = forms(blocks_on_plane, splat_blocks)
     painted(Splatting(sigma=1, filter_sigma=1, threshold=threshold))
     assert forms(blocks_on_plane, splat_blocks) == before
+
+
+def test_that_values_are_totals_may_be_said_in_numbers() -> None:
+    warp(PICTURE, GROWN, SIZE, method=Splats(total=True))
+    before = forms(splat_blocks, finish)
+    warp(PICTURE, GROWN, SIZE, method=Splats(total=1))  # type: ignore[arg-type]
+    assert forms(splat_blocks, finish) == before
 
 
 @pytest.mark.parametrize(("method", "kernel"), [("points", split_map), ("splats", blocks_on_map)])

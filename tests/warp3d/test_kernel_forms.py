@@ -4,6 +4,7 @@ import numpy as np
 
 from resample.engine.surfaces.resolve import resolve_rows
 from resample_warp3d import Camera, Cloud, prepare, render_cloud, warp
+from resample_warp3d.clouds.kernels.discs import see
 from resample_warp3d.sheet.kernels.limbs import project_ends
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.showing.scenes import generated
@@ -40,3 +41,14 @@ def test_clouds_and_pictures_are_filtered_by_one_kernel() -> None:
     cloud = Cloud(place, np.empty((0, 3)), np.ones((50, 3)), np.empty(0))
     render_cloud(cloud, eye, size=(32, 24), filter=smooth)
     assert specialisations(resolve_rows) == before
+
+
+def test_clouds_may_lie_in_columns() -> None:
+    eye, rng = Camera.from_fov(60, 24, 32), np.random.default_rng(3)
+    place, color = rng.uniform([-1, -1, 4], [1, 1, 5], (50, 3)), rng.uniform(0, 1, (50, 3))
+    cloud = Cloud(place, np.empty((0, 3)), color, np.empty(0))
+    truth = render_cloud(cloud, eye, size=(32, 24)).rgba
+    before = specialisations(see)
+    columns = cloud._replace(position=np.asfortranarray(place), color=np.asfortranarray(color))
+    np.testing.assert_array_equal(render_cloud(columns, eye, size=(32, 24)).rgba, truth)
+    assert specialisations(see) == before

@@ -347,13 +347,13 @@ class Sums:
         radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
         border = Border(lines, radius, full, *self.first)
         for (first, _), picture in zip(self.groups, self.pictures, strict=True):
-            finish(picture, border, self.cells.is_sum, Means(image, coverage, first))
+            finish(picture, border, bool(self.cells.is_sum), Means(image, coverage, first))
         return Warped(image, coverage)
 
 
 def spread_of(cells: Cells) -> Spread:
     """How cells are spread over pixels, as kernels take it."""
-    return Spread(cells.taps, cells.is_sum, profile_table(cells.pixel_filter, cells.taps))
+    return Spread(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
 
 def project(

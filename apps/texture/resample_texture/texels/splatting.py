@@ -136,7 +136,7 @@ def splat(
     cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
     sums = Sums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
-    spread = Spread(numbers.taps, splatting.is_sum, profile)
+    spread = Spread(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(blocks.bounds, count + 1):
             splatted = Splatted(
