@@ -44,6 +44,8 @@ from resample.painting.scene import (
     Scene,
     check_samples,
     ellipsoid_of,
+    field_alike,
+    look_alike,
     nothing_painted,
     planes_of,
     samples_of,
@@ -498,12 +500,12 @@ class Resampler:
 
     def is_even(self, plan: PicturePlan) -> bool:
         """Whether all tiles of a picture are as fine."""
-        from resample.engine.grid import grid
+        from resample.engine.grid import grid_of
 
         style = self._style(np.eye(3), None)
         if self.projection is Projection.FIRST_HIT:
             return True
-        return bool(grid(plan.least, style) == grid(plan.most, style))
+        return bool(grid_of(plan.least, style) == grid_of(plan.most, style))
 
     def can_step(self, plan: PicturePlan) -> bool:
         """Whether a picture of this plan can be painted nearest parts first."""
@@ -533,7 +535,8 @@ class Resampler:
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
-        scene = self._scene(nothing, camera.view(), plan.size, source.classifier, clip)
+        look = None if source.classifier is None else look_alike(source.classifier)
+        scene = self._scene(nothing, camera.view(), plan.size, look, clip)
         scene = replace(scene, layers=plan.layers, plan=plan, window=window)
         if not self._is_streamed(scene):
             return summed_in_steps(scene, self.reconstruction)
@@ -600,6 +603,7 @@ class Resampler:
         progress: Progress | None,
     ) -> Frame:
         """Picture of a field that rays go through."""
+        field = field_alike(field)
         style = self._style(field.lattice, field.classifier)
         gathering = Gathering(style, self._tables, self.order.thickness, clip)
         return self._developed(*paint_field(field, view, size, gathering, progress))
@@ -714,7 +718,7 @@ class Resampler:
         return Style(
             model=list(Footprint).index(footprint),
             threshold=float(threshold),
-            subpixels=fixed if self.subpixels is None else self.subpixels,
+            subpixels=fixed if self.subpixels is None else int(self.subpixels),
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,
             most_for_points=POINT_GRID,
             point_extent=self._points.extent,
@@ -723,11 +727,11 @@ class Resampler:
             blurred=EWA_VARIANCE * per_variance if primitive is Primitive.EWA else 0.0,
             faintest=0.0 if look is None else -np.inf,
             projection=list(Projection).index(self.projection),
-            iso=0.0 if look is None or self.iso is None else _position(self.iso, look),
+            iso=0.0 if look is None or self.iso is None else float(_position(self.iso, look)),
             linear_opacity=self.opacity is Opacity.LINEAR,
             layer=float(voxel * self.order.thickness),
             opaque=OPAQUE,
-            **dict(zip(("tint_red", "tint_green", "tint_blue"), tint, strict=True)),
+            **dict(zip(("tint_red", "tint_green", "tint_blue"), map(float, tint), strict=True)),
         )
 
 
@@ -778,7 +782,7 @@ def _position(iso: float, look: Classifier) -> float:
 def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
     """Samples for the painters, and what a field looks like."""
     if isinstance(samples, Field):
-        return samples_of(samples), samples.classifier
+        return samples_of(samples), look_alike(samples.classifier)
     return check_samples(samples), None
 
 

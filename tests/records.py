@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.grid import grid
+from resample.engine.grid import grid_of
 from resample.engine.over import VISIBLE
 from resample.engine.points.adding import MOST_TAPS
 from resample.painting.layers import sheets_of
@@ -66,7 +66,7 @@ def _records(scene, samples):
 def _fineness(scene, record, height, width):
     """Sub-pixels per side of every pixel (H, W): those of the tile that it lies in."""
     size = size_of_tiles(
-        grid(record["spacing"].min(initial=np.inf), scene.style), scene.tables.pixel_margin
+        grid_of(record["spacing"].min(initial=np.inf), scene.style), scene.tables.pixel_margin
     )
     margin, fineness = scene.screen.margin, np.ones((height, width), int)
     rows, columns = tiles_along(scene.screen, size)
@@ -74,7 +74,7 @@ def _fineness(scene, record, height, width):
         top, left = tile // columns * size, tile % columns * size
         is_met = (record["left"] - margin < left + size) & (record["right"] + margin >= left)
         is_met &= (record["top"] - margin < top + size) & (record["bottom"] + margin >= top)
-        finest = grid(float(record["spacing"][is_met].min(initial=np.inf)), scene.style)
+        finest = grid_of(float(record["spacing"][is_met].min(initial=np.inf)), scene.style)
         fineness[top : top + size, left : left + size] = finest
     return fineness
 

@@ -1,6 +1,7 @@
 """How fine the sub-pixels of a tile are, and how wide points are on them."""
 
 import math
+from inspect import unwrap
 
 import numpy as np
 
@@ -26,6 +27,11 @@ def grid(smallest: float, style: Style) -> int:
     for_splats = min(style.most_for_splats, math.ceil(1.0 / spacing))
     for_points = min(style.most_for_points, int(min(style.threshold, POINT_SPACING) / spacing))
     return max(1, for_splats, for_points)
+
+
+def grid_of(smallest: Single, style: Style) -> int:
+    """As `grid`, for Python: a single number is not worth machine code."""
+    return int(unwrap(grid)(float(smallest), style))
 
 
 @kernel

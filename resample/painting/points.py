@@ -80,9 +80,9 @@ def plan_of_points(scene: Scene, samples: Samples) -> PicturePlan:
 
 def suits_points(scene: Scene, plan: PicturePlan) -> bool:
     """Whether all samples of a plan as points are such, and their filter fits."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
-    finest = grid(plan.least, scene.style)
+    finest = grid_of(plan.least, scene.style)
     is_seen = plan.seen > 0 and _are_points(scene, plan.most)
     return is_seen and _form_of(scene, plan, finest) is not None
 
@@ -134,11 +134,11 @@ def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
 def points_in_steps(scene: Scene, profile: Profile) -> InSteps:
     """How points of a scene that was planned are painted step by step."""
     from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.points.runs import paint_point_runs
 
     stage, plan = scene.stage, plan_of(scene)
-    form = _form_of(scene, plan, grid(plan.least, scene.style))
+    form = _form_of(scene, plan, grid_of(plan.least, scene.style))
     if form is None:
         raise RuntimeError("a plan of points has a filter that fits")
 
@@ -171,7 +171,8 @@ def paint_points(
     progress
         Called with the share of the work that is done.
     """
-    from resample.engine.grid import grid
+    from resample.engine.ellipsoids.steps import AT_ONCE
+    from resample.engine.grid import grid_of
     from resample.engine.points.outlines import find_point_spacings
     from resample.engine.points.runs import paint_point_runs
 
@@ -182,7 +183,7 @@ def paint_points(
         return None
     scene = planned(scene, POINTS, runs, MOST_COLUMNS)
     plan = plan_of(scene)
-    form = _form_of(scene, plan, grid(plan.least, scene.style))
+    form = _form_of(scene, plan, grid_of(plan.least, scene.style))
     if form is None:
         return None
     clock.lap("project")
@@ -191,7 +192,7 @@ def paint_points(
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, None))
+        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, AT_ONCE))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")

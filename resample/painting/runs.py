@@ -46,7 +46,7 @@ def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
     """
     if scene.plan is not None:
         return scene
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     known, style = runs.known, scene.style
     least = known["least_spacing"].min()
@@ -54,7 +54,7 @@ def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
     plan = PicturePlan(
         painter,
         (scene.screen.height, scene.screen.width),
-        size_of_tiles(grid(least, style), scene.tables.pixel_margin, columns),
+        size_of_tiles(grid_of(least, style), scene.tables.pixel_margin, columns),
         scene.screen.margin,
         least,
         known["most_spacing"].max(),
@@ -88,7 +88,7 @@ def dealt(
 
     `find_spacings` fills in the spacings of tiles of a scene that was planned.
     """
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.runs import count_runs, deal_runs
 
     known, screen, style = runs.known, scene.screen, scene.style
@@ -103,7 +103,7 @@ def dealt(
     deal_runs(known, screen, tiles, load)
     if plan.spacing is not None:
         return tiles._replace(spacing=plan.spacing), load
-    if grid(most, style) < grid(least, style) and scene.window != NOTHING:
+    if grid_of(most, style) < grid_of(least, style) and scene.window != NOTHING:
         find_spacings(tiles)
     return tiles, load
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.memory.alike import alike
 from resample.painting.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
@@ -18,6 +19,8 @@ from resample.types import (
     Field,
     Film,
     Floats,
+    Lamp,
+    LatticeField,
     Layers,
     Records,
     Samples,
@@ -42,7 +45,7 @@ def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
     ValueError
         They are not finite, all but in one plane, or absurdly short, long or uneven.
     """
-    steps = np.ascontiguousarray(lattice, np.float64)
+    steps = alike(lattice, np.float64)
     if steps.shape != (3, 3) or not _is_regular(steps):
         raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
     length = np.linalg.norm(steps, axis=0)
@@ -84,9 +87,7 @@ def check_samples(samples: Samples) -> Samples:
         Shapes do not fit, a value is not finite, an extinction is negative, a scale is not above
         0, or the lattice is singular.
     """
-    position = np.ascontiguousarray(samples.position, np.float32)
-    color = np.ascontiguousarray(samples.color, np.float32)
-    extinction = np.ascontiguousarray(samples.extinction, np.float32)
+    position, color, extinction = (alike(given, np.float32) for given in samples[:3])
     count = extinction.size
     if extinction.ndim != 1 or position.shape != (count, 3) or color.shape != (count, 3):
         raise ValueError(
@@ -108,7 +109,7 @@ def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None
     if scale is None:
         return None
     with np.errstate(over="ignore"):
-        sizes = np.require(scale, np.float32, ["C", "W"])  # a view of one number is neither
+        sizes = alike(scale, np.float32)
         if sizes.shape != extinction.shape:
             raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
         if not (_is_finite(sizes) and (sizes > 0).all()):
@@ -160,6 +161,31 @@ def samples_of(field: Field) -> Samples:
     position = (value - look.low) / (look.high - look.low)
     samples = Samples(field.position, gradient, np.zeros(value.size, np.float32), field.lattice)
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
+
+
+def look_alike(look: Classifier) -> Classifier:
+    """Classifier whose arrays and numbers are what kernels are compiled for."""
+    lamp = look.lamp
+    toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
+    return Classifier(
+        alike(look.table, np.float32),
+        float(look.low),
+        float(look.high),
+        float(look.steep),
+        Lamp(toward, viewer, *map(float, lamp[2:])),
+        float(look.near),
+        float(look.far),
+        float(look.dimmed),
+    )
+
+
+def field_alike(field: LatticeField) -> LatticeField:
+    """Field whose axes and look are what kernels are compiled for."""
+    return field._replace(
+        lattice=alike(field.lattice, np.float64),
+        origin=alike(field.origin, np.float64),
+        classifier=look_alike(field.classifier),
+    )
 
 
 def _is_regular(matrix: Doubles) -> bool:

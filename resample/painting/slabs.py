@@ -67,6 +67,7 @@ def paint_summed(
 ) -> tuple[Painted, Statistics]:
     """Picture of samples that are summed before they are composited."""
     from resample.engine.ellipsoids.deferred import find_spacings
+    from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
@@ -74,17 +75,18 @@ def paint_summed(
     summed, mixture = _sums_of(scene), mixture_of(scene)
     runs = _keyed(scene, summed, runs)
     clock.lap("project")
-    stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    stage, are_mixed = scene.stage, mixture is not None
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
     clock.lap("bin")
     screen, is_measuring = scene.screen, scene.style.projection in MEASURING
     value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
-    blend = _blend_of(scene, is_mixed=mixture is not None)
+    blend = _blend_of(scene, is_mixed=are_mixed)
     ways = Ways(_integral_of(scene, reconstruction), summed, blend)
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
         film, tally = output
-        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, (film, value, tally, None))
+        whole = film, value, tally, AT_ONCE
+        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
 
     painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
     clock.lap("paint")
@@ -126,10 +128,10 @@ def planned_as_summed(scene: Scene, samples: Samples, painter: str) -> PicturePl
 
 def columns_of(scene: Scene, least: Single) -> int:
     """Sub-pixels in a row of a tile, at most, where spacings of samples are as small."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.slabs.sums import NARROW
 
-    return NARROW if _is_narrow(scene, grid(least, scene.style)) else MOST_COLUMNS
+    return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
 
 def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
@@ -139,12 +141,12 @@ def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
 
 def _as_fine(scene: Scene, least: Single) -> Scene:
     """Scene whose tiles all are as fine as the finest, if the projection asks for that."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     fewest = FEWEST.get(scene.style.projection, 0)
     if not fewest or scene.style.subpixels:
         return scene
-    finest = max(fewest, int(grid(least, scene.style)))
+    finest = max(fewest, grid_of(least, scene.style))
     return replace(scene, style=scene.style._replace(subpixels=finest))
 
 
@@ -180,11 +182,11 @@ def _is_narrow(scene: Scene, finest: int) -> bool:
 
 def _sums_of(scene: Scene) -> "Summed":
     """What is summed of a scene that was planned."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import Narrow, Wide
 
-    layers, finest = scene.layers, grid(plan_of(scene).least, scene.style)
+    layers, finest = scene.layers, grid_of(plan_of(scene).least, scene.style)
     ring = Narrow if _is_narrow(scene, finest) else Wide
     if scene.style.projection in (AVERAGE, ADDITIVE):
         return Summed(ALL, layers.thickness, layers, ring(1))

@@ -65,7 +65,7 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
         Sub-pixels that are as fine do not fit under so wide a filter.
     """
     from resample.engine.ellipsoids.run_bounds import outline_runs
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
     known = np.zeros(start.size - 1, RUN)
@@ -74,7 +74,7 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
         if not (by_boxes and _is_vague(scene, known, are_mixed=are_mixed)):
             break
     least = known["least_spacing"].min()
-    finest, margin = grid(least, scene.style), scene.tables.pixel_margin
+    finest, margin = grid_of(least, scene.style), scene.tables.pixel_margin
     columns = (size_of_tiles(finest, margin) + 2 * margin) * finest
     if columns > MOST_COLUMNS:
         raise ValueError(
@@ -86,20 +86,20 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
 
 def may_have_points(scene: Scene, runs: Runs) -> bool:
     """Whether a sample may be no splat."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     least = runs.known["least_spacing"].min()
-    return bool(least * grid(least, scene.style) <= scene.style.threshold)
+    return bool(least * grid_of(least, scene.style) <= scene.style.threshold)
 
 
 def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
     """Whether bounds of the least spacing do not tell the grid, or whether all are splats."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     least, most = known["least_spacing"].min(), known["most_spacing"]
-    finest = grid(least, scene.style)
+    finest = grid_of(least, scene.style)
     no_more = most[known["seen"] > 0].min(initial=np.inf)
-    if finest != grid(no_more, scene.style):
+    if finest != grid_of(no_more, scene.style):
         return True
     return not are_mixed and bool(least * finest <= scene.style.threshold)
 
@@ -144,9 +144,9 @@ def planned_as(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
 
 def has_points(scene: Scene, plan: PicturePlan) -> bool:
     """Whether a sample of a plan as splats may be none."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
-    return bool(plan.least * grid(plan.least, scene.style) <= scene.style.threshold)
+    return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
 
 
 def spacings_of(scene: Scene, samples: Samples) -> Floats:
@@ -156,9 +156,9 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
     """
     from resample.engine.ellipsoids.deferred import find_spacings
 
-    mixture = mixture_of(scene)
-    runs = runs_of(scene, samples, are_mixed=mixture is not None)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, mixture))
+    are_mixed = mixture_of(scene) is not None
+    runs = runs_of(scene, samples, are_mixed=are_mixed)
+    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, are_mixed))
     return tiles.spacing
 
 
@@ -210,13 +210,14 @@ def _painted(
 ) -> tuple[Painted, Statistics]:
     """Picture of samples in runs."""
     from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
+    from resample.engine.ellipsoids.steps import AT_ONCE
 
-    stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, mixture))
+    stage, are_mixed = scene.stage, mixture is not None
+    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
     clock.lap("bin")
 
     def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, None))
+        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, AT_ONCE))
 
     painted = paint_tiles(paint, scene, deal, progress)
     clock.lap("paint")

@@ -43,7 +43,7 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
         Values are too large for float32, or neither memory nor a disk holds the field.
     """
     from resample.engine.jit import threads
-    from resample.engine.rays.coefficients import BRICK, find_bounds
+    from resample.engine.rays.coefficients import BRICK, find_bounds, held_as
     from resample.engine.rays.splines import PAD
 
     given, base = _native(values)
@@ -60,7 +60,7 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     deep, down, across = (-(-(count + 1) // BRICK) for count in shape)
     size = (deep, down, across)
     found = Bounds(*(array_like(values, size, np.float32, FIELD) for _ in Bounds._fields))
-    find_bounds(flat, shape, found)
+    find_bounds(held_as(flat), shape, found)
     bounds = Bounds(*(array_like(values, size, np.float64, FIELD) for _ in Bounds._fields))
     for bound, raw in zip(bounds, found, strict=True):
         for n, plane in enumerate(raw):
@@ -148,21 +148,22 @@ def _ends(values: NDArray[np.generic], low: float, high: float) -> tuple[float, 
 
 
 def _filled(
-    values: NDArray[np.generic], low: float, span: float, sharpness: float, flat: Coefficients
+    values: NDArray[Any], low: float, span: float, sharpness: float, flat: Coefficients
 ) -> tuple[float, float]:
     """Store coefficients; gives the scale and the zero of what is stored."""
-    from resample.engine.rays.coefficients import MOST, SLAB, Form, find_coefficients
+    from resample.engine.rays.coefficients import MOST, SLAB, Form, find_coefficients, values_of
 
-    cut = np.zeros(-(-values.shape[0] // SLAB), np.int64)
+    shape = values.shape
+    given, cut = values_of(values), np.zeros(-(-shape[0] // SLAB), np.int64)
     if flat.dtype == np.float32:
         form = Form(low, np.float32(0.0), np.float32(1.0), np.float32(sharpness), False)
-        find_coefficients(values, form, flat, cut)
+        find_coefficients(given, shape, form, flat, cut)
         return 1.0, low
     for margin in MARGINS:
         scale = (1.0 + 2.0 * margin) * span / float(MOST)
         zero = -margin * span
         form = Form(low, np.float32(zero), np.float32(1.0 / scale), np.float32(sharpness), True)
-        find_coefficients(values, form, flat, cut)
+        find_coefficients(given, shape, form, flat, cut)
         if not cut.any():
             break
     return scale, low + zero

@@ -3,12 +3,14 @@ import pytest
 
 from resample.engine.tiles import CHUNKS
 from resample.painting.scene import dealt_to_tiles
-from resample.types import FOOTPRINT, Screen
+from resample.types import Screen
+
+BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bottom", "spacing")])
 
 
 def boxes(rng, count, width, height):
     """Records with random bounds in, across and off a frame; some cannot be seen."""
-    record = np.zeros(count, FOOTPRINT)
+    record = np.zeros(count, BOUNDS)
     x, y = rng.uniform(-20, width + 20, count), rng.uniform(-20, height + 20, count)
     reach = rng.choice([0.0, 0.3, 3.0, 30.0, 1e6, 1e30], count)
     record["left"], record["right"] = x - reach, x + reach
@@ -16,7 +18,7 @@ def boxes(rng, count, width, height):
     hidden = rng.uniform(size=count) < 0.2
     record["left"][hidden], record["right"][hidden] = 1.0, 0.0
     record["top"][hidden], record["bottom"][hidden] = 1.0, 0.0
-    record["spacing"] = rng.uniform(0.1, 5, count)
+    record["spacing"] = np.float32(rng.uniform(0.1, 5, count))
     return record
 
 

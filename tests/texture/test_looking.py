@@ -229,7 +229,8 @@ def test_channels_do_not_see_each_other(channels):
     source = noise(channels=channels)
     together = look(source, VIEWS["turned"], SHAPE, Edge.WRAP, Cells()).image
     for c in range(channels):
-        alone = look(source[..., c : c + 1], VIEWS["turned"], SHAPE, Edge.WRAP, Cells()).image
+        channel = np.ascontiguousarray(source[..., c : c + 1])
+        alone = look(channel, VIEWS["turned"], SHAPE, Edge.WRAP, Cells()).image
         np.testing.assert_allclose(together[..., c], alone[..., 0], atol=1e-6)
 
 

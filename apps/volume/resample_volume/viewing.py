@@ -312,7 +312,6 @@ class VolumeView:
     def warm(self) -> Iterator[None]:
         """Paint a little volume of this one's type in all ways, see `views.Warming`."""
         values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(self.volume.values.dtype)
-        values.flags.writeable = self.volume.values.flags.writeable  # kernels are compiled for both
         painter = VolumePainter(self.volume._replace(values=values))
         for kind in KINDS:
             painter.paint(kind, (LITTLE, LITTLE), quick=False, cancel=Cancel())

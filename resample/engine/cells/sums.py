@@ -38,14 +38,11 @@ class Means(NamedTuple):
     first: int  # channel of the image
 
 
-@kernel
 def offsets(bounds: Integers, lanes: int) -> Integers:
     """Where the sums of each part begin (B + 1,)."""
-    start = np.zeros(bounds.shape[0] + 1, np.int64)
-    for n in range(bounds.shape[0]):
-        height = bounds[n, BOTTOM] - bounds[n, TOP]
-        width = bounds[n, RIGHT] - bounds[n, LEFT]
-        start[n + 1] = start[n] + height * width * lanes
+    start = np.zeros(len(bounds) + 1, np.int64)
+    pixels = (bounds[:, BOTTOM] - bounds[:, TOP]) * (bounds[:, RIGHT] - bounds[:, LEFT])
+    np.cumsum(pixels * lanes, out=start[1:])
     return start
 
 

@@ -118,10 +118,14 @@ def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
 
 @parallel_kernel
 def find_spacings(
-    counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, mixture: Mixture | None
+    counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, are_mixed: bool
 ) -> None:
-    """Fill in for all tiles a spacing that has the grid of the smallest one among its samples."""
-    sight = sight_of(stage, beyond_of(mixture, stage))
+    """Fill in for all tiles a spacing that has the grid of the smallest one among its samples.
+
+    `are_mixed` as for `outline_runs`.
+    """
+    beyond = reach_of(stage.style, stage.ellipsoid.radius) if are_mixed else NO_REACH
+    sight = sight_of(stage, beyond)
     planes, style = stage.screen.planes, stage.style
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     start, scale = runs.start, runs.samples.scale
@@ -291,7 +295,7 @@ def _paint_tile(
     formula: Formula,
     mixture: Mixture | None,
     ground: Ground,
-    output: tuple[Tally, Carried | None],
+    output: tuple[Tally, Carried],
 ) -> bool:
     """Paint what a tile's runs show of their samples, nearest first, until all is opaque.
 
@@ -329,7 +333,7 @@ def paint_runs(
     stage: Stage,
     formula: Formula,
     mixture: Mixture | None,
-    output: tuple[Film, Tally, Carried | None],
+    output: tuple[Film, Tally, Carried],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 

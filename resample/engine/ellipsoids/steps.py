@@ -56,6 +56,22 @@ class Carried(NamedTuple):
     step: Step
 
 
+AT_ONCE = Carried(  # painted in one go, from which nothing is kept
+    np.zeros(0, np.float32),
+    0,
+    np.zeros(0, np.int64),
+    np.zeros(0, np.uint8),
+    np.zeros((0, 0, 0), np.bool_),
+    Step(np.float32(0.0), np.float32(0.0), np.float32(0.0), 0, 0),
+)
+
+
+@kernel
+def in_steps(carried: Carried) -> bool:
+    """Whether tiles are painted step by step."""
+    return bool(carried.state.size > 0)
+
+
 @kernel
 def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count: Indices) -> None:
     """Sub-pixels of the canvas of each tile (T,) that is shown."""
@@ -65,9 +81,9 @@ def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count:
 
 
 @kernel
-def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried | None) -> None:
+def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried) -> None:
     """Put sub-pixels that were kept into rows that are new."""
-    if carried is not None and carried.state[tile] != NEW:
+    if in_steps(carried) and carried.state[tile] != NEW:
         place = carried.each * carried.start[tile]
         for row in range(height):
             for column in range(width):
@@ -84,10 +100,10 @@ def go_on(
     size: tuple[int, int],
     opaque: Single,
     tile: int,
-    carried: Carried | None,
+    carried: Carried,
 ) -> None:
     """Put sub-pixels that were kept into rows that are new, and close groups that are opaque."""
-    if carried is not None:
+    if in_steps(carried):
         take_up(rows, size[0], size[1], tile, carried)
         close_rows(open_groups, rows, size[1], opaque)
 
@@ -100,7 +116,7 @@ def lay_down(
     opaque: Single,
     tile: int,
     is_open: bool,
-    carried: Carried | None,
+    carried: Carried,
 ) -> None:
     """Keep sub-pixels until the next step, unless all are opaque: these never change.
 
@@ -108,7 +124,7 @@ def lay_down(
     so many pixels beyond its tile. Those are reached by what reaches so far beyond the tile, so
     that its pixels stand for those next to them.
     """
-    if carried is not None:
+    if in_steps(carried):
         (height, width), (n, margin), side = size, grid, carried.is_open.shape[1]
         carried.state[tile] = OPEN if is_open else OPAQUE
         carried.is_open[tile] = False
@@ -126,9 +142,9 @@ def lay_down(
 
 
 @kernel
-def leave_out(line: Pairs, first: int, last: int, carried: Carried | None) -> int:
+def leave_out(line: Pairs, first: int, last: int, carried: Carried) -> int:
     """Of pairs from one to before another, keep those of this step; gives where they end."""
-    if carried is None:
+    if not in_steps(carried):
         return last
     least = np.uint64(bits_of(carried.step.again)) << HALF
     behind = np.uint64(bits_of(carried.step.last)) << HALF

@@ -26,7 +26,7 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
-from resample.engine.ellipsoids.steps import Carried, go_on, lay_down
+from resample.engine.ellipsoids.steps import Carried, go_on, in_steps, lay_down
 from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
@@ -152,9 +152,9 @@ def drop_clipped(
 
 
 @kernel
-def leave_out_sheets(room: Doubles, count: int, carried: Carried | None) -> None:
+def leave_out_sheets(room: Doubles, count: int, carried: Carried) -> None:
     """Take samples out of a batch whose sheets are painted in other steps."""
-    if carried is not None:
+    if in_steps(carried):
         for n in range(count):
             k = np.uint64(n)
             if not carried.step.done <= room[k + SHEET] < carried.step.due:
@@ -299,7 +299,7 @@ def paint_point_runs(
     stage: Stage,
     profile: Profile,
     form: Spread,
-    output: tuple[Film, Tally, Carried | None],
+    output: tuple[Film, Tally, Carried],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 

@@ -26,7 +26,23 @@ _POLE, _GAIN = np.float32(POLE), np.float32(6.0)
 _END = np.float32(POLE / (POLE - 1.0))  # what is mirrored about half a sample beyond the end
 MOST = np.float32(65535.0)  # of 16 bits
 
-Values = NDArray[Any]
+
+class Values(NamedTuple):
+    """Samples (Z, Y, X) of one of these types, and (0, 0, 0) of all others; read only."""
+
+    uint8: NDArray[np.uint8]
+    int8: NDArray[np.int8]
+    uint16: NDArray[np.uint16]
+    int16: NDArray[np.int16]
+    float32: Floats
+
+
+def values_of(given: NDArray[Any]) -> Values:
+    """Samples, read only, of any of the types, as one kernel takes them all."""
+    arrays = {name: np.empty((0, 0, 0), name) for name in Values._fields}
+    for array in arrays.values():
+        array.setflags(write=False)
+    return Values(**arrays | {given.dtype.name: given})
 
 
 class Form(NamedTuple):
@@ -92,6 +108,21 @@ def _filter_line(part: Floats, at: int, count: int) -> None:
 @kernel
 def _taken(values: Values, low: float, first: int, last: int, part: Floats) -> None:
     """Samples of some planes as how far they are above the least one."""
+    if values.uint8.size > 0:
+        _raised(values.uint8, low, first, last, part)
+    elif values.int8.size > 0:
+        _raised(values.int8, low, first, last, part)
+    elif values.uint16.size > 0:
+        _raised(values.uint16, low, first, last, part)
+    elif values.int16.size > 0:
+        _raised(values.int16, low, first, last, part)
+    else:
+        _raised(values.float32, low, first, last, part)
+
+
+@kernel
+def _raised(values: NDArray[Any], low: float, first: int, last: int, part: Floats) -> None:
+    """As `_taken`, of one type."""
     _, height, width = values.shape
     n = 0
     for k in range(first, last):
@@ -133,9 +164,11 @@ def _kept(
 
 
 @kernel
-def _filter_slab(slab: int, values: Values, to: Form, flat: Coefficients) -> int:
+def _filter_slab(
+    slab: int, values: Values, shape: tuple[int, int, int], to: Form, flat: Coefficients
+) -> int:
     """Coefficients of a slab of planes; gives how many were cut off."""
-    depth, height, width = values.shape
+    depth, height, width = shape
     begin, end = slab * SLAB, min(depth, (slab + 1) * SLAB)
     first, last = max(0, begin - HALO), min(depth, end + HALO)
     area, cut = height * width, 0
@@ -156,14 +189,21 @@ def _filter_slab(slab: int, values: Values, to: Form, flat: Coefficients) -> int
 
 @parallel_kernel
 def find_coefficients(
-    counter: Counter, values: Values, to: Form, flat: Coefficients, cut: Indices
+    counter: Counter,
+    values: Values,
+    shape: tuple[int, int, int],
+    to: Form,
+    flat: Coefficients,
+    cut: Indices,
 ) -> None:
     """Coefficients of a spline that passes through all samples.
 
     Parameters
     ----------
     values
-        (Z, Y, X), all finite.
+        All finite.
+    shape
+        Z, Y and X.
     to
         How coefficients are stored.
     flat
@@ -172,7 +212,7 @@ def find_coefficients(
         (slabs,) filled: how many coefficients lay beyond what can be stored.
     """
     for slab in tasks(counter, cut.size):
-        cut[slab] = _filter_slab(slab, values, to, flat)
+        cut[slab] = _filter_slab(slab, values, shape, to, flat)
 
 
 @lane_kernel
@@ -209,9 +249,23 @@ def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
         greatest[k] = above if above > greatest[k] else greatest[k]
 
 
+class Held(NamedTuple):
+    """Coefficients of one of two types; there are none of the other."""
+
+    short: NDArray[np.uint16]  # (N,) or (0,)
+    long: Floats  # (0,) or (N,)
+
+
+def held_as(flat: NDArray[Any]) -> Held:
+    """Coefficients of either type, as one kernel takes both."""
+    if flat.dtype == np.uint16:
+        return Held(flat, np.empty(0, np.float32))
+    return Held(np.empty(0, np.uint16), flat)
+
+
 @kernel
 def _bound_bricks(
-    k: int, j: int, flat: Coefficients, shape: tuple[int, int, int], room: Floats, bounds: Bounds
+    k: int, j: int, flat: Held, shape: tuple[int, int, int], room: Floats, bounds: Bounds
 ) -> None:
     """Bounds of a row of bricks."""
     depth, height, width = shape
@@ -226,7 +280,11 @@ def _bound_bricks(
     for along in range(3 * planes + 1):
         at = (k * BRICK + along // 3) * plane + j * BRICK * across
         for row in range(rows + 3):
-            _bernstein_plane(flat, at + row * across, plane, along % 3, across, mixed[row])
+            begin, kind = at + row * across, along % 3
+            if flat.short.size > 0:
+                _bernstein_plane(flat.short, begin, plane, kind, across, mixed[row])
+            else:
+                _bernstein_plane(flat.long, begin, plane, kind, across, mixed[row])
         level = mixed.reshape(-1)
         for down in range(3 * rows + 1):
             start = (down // 3) * mixed.shape[1]
@@ -239,15 +297,13 @@ def _bound_bricks(
 
 
 @parallel_kernel
-def find_bounds(
-    counter: Counter, flat: Coefficients, shape: tuple[int, int, int], bounds: Bounds
-) -> None:
+def find_bounds(counter: Counter, flat: Held, shape: tuple[int, int, int], bounds: Bounds) -> None:
     """Least and greatest value of a spline in each brick of cells, in units of its coefficients.
 
     Parameters
     ----------
     flat
-        As of `find_coefficients`.
+        As of `find_coefficients`, by `held_as`.
     shape
         Samples along z, y and x.
     bounds

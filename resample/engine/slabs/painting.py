@@ -330,7 +330,7 @@ def _add_ready(
     taken: tuple[Pool, int],
     seen: Seen,
     mixture: Mixture | None,
-    output: tuple[Tally, Carried | None],
+    output: tuple[Tally, Carried],
 ) -> Sweep:
     """Add the samples whose turn it is, sheet by sheet where these are summed."""
     (pool, count), (runs, sight, window), first = taken, seen, 0
@@ -374,7 +374,7 @@ def _paint_tile(
     canvas: Canvas,
     ready: Ready,
     mixture: Mixture | None,
-    output: tuple[Tally, Carried | None],
+    output: tuple[Tally, Carried],
 ) -> Sweep:
     """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
     (runs, sight, window), summed, (_, carried) = seen, ready.summed, output
@@ -406,7 +406,7 @@ def paint_summed_runs(
     stage: Stage,
     ways: Ways,
     mixture: Mixture | None,
-    output: tuple[Film, Floats, Tally, Carried | None],
+    output: tuple[Film, Floats, Tally, Carried],
 ) -> None:
     """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
 

@@ -7,7 +7,7 @@ more, in the order in which they were added before.
 
 import numpy as np
 
-from resample.engine.ellipsoids.steps import KEPT, NEW, Carried
+from resample.engine.ellipsoids.steps import KEPT, NEW, Carried, in_steps
 from resample.engine.jit import kernel
 from resample.engine.slabs.fields import START
 from resample.engine.slabs.sums import PLANES, Canvas, Ring, stride_of, sum_at, touch
@@ -17,31 +17,31 @@ SEEN = START  # numbers of what a ray has seen of a field
 
 
 @kernel
-def begin_of_step(first: int, carried: Carried | None) -> int:
+def begin_of_step(first: int, carried: Carried) -> int:
     """Number of the first slab that was not composited before, `first` if there are no steps."""
-    if carried is None:
+    if not in_steps(carried):
         return first
     return carried.step.done
 
 
 @kernel
-def end_of_step(last: int, carried: Carried | None) -> int:
+def end_of_step(last: int, carried: Carried) -> int:
     """Number of the first slab that is not composited now, `last` if there are no more steps."""
-    if carried is None:
+    if not in_steps(carried):
         return last
     return min(last, carried.step.due)
 
 
 @kernel
-def is_added_again(pair: np.uint64, carried: Carried | None) -> bool:
+def is_added_again(pair: np.uint64, carried: Carried) -> bool:
     """Whether a sample was added in an earlier step."""
-    if carried is None:
+    if not in_steps(carried):
         return False
     return bool(pair < np.uint64(bits_of(carried.step.first)) << HALF)
 
 
 @kernel
-def end_of_added_again(ready: Pairs, first: int, carried: Carried | None) -> int:
+def end_of_added_again(ready: Pairs, first: int, carried: Carried) -> int:
     """One past the last sample that was added in an earlier step, of sorted ones."""
     last = first
     while last < ready.size and is_added_again(ready[last], carried):
@@ -51,10 +51,10 @@ def end_of_added_again(ready: Pairs, first: int, carried: Carried | None) -> int
 
 @kernel
 def take_up_slabs(
-    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried | None
+    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried
 ) -> None:
     """Put what was kept of rays, and of the sum of all samples, where it belongs."""
-    if carried is None or carried.state[tile] == NEW:
+    if not in_steps(carried) or carried.state[tile] == NEW:
         return
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
@@ -77,10 +77,10 @@ def take_up_slabs(
 
 @kernel
 def lay_down_slabs(
-    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried | None
+    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried
 ) -> None:
     """Keep what rays have seen, and the sum of all samples, until the next step."""
-    if carried is None:
+    if not in_steps(carried):
         return
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width

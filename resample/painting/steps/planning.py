@@ -26,10 +26,10 @@ class Painters(NamedTuple):
 
 def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
     """Px, side of a tile of a picture of such samples."""
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     columns = MOST_COLUMNS if by.is_streamed else columns_of(scene, plan.least)
-    return size_of_tiles(grid(plan.least, scene.style), scene.tables.pixel_margin, columns)
+    return size_of_tiles(grid_of(plan.least, scene.style), scene.tables.pixel_margin, columns)
 
 
 def plans_of(scene: Scene, samples: Samples, by: Painters, asked: Sequence[str]) -> PlansOfPart:
@@ -101,11 +101,11 @@ def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> Picture
     They do where sub-pixels of the whole picture are as fine, and no sample may be a point. Layers
     do not begin at the first sample.
     """
-    from resample.engine.grid import grid
+    from resample.engine.grid import grid_of
 
     least, most = _spacings(scene, source)
-    finest = grid(least, scene.style)
-    if finest != grid(most, scene.style) or least * finest <= scene.style.threshold:
+    finest = grid_of(least, scene.style)
+    if finest != grid_of(most, scene.style) or least * finest <= scene.style.threshold:
         return None
     low, high = source.bounds[:, :2].min(axis=0), source.bounds[:, 2:].max(axis=0)
     plan = PicturePlan(

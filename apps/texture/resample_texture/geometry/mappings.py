@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.memory.alike import alike
 from resample.types import Doubles
 from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 
@@ -328,7 +329,7 @@ def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
     """Keep a map's arrays as float64, with numbers in both or in none."""
     x, y = np.asarray(given.x), np.asarray(given.y)
     _check_pictures(x, y, name)
-    x, y = (np.ascontiguousarray(array, np.float64) for array in (x, y))
+    x, y = alike(x, np.float64), alike(y, np.float64)
     is_somewhere = np.isfinite(x) & np.isfinite(y)
     if not is_somewhere.all():
         x, y = np.where(is_somewhere, x, np.nan), np.where(is_somewhere, y, np.nan)

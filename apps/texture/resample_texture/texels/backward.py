@@ -44,7 +44,7 @@ def collect_from(
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
     tiles = tiles_of((shape[0] + 2 * around, shape[1] + 2 * around), TILE)
     bounds = tiles + np.array([-reach, -reach, reach, reach])
-    quality = cells.quality if cells.cut else 1.0
+    quality = float(cells.quality) if cells.cut else 1.0
     for channels, picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(bounds, channels[1] + 1):
             pixels = Pixels(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
+from resample.memory.alike import alike
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import Span, rounded, span_of
@@ -97,7 +98,7 @@ def decoded(
     texels, gaps = weighed(texels, missing, least=gaps)
     fill = None if mask is None else mask.fill
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
-    return np.require(texels, np.float32, ["C", "W"]), encoding
+    return alike(texels, np.float32), encoding
 
 
 def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
@@ -199,7 +200,7 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
     has_alpha
         The fourth channel does not.
     """
-    from resample.engine.levels import look_up
+    from resample.engine.levels import levels_of, look_up
 
     if planes.dtype.name not in LEVELS:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -207,7 +208,7 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
     table = _lights(planes.dtype.name, is_encoded)
     levels = np.require(planes, planes.dtype.newbyteorder("="), ["C", "W"])
     values = np.empty(levels.shape, np.float32)
-    look_up(table, levels.reshape(-1), values.reshape(-1))
+    look_up(table, levels_of(levels.reshape(-1)), values.reshape(-1))
     if is_encoded and has_alpha:
         values[..., 3] = _lights(planes.dtype.name, False)[planes[..., 3]]
     return values

@@ -26,7 +26,7 @@ from resample_texture.texels.kernels.blocks import (
     LEVEL,
     START,
     Integers,
-    sight,
+    sight_of,
     split_map,
     split_plane,
 )
@@ -75,12 +75,12 @@ class Cells:
     @property
     def cut_quality(self) -> float:
         """Cells per px that texels are cut for; 0 if they are not."""
-        return self.quality if self.cut else 0.0
+        return float(self.quality) if self.cut else 0.0
 
     @property
     def longest(self) -> float:
         """Length that joined texels may have, px."""
-        return self.joined / max(self.quality, 1.0)
+        return float(self.joined / max(self.quality, 1.0))
 
     @property
     def taps_reach(self) -> int:
@@ -234,7 +234,7 @@ def _roots(
     height, width = source_shape
     if edge is Edge.TRANSPARENT:
         return np.array([[0, 0, width, height]])
-    polygon = seen(sight(matrix, *shape, cells.reach), FARTHEST)
+    polygon = seen(sight_of(matrix, shape, cells.reach), FARTHEST)
     if not polygon.size:
         return np.zeros((0, 4), np.int64)
     if not cells.joined:
@@ -347,13 +347,13 @@ class Sums:
         radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
         border = Border(lines, radius, full, *self.first)
         for (first, _), picture in zip(self.groups, self.pictures, strict=True):
-            finish(picture, border, self.cells.is_sum, Means(image, coverage, first))
+            finish(picture, border, bool(self.cells.is_sum), Means(image, coverage, first))
         return Warped(image, coverage)
 
 
 def spread_of(cells: Cells) -> Spread:
     """How cells are spread over pixels, as kernels take it."""
-    return Spread(cells.taps, cells.is_sum, profile_table(cells.pixel_filter, cells.taps))
+    return Spread(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
 
 def project(

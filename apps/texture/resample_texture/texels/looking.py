@@ -299,7 +299,7 @@ def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
     """How pixels take a source (H, W, C), of which there is no plate as yet."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
-    finest = 1.5 / cells.quality
+    finest = float(1.5 / cells.quality)
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
     limits = Limits(plate, excess(cells.interpolation))
     return View(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)

@@ -33,7 +33,7 @@ from resample_texture.texels.forward import (
     widened,
     with_margins,
 )
-from resample_texture.texels.kernels.blocks import Integers, sight
+from resample_texture.texels.kernels.blocks import Integers, sight_of
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splat_shapes import Shape
 from resample_texture.texels.kernels.splats import Splatted, splat_blocks
@@ -108,7 +108,8 @@ class Splatting:
         nearest = max(2.0 * self.radius, 0.5) * slope
         variance = self.sigma**2 if self.threshold < math.inf else 0.0
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
-        return Shape(variance, self.filter_sigma**2, self.threshold, nearest, taps)
+        widths = float(variance), float(self.filter_sigma**2)  # numbers may be given as integers
+        return Shape(*widths, float(self.threshold), nearest, taps)
 
 
 def splat(
@@ -135,7 +136,7 @@ def splat(
     cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
     sums = Sums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
-    spread = Spread(numbers.taps, splatting.is_sum, profile)
+    spread = Spread(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(blocks.bounds, count + 1):
             splatted = Splatted(
@@ -181,7 +182,7 @@ def _sight_of_splats(
     radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.
     """
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
-    lines = np.asarray(sight(matrix, *shape, reach))
+    lines = sight_of(matrix, shape, reach)
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
     lines[4, 2] -= numbers.nearest
     return lines

@@ -15,7 +15,7 @@ from resample.watching import look
 from resample_volume.looks.transfer import DataRange, Transfer, places_seen
 from resample_volume.voxels.bricks import Box, Bricks, Step, held_together, with_neighbours
 from resample_volume.voxels.glances.looking import are_few
-from resample_volume.voxels.parts import threads_at_work
+from resample_volume.voxels.parts import layers_alike, side_by_side, threads_at_work
 
 BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # more of the same where its look depends on its slope
@@ -306,19 +306,31 @@ def _seen(
     if wanted.gradient is not None:
         beside = [n - c for n, c in zip(at, corner, strict=True)]
         index = (beside[0] * values.shape[1] + beside[1]) * values.shape[2] + beside[2]
-        slope = slopes_at(values, index, wanted.gradient, wanted.to_scene)
+        slope = slopes_at(values, index, wanted.gradient, wanted.to_scene, aside=True)
     return Candidates(place, flat[local], slope)
 
 
-def slopes_at(values: NDArray[Any], index: Indices, gradient: str, to_scene: Doubles) -> Floats:
-    """Gradients (N, 3) at flat indices of values (Z, Y, X); see `visible.gradients_at`."""
+def slopes_at(
+    values: NDArray[Any], index: Indices, gradient: str, to_scene: Doubles, *, aside: bool = False
+) -> Floats:
+    """Gradients (N, 3) at flat indices of values (Z, Y, X); see `visible.gradients_at`.
+
+    `aside`: on one thread, as others look at other values.
+    """
     from resample_volume.voxels.kernels.gradients import central_gradients, sobel_gradients
 
-    given = values.view()
-    given.setflags(write=False)  # arrays and files mapped for reading share one compiled kernel
     slope = np.empty((index.size, 3), np.float32)
     find = sobel_gradients if gradient == "sobel" else central_gradients
-    find(given, index, to_scene, slope)
+    for voxels, near, first in layers_alike(values, index):
+        place, found = index[voxels] - first if first else index[voxels], slope[voxels]
+
+        def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
+            find(near, place[share], to_scene, found[share])
+
+        if aside:
+            fill(slice(None))
+        else:
+            side_by_side(fill, place.size)
     return slope
 
 

@@ -207,7 +207,7 @@ def finite_range(values: Values) -> DataRange:
 
 def lattice_of(volume: Volume) -> Doubles:
     """Matrix whose columns are the steps to the next voxel along x, y and z, scene units."""
-    return np.asarray(volume.direction * volume.spacing, np.float64)
+    return np.ascontiguousarray(volume.direction * volume.spacing, np.float64)
 
 
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
@@ -218,18 +218,11 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     volume
         Whose values.
     voxel
-        (N,) indices into the flat volume, z slowest.
+        (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
     gradient
         One of `GRADIENTS`; see `classify`.
     """
-    values, to_scene = np.asarray(volume.values), to_scene_of(volume)
-    slope = np.empty((voxel.size, 3), np.float32)
-
-    def find(share: slice) -> None:
-        slope[share] = slopes_at(values, voxel[share], gradient, to_scene)
-
-    side_by_side(find, voxel.size)
-    return slope
+    return slopes_at(np.asarray(volume.values), voxel, gradient, to_scene_of(volume))
 
 
 def to_scene_of(volume: Volume) -> Doubles:

@@ -263,7 +263,8 @@ def _filtered(
     from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
 
     n = parts.count
-    sums, first = np.zeros((*shape, 5), np.float32), np.full(shape, np.inf, np.float32)
+    light, away = (np.zeros((*shape, count), np.float32) for count in (4, 1))
+    first = np.full(shape, np.inf, np.float32)
     seen: Seen = room_beside(surfels.position, (len(surfels.position),), np.uint8)
     seconds = dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(shape):
@@ -273,16 +274,16 @@ def _filtered(
         for stage, spent in fine.seconds.items():
             seconds[stage] += spent
         rows = slice(strip.first, strip.last)
-        resolve_rows(fine.rgba.reshape(strip.shape[0], -1), parts.weight, n, sums[rows, :, :4])
+        resolve_rows(fine.rgba.reshape(strip.shape[0], -1), parts.weight, n, light[rows])
         cover = fine.rgba[..., 3:]
         depth = cover * np.where(cover > 0, fine.depth[..., None], np.float32(0))
-        resolve_rows(depth[..., 0], parts.weight, n, sums[rows, :, 4:])
+        resolve_rows(depth[..., 0], parts.weight, n, away[rows])
         nearest_of_rows(fine.first_depth, n, parts.margin, first[rows])
-    covered = sums[..., 3:4] > 0
-    rgba = np.where(covered, sums[..., :4], np.float32(0))
+    covered = light[..., 3:] > 0
+    rgba = np.where(covered, light, np.float32(0))
     rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # light goes with the coverage
     depth = np.full(shape, np.inf, np.float32)
-    np.divide(sums[..., 4], sums[..., 3], out=depth, where=covered[..., 0])
+    np.divide(away[..., 0], light[..., 3], out=depth, where=covered[..., 0])
     return Painted(rgba, depth, first, seen, n, seconds)
 
 

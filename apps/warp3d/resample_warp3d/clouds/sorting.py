@@ -80,7 +80,7 @@ def _taken(values: NDArray[Any], order: Indices) -> Any:
     """Values (N, ...) in an order; (0, ...) as they are."""
     if not len(values):
         return values
-    taken = np.empty_like(values)
+    taken = np.empty_like(values, order="C")
 
     def take(rows: slice) -> None:
         np.take(values, order[rows], axis=0, out=taken[rows], mode="clip")  # "raise" would copy

@@ -48,7 +48,7 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     roundness = np.empty((len(corner), 4, 2), np.float32)
     silhouettes = Silhouettes(edge, error_of(source))
     corners.fill_torn(nearness, links, silhouettes, index, corner, roundness)
-    ends = np.argwhere(roundness.any(axis=2)).astype(np.int32)
+    ends = np.argwhere(roundness.any(axis=2)).astype(np.int32, order="C")
     marked = np.empty_like(links)
     mark_ends(nearness, links, silhouettes.error, marked)
     place = corner_places(source.place)

@@ -9,6 +9,7 @@ A block is two rows of numbers, along u and along v: see `START` and those that 
 """
 
 import math
+from inspect import unwrap
 from typing import NamedTuple
 
 import numpy as np
@@ -147,6 +148,11 @@ def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
         lines[3, c] = (height + reach) * d - matrix[1, c]
         lines[4, c] = d
     return lines
+
+
+def sight_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
+    """As `sight`, for Python: five lines are not worth machine code."""
+    return np.asarray(unwrap(sight)(matrix, *frame, reach))
 
 
 @kernel

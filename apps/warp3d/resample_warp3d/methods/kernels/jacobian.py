@@ -27,7 +27,8 @@ FIELDS = 9
 
 
 # What samples of a segment may touch in the target, px; left > right: nothing.
-BOUNDS = np.dtype([(name, np.float32) for name in ("left", "top", "right", "bottom", "spacing")])
+# In float64, as bounds of triangles are, so that one kernel deals both to tiles.
+BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bottom", "spacing")])
 
 
 class Footprint(NamedTuple):

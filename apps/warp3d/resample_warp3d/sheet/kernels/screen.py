@@ -1,6 +1,5 @@
 """A depth image's sheet of cells on the target's screen."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -164,7 +163,6 @@ def bound_segments(
         _bound_row(screen, torn, index, row, bounds)
 
 
-@kernel
 def segment_count(width: int) -> int:
     """Segments of a row."""
-    return math.ceil(width / SEGMENT)
+    return -(-width // SEGMENT)

@@ -1,0 +1,82 @@
+"""Slopes of any type and layout are found by kernels of two types, with the same bits."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from resample_volume.files.headers import KEPT
+from resample_volume.voxels import parts
+from resample_volume.voxels.kernels.gradients import (
+    BRICK,
+    brick_order,
+    central_gradients,
+    sobel_gradients,
+)
+from resample_volume.voxels.streaming import slopes_at
+from tests.kernels import compiled_only, specialisations
+
+FINDERS = {"central": central_gradients, "sobel": sobel_gradients}
+SHAPE = (3 * BRICK + 3, 7, 9)
+LAYOUTS = {
+    "rows": np.ascontiguousarray,
+    "columns": np.asfortranarray,
+    "strided": lambda values: np.repeat(values, 2, axis=2)[:, :, ::2],
+    "swapped": lambda values: values.astype(values.dtype.newbyteorder()),
+}
+TURN = np.array([[1.0, 0.5, 0.0], [0.0, 2.0, 0.1], [0.3, 0.0, 1.5]])
+
+
+def values_of(kind: str) -> NDArray[Any]:
+    values = np.random.default_rng(1).integers(0, 100, SHAPE).astype(kind)
+    if kind == "float32":
+        values[values < 20] = np.nan
+    return values
+
+
+def asked(order: str) -> NDArray[np.int64]:
+    """Half of the voxels, none of some layers, in the order of an array or of bricks."""
+    index = np.flatnonzero(np.random.default_rng(2).random(SHAPE) < 0.5)
+    index = index[index // (SHAPE[1] * SHAPE[2]) // BRICK != 1]
+    if order == "array":
+        return index
+    bricks = np.empty_like(index)
+    brick_order(index, SHAPE, bricks)
+    return index[bricks]
+
+
+@pytest.mark.parametrize("gradient", FINDERS)
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+@pytest.mark.parametrize("order", ["array", "bricks"])
+@pytest.mark.parametrize("planes", [1, 1 << 22], ids=["layer by layer", "at once"])
+@pytest.mark.each_value
+def test_slopes_do_not_depend_on_type_layout_and_parts(
+    gradient: str, layout: Any, order: str, planes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index = asked(order)
+    monkeypatch.setattr(parts, "CHUNK", planes)
+    for kind in KEPT:
+        values = values_of(kind)
+        wide = values.astype(np.float64)
+        truth = slopes_at(wide, index, gradient, TURN)
+        found = slopes_at(layout(values), index, gradient, TURN)
+        np.testing.assert_array_equal(found, truth, err_msg=kind)
+
+
+@compiled_only
+@pytest.mark.parametrize("gradient", FINDERS)
+def test_slopes_of_all_types_are_found_by_two_forms_of_a_kernel(gradient: str) -> None:
+    index, kernel = asked("array"), FINDERS[gradient]
+    for kind in ("float32", "float64"):
+        slopes_at(values_of(kind), index, gradient, TURN)
+    before = specialisations(kernel)
+    for kind in KEPT:
+        for layout in LAYOUTS.values():
+            slopes_at(layout(values_of(kind)), index, gradient, TURN)
+    assert specialisations(kernel) == before
+
+
+def test_of_no_voxels_there_are_no_slopes() -> None:
+    nobody = np.zeros(0, np.int64)
+    assert slopes_at(values_of("uint8"), nobody, "central", TURN).shape == (0, 3)
