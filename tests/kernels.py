@@ -3,14 +3,17 @@
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import pytest
 
+from resample.engine import jit
+from resample.engine.compiled import library
+
 compiled_only = pytest.mark.skipif(
-    bool(numba.config.DISABLE_JIT), reason="plain Python is not compiled for types"
+    jit.IS_PLAIN or library._native() is not None,
+    reason="numba compiles nothing: plain Python, or the library of kernels",
 )
 
 
 def specialisations(kernel: Callable[..., Any]) -> int:
     """For how many types of arguments a kernel has machine code in this process."""
-    return len(kernel.compiled.signatures)
+    return len(jit.dispatcher(kernel).signatures)
