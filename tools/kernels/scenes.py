@@ -1,4 +1,4 @@
-"""Commands whose kernels the library holds: small ones, for every method, projection and dtype.
+"""What the library holds kernels for: small commands and pictures, by every method, of every dtype.
 
 `python -m tools.kernels.scenes volume` runs those of one group, in an empty folder.
 """
@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -134,7 +135,15 @@ def documented() -> Iterator[str]:
     yield from sorted({line for _, line in commands() if runs_as_it_stands(line)})
 
 
-GROUPS: dict[str, Callable[[], Iterator[str]]] = {
+def painters() -> Iterator[Callable[[], Any]]:
+    """Small pictures by every painter, from Python."""
+    from tests.golden.scenes import SCENES
+
+    yield from SCENES.values()
+
+
+GROUPS: dict[str, Callable[[], Iterator[str | Callable[[], Any]]]] = {
+    "painters": painters,
     "volume": volumes,
     "texture": textures,
     "warp3d": depths,
@@ -177,7 +186,7 @@ def _store(path: str, values: np.ndarray) -> None:
 
 
 def run(group: str) -> int:
-    """Run commands of a group; gives how many failed."""
+    """Run all of a group; gives how many commands failed."""
     from resample.command.options import run as answer
 
     lines = list(GROUPS[group]())
@@ -186,6 +195,9 @@ def run(group: str) -> int:
         os.chdir(folder)
         prepare()
         for line in lines:
+            if callable(line):
+                line()
+                continue
             program, *words = shlex.split(line, comments=True)
             package = f"{program.replace('-', '_')}.command" if "-" in program else program
             app = import_module(f"{package}.cli").app
