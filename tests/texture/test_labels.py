@@ -69,6 +69,7 @@ def test_the_nearest_texel_is_the_one_at_the_pixel_s_center(view, edge):
         assert warped.coverage[row, column] == there
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("method", ["nearest", "majority"])
 @pytest.mark.parametrize("channels", [None, 1, 3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)

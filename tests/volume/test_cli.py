@@ -163,9 +163,15 @@ def test_splats_are_red_when_colored_by_primitive():
         ["--threshold", "100"],
         ["--subpixels", "1"],
         ["--filter", "gaussian:sigma=0.7"],
-        ["--kernel", "bspline"],
+        pytest.param(
+            ["--kernel", "bspline"],
+            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+        ),
         ["--kernel", "gaussian:sigma=0.9"],
-        ["--opacity", "linear"],
+        pytest.param(
+            ["--opacity", "linear"],
+            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+        ),
         ["--transfer", "gray:opacity=0.3"],
         ["--opacity-unit", "5"],
         ["--camera", "60/20/1"],

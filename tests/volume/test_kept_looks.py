@@ -77,7 +77,15 @@ def in_memory(path, look, viewpoint):
 
 
 @pytest.mark.parametrize(
-    ("light", "most"), [(None, 0.85), pytest.param(SOLID.light, 1.0, marks=pytest.mark.sweep)]
+    ("light", "most"),
+    [
+        (None, 0.85),
+        pytest.param(
+            SOLID.light,
+            1.0,
+            marks=pytest.mark.sweep(kept_by="test_a_later_command_asks_for_nothing_hidden"),
+        ),
+    ],
 )
 def test_a_later_command_asks_for_nothing_hidden(light, most, tmp_path, rng):
     values = rng.integers(180, 255, (64, 64, 64)).astype(np.uint8)
@@ -127,7 +135,18 @@ def test_a_store_that_has_changed_is_looked_at_anew(store):
     assert_same(again, in_memory(store, SOLID, Orbit(10, 20, 1.5)))
 
 
-@pytest.mark.parametrize("damage", [b"", b"no archive", None])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        None,
+        *(
+            pytest.param(
+                each, marks=pytest.mark.sweep(kept_by="test_what_is_damaged_is_found_again")
+            )
+            for each in (b"", b"no archive")
+        ),
+    ],
+)
 def test_what_is_damaged_is_found_again(damage, store, tmp_path):
     first, _ = painted(store, SOLID, Orbit(10, 20, 1.5))
     files = list((tmp_path / "cache" / "looks").iterdir())

@@ -225,7 +225,16 @@ main()
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-@pytest.mark.parametrize("form", [[], ["--shard", "32"]])
+@pytest.mark.parametrize(
+    "form",
+    [
+        [],
+        pytest.param(
+            ["--shard", "32"],
+            marks=pytest.mark.sweep(kept_by="test_a_disk_that_takes_no_more_leaves_no_store"),
+        ),
+    ],
+)
 def test_a_disk_that_takes_no_more_leaves_no_store(form, values):
     np.save("a.npy", values)
     most = 1 << 14 if form else 1 << 11  # between metadata and what lies in a file
