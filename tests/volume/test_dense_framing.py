@@ -23,9 +23,18 @@ def with_strays(rng):
     return volume._replace(values=values)
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("side", [(8, 8, 8), (16, 5, 33)])
-@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize(
+    ("workers", "side"),
+    [
+        (2, (16, 5, 33)),
+        *(
+            pytest.param(
+                *each, marks=pytest.mark.sweep(kept_by="test_a_ball_is_found_brick_by_brick")
+            )
+            for each in [(None, (8, 8, 8)), (2, (8, 8, 8)), (None, (16, 5, 33))]
+        ),
+    ],
+)
 @pytest.mark.parametrize(
     "has_strays",
     [

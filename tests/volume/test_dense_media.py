@@ -148,9 +148,21 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("fit", ["volume", "visible"])
-@pytest.mark.parametrize("is_missing", [False, True])
+@pytest.mark.parametrize(
+    ("is_missing", "fit"),
+    [
+        (True, "visible"),
+        *(
+            pytest.param(
+                *each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_volumes_of_other_lattices_are_resampled_in_a_file"
+                ),
+            )
+            for each in [(False, "visible"), (False, "volume"), (True, "volume")]
+        ),
+    ],
+)
 def test_volumes_of_other_lattices_are_resampled_in_a_file(
     is_missing, fit, rng, tmp_path, monkeypatch
 ):

@@ -101,11 +101,21 @@ def test_a_later_command_asks_for_nothing_hidden(light, most, layers, memory, tm
 @pytest.mark.parametrize(
     "look",
     [
-        replace(SOLID, gradient_opacity=(0.1, 0.6)),
-        replace(SOLID, labels=LABELS),
-        replace(SOLID, clip=("1/0.3/-0.5/-3",), crop="2:29,:,:25"),
+        pytest.param(replace(SOLID, gradient_opacity=(0.1, 0.6)), id="gradient opacity"),
+        *(
+            pytest.param(
+                look,
+                id=name,
+                marks=pytest.mark.sweep(
+                    kept_by="test_looks_that_depend_on_more_have_the_same_bits"
+                ),
+            )
+            for name, look in [
+                ("labels", replace(SOLID, labels=LABELS)),
+                ("clipped", replace(SOLID, clip=("1/0.3/-0.5/-3",), crop="2:29,:,:25")),
+            ]
+        ),
     ],
-    ids=["gradient opacity", "labels", "clipped"],
 )
 def test_looks_that_depend_on_more_have_the_same_bits(look, store):
     painted(store, look, Orbit(10, 20, 1.5))

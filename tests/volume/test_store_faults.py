@@ -193,7 +193,21 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("form", [{}, {"shard": 16}, {"is_layered": False}])
+@pytest.mark.parametrize(
+    "form",
+    [
+        {},
+        *(
+            pytest.param(
+                each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_bars_count_bricks_and_say_how_much_time_is_left"
+                ),
+            )
+            for each in ({"shard": 16}, {"is_layered": False})
+        ),
+    ],
+)
 def test_bars_count_bricks_and_say_how_much_time_is_left(form, values, monkeypatch):
     np.save("a.npy", np.stack([values, values]))
     recording, form = open_recording("a.npy"), Layered(chunk=8, **form)
