@@ -333,6 +333,7 @@ def test_a_constant_source_of_any_shape_stays_constant(shape, edge):
     assert warped.coverage.sum() > 2
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
 @pytest.mark.parametrize("edge", Edge)
 def test_thin_sources_are_those_of_the_obvious_loops(shape, edge):

@@ -125,7 +125,18 @@ VIEWS = {
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("edge", Edge)
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    "view",
+    [
+        pytest.param(
+            view,
+            marks=pytest.mark.sweep(kept_by="test_pixels_see_what_rays_see")
+            if view in ("turned", "by 45")  # parts of others
+            else (),
+        )
+        for view in VIEWS
+    ],
+)
 def test_pixels_see_what_rays_see(view, edge):
     source, geometry = noise(), VIEWS[view]
     warped = look(source, geometry, SHAPE, edge, Cells(interpolation=LINEAR, quality=4.0))

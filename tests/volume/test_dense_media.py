@@ -52,7 +52,19 @@ def painted(media, sides, memory, executor=None, fit="volume"):
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("place", ["same", "within", "beyond"])
+@pytest.mark.parametrize(
+    "place",
+    [
+        "within",
+        "beyond",
+        pytest.param(
+            "same",
+            marks=pytest.mark.sweep(
+                kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory"
+            ),
+        ),
+    ],
+)
 @pytest.mark.parametrize("memory", [1_050_000, 1 << 30])
 def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, rng):
     look = Appearance("60..190", light=None) if place == "same" else Appearance("60..190", **CUT)

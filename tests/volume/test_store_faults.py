@@ -74,6 +74,7 @@ def refused(capsys, place, name="render"):
     return lines[-1]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("shards", [None, (16, 16, 16)])
 def test_what_arrives_cut_off_is_refused(name, shards, values, server, capsys):
@@ -92,6 +93,7 @@ def test_a_shard_that_is_cut_off_where_it_lies_is_damaged(name, values, server, 
     assert "damaged" in refused(capsys, f"{server.place}/a.zarr", name)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("part", ["index", "chunk"])
 def test_a_wrong_checksum_is_damage(name, part, values, server, capsys):
