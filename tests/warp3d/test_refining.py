@@ -21,7 +21,7 @@ Y, X = np.mgrid[:64, :64] + 0.5
 @pytest.fixture(scope="module")
 def scene():
     """The generated room, with exact depth."""
-    return generated(SIZE).depth_image()
+    return generated(SIZE).depth_image(rays=4)
 
 
 def depth_image(nearness, color):
@@ -60,6 +60,7 @@ def wall_and_thing(is_near, rng):
 # The vote
 
 
+@pytest.mark.sweep(kept_by="test_votes_are_counted_as_one_by_one")
 @pytest.mark.parametrize("count", [1, 2, 7, 100])
 @pytest.mark.parametrize("levels", [2, 5, 1000])
 def test_the_weighted_median_is_where_half_of_the_weight_is_reached(count, levels, rng):
