@@ -15,7 +15,7 @@ from resample.types import Classifier, Lamp, Samples
 from tests import naive
 from tests.bits import ARRAYS, assert_same
 from tests.samples import CAMERAS as SEEN
-from tests.samples import DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, shuffled
+from tests.samples import DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter, shuffled
 
 CAMERAS = {
     **SEEN,
@@ -41,7 +41,7 @@ def classifier(rng, rows=1, columns=8, lamp=DARK, **depth_cue):
 
 def draw(field, camera, thickness=1.0, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, "order": ImageSheets(thickness), **choices}
-    return Resampler(**choices)(field, camera, height=side, width=side)
+    return painter(**choices)(field, camera, height=side, width=side)
 
 
 def looked_up(look, value, slope):

@@ -13,11 +13,10 @@ from resample.painting.choices import Primitive
 from resample.painting.layers import layers_of, sheets_of
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Summing
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same
-from tests.samples import shuffled
+from tests.samples import painter, shuffled
 
 SIDE = 18  # px
 TURN = look_at((1, 2, 3), (0, 0, 0))[:3, :3]
@@ -60,7 +59,7 @@ def lattice_block(rng, lattice, *, start=(0.0, 0.0, 0.0), side=4):
 
 def draw(samples, camera, order, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, **choices}
-    return Resampler(order=order, **choices)(samples, camera, height=side, width=side)
+    return painter(order=order, **choices)(samples, camera, height=side, width=side)
 
 
 def by_hand(samples, camera):
@@ -285,7 +284,7 @@ def test_minified_hybrid_comes_near_supersampled_splats_of_the_same_order(order,
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(order, camera, primitive, rng):
     samples = lattice_block(rng, 0.5 * np.eye(3), side=7)
     other = shuffled(samples, rng)
-    resample = Resampler(primitive=primitive, order=order)
+    resample = painter(primitive=primitive, order=order)
     first = resample(samples, CAMERAS[camera], height=40, width=40, threads=1)
     second = resample(other, CAMERAS[camera], height=40, width=40, threads=2)
     assert_same(first, second)

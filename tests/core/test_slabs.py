@@ -17,11 +17,10 @@ from resample.profiles.reconstruction import (
     footprint_table,
     partial_table,
 )
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same
-from tests.samples import POSE, block, cloud, shuffled
+from tests.samples import POSE, block, cloud, painter, shuffled
 
 SIDE = 18  # px
 CAMERAS = {
@@ -49,7 +48,7 @@ LATTICES = {
 
 def draw(samples, camera, thickness=1.0, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, "order": ImageSheets(thickness), **choices}
-    return Resampler(**choices)(samples, camera, height=side, width=side)
+    return painter(**choices)(samples, camera, height=side, width=side)
 
 
 def by_hand(samples, camera, thickness=1.0, reconstruction=None):
@@ -273,7 +272,7 @@ def test_dense_points_in_slabs_of_a_voxel_have_the_transmittance_of_the_block(az
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(camera, primitive, rng):
     samples = cloud(rng, 300, lattice=0.5 * np.eye(3))
     other = shuffled(samples, rng)
-    resample = Resampler(primitive=primitive, order=ImageSheets(0.7))
+    resample = painter(primitive=primitive, order=ImageSheets(0.7))
     first = resample(samples, CAMERAS[camera], height=40, width=40, threads=1)
     second = resample(other, CAMERAS[camera], height=40, width=40, threads=2)
     assert_same(first, second)

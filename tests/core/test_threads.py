@@ -13,9 +13,9 @@ from resample.cameras.poses import look_at
 from resample.command.threads import at_most
 from resample.files.images import read_image
 from resample.painting.choices import FOOTPRINTS, Primitive
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests.bits import assert_same
+from tests.samples import painter
 
 
 def scene(count=400):
@@ -36,7 +36,7 @@ CAMERA = Camera.from_intrinsics(30.0, 30.0, 24.0, 20.0, look_at((0, -6, 1), (0, 
 
 def draw(**choices):
     threads = choices.pop("threads")
-    return Resampler(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
+    return painter(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from resample.resampler import EWA_VARIANCE, Resampler
 from resample.types import Samples
 from tests import naive
 from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
-from tests.samples import cloud
+from tests.samples import cloud, painter
 
 SIDE = 28  # px
 KERNEL = GaussianKernel()
@@ -35,7 +35,7 @@ def one_sample(place, lattice=None, extinction=0.1):
 
 def optical_depth(samples, camera, *, side=SIDE, **choices):
     """What a picture says of the ray through each pixel, (H, W)."""
-    frame = Resampler(**choices)(samples, camera, height=side, width=side)
+    frame = painter(**choices)(samples, camera, height=side, width=side)
     return -np.log1p(-frame.rgba[..., 3].astype(float))
 
 
@@ -203,7 +203,7 @@ ALIASING = (Primitive.HYBRID, Primitive.SPLATS, *WIDENED)
 @cache
 def drawn(form, scale, subpixels=None):
     """The checker box in the distance, RGBA."""
-    resample = Resampler(primitive=form, subpixels=subpixels)
+    resample = painter(primitive=form, subpixels=subpixels)
     return distant(scale).by(resample, checker_box(0.9, CRUST[0.9])).rgba
 
 
