@@ -197,6 +197,7 @@ def test_only_widened_primitives_refuse_footprints():
 # Aliasing.
 
 
+MORE = pytest.mark.sweep(kept_by="test_all_rivals_alias_less_than_plain_splats_and_hybrid_least")
 ALIASING = (Primitive.HYBRID, Primitive.SPLATS, *WIDENED)
 
 
@@ -208,7 +209,7 @@ def drawn(form, scale, subpixels=None):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [0.5, 0.25])
+@pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
     """Against 8 × 8 rays per pixel through the very same kernels: blur is no aliasing."""
     alias = {
@@ -222,7 +223,7 @@ def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [0.5, 0.25])
+@pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_hybrid_is_nearest_to_the_truth(scale):
     """Wide kernels blur, and make the edges of what is opaque fat."""
     truth = checker_truth(0.9, scale)
