@@ -125,6 +125,7 @@ def test_every_footprint_is_cut_alike(model, rng):
 # Minified.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
 def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
@@ -156,6 +157,7 @@ def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
 # Bits.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("primitive", list(Primitive))
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order, rng):

@@ -45,6 +45,7 @@ def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     assert frame.statistics.splats == other.statistics.splats
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("longest", [1, 7, 256])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
@@ -92,6 +93,7 @@ def test_the_order_of_samples_changes_no_bit(rng, key):
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5, 8, 16])
 @pytest.mark.parametrize("extinction", [0.4, 6.0])
 def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, extinction):
@@ -104,7 +106,16 @@ def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, exti
     np.testing.assert_array_equal(np.isfinite(frame.first_depth), np.isfinite(other.first_depth))
 
 
-@pytest.mark.parametrize("side", [5, 20, 100])
+@pytest.mark.parametrize(
+    "side",
+    [
+        *(5, 20),
+        pytest.param(
+            100,
+            marks=pytest.mark.sweep(kept_by="test_any_number_of_samples_may_be_equally_near"),
+        ),
+    ],
+)
 def test_any_number_of_samples_may_be_equally_near(rng, side):
     across, down = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2
     samples = Samples(
@@ -129,7 +140,7 @@ def test_filters_reach_into_other_tiles(rng):
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_splats_of_any_width_are_those_painted_from_records")
 def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
     frame = painter(**choice)(samples, CLOSE, **SIZE)

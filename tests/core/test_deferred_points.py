@@ -94,6 +94,7 @@ def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
     assert_alike(frame, from_records(samples, CAMERAS[camera], **SIZE, **choices))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
 @pytest.mark.parametrize("scale", [1.0, 0.02])
 def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
@@ -122,6 +123,7 @@ UNFIT = {
 }
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
 def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera, primitive):
@@ -164,6 +166,7 @@ def test_steps_and_lobes_have_no_formula(pixel):
     assert profile(table(pixel)) is None
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("longest", [1, 7, 256])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
@@ -202,7 +205,7 @@ def test_hidden_points_are_skipped(rng):
 
 
 def test_colors_may_be_bright(rng):
-    samples = box(rng)._replace(color=rng.uniform(0, 500, (11**3, 3)).astype(np.float32))
+    samples = box(rng, side=9)._replace(color=rng.uniform(0, 500, (9**3, 3)).astype(np.float32))
     frame = painter(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
     other = from_records(samples, FAR, **SIZE, primitive=Primitive.POINTS)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=500 * TOLERANCE)

@@ -214,7 +214,7 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
 @pytest.mark.parametrize("projection", [one for one in Projection if one != Projection.MINIMUM])
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS, Primitive.EWA])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):
-    field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 300, 0.5 * np.eye(3))
+    field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 150, 0.5 * np.eye(3))
     other = shuffled(field, rng)
     resample = Resampler(
         primitive=primitive,
@@ -227,8 +227,8 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primi
         CAMERAS["inside"],
         Camera.from_intrinsics(3.0, 3.0, 20, 20, POSE),
     ):
-        first = resample(field, camera, height=40, width=40, threads=1)
-        second = resample(other, camera, height=40, width=40, threads=2)
+        first = resample(field, camera, height=24, width=24, threads=1)
+        second = resample(other, camera, height=24, width=24, threads=2)
         assert_same(first, second, (*ARRAYS, "value"))
 
 

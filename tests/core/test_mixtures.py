@@ -77,8 +77,17 @@ CHOICES = {
 }
 
 
+# Each of these has the painter compiled once more: what is new in them is tested by itself.
+KEPT_BY = {
+    "points of a spline": "test_pieces_are_the_line_integrals",
+    "shell": "test_all_kernels_are_one_integral_by_profile_pieces_or_table",
+}
 DAILY = [
-    pytest.param(choice, id=name, marks=[pytest.mark.sweep] if name == "points of a spline" else [])
+    pytest.param(
+        choice,
+        id=name,
+        marks=[pytest.mark.sweep(kept_by=KEPT_BY[name])] if name in KEPT_BY else [],
+    )
     for name, choice in CHOICES.items()
 ]
 

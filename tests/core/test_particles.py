@@ -13,7 +13,10 @@ SIZE = {"height": SIDE, "width": SIDE}
 POSE = np.array([[0.8, 0, 0.6, 0.5], [0, 1, 0, -0.2], [-0.6, 0, 0.8, 1.0], [0, 0, 0, 1]])
 CAMERA = Camera.from_intrinsics(20.0, 24.0, 12.3, 11.6, POSE)
 PARALLEL = Orthographic(4.0, 4.4, 12.3, 11.6, POSE)
-KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
+MORE = pytest.mark.sweep(
+    kept_by="test_a_radius_each_is_painted_as_line_integrals_say_nearest_first"
+)
+KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=MORE)]
 
 
 def spheres(count=40):
@@ -53,6 +56,7 @@ def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, ca
     np.testing.assert_allclose(picture, truth, atol=1e-4)  # painters stop at 1e-4 of the light
 
 
+@pytest.mark.sweep(kept_by="tests/core/test_scales.py::test_neither_order_nor_threads_change_a_bit")
 def test_neither_order_nor_threads_change_a_bit():
     given = spheres(500)
     order = np.random.default_rng(2).permutation(500)

@@ -247,6 +247,7 @@ def test_an_even_layer_looks_even(primitive):
     assert np.ptp(middle) < 0.01  # ripple of the point filter
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("lobed", LOBED, ids=repr)
 @pytest.mark.parametrize("count", [1, 20, 2000])
 @pytest.mark.parametrize("primitive", list(Primitive))

@@ -46,6 +46,7 @@ def sums(field, camera):
 # Maximum, average, sum.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("thickness", [0.5, 1.0])
 def test_the_maximum_is_the_largest_mean_of_a_slab(camera, thickness, rng):

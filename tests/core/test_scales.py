@@ -92,7 +92,14 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
 
 
 @pytest.mark.parametrize(
-    "kernel", [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
+    "kernel",
+    [
+        GaussianKernel(),
+        pytest.param(
+            BSplineKernel(),
+            marks=pytest.mark.sweep(kept_by="test_other_kernels_and_orders_by_distance"),
+        ),
+    ],
 )
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 def test_other_kernels_and_orders_by_distance(rng, kernel, order):

@@ -108,6 +108,7 @@ def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, 
     np.testing.assert_allclose(draw(samples, camera).rgba, truth, atol=1e-4)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("thickness", [0.3, 2.0, 1000.0])
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
@@ -117,6 +118,7 @@ def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
     np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
 
 
+@pytest.mark.sweep(kept_by="test_the_partial_table_of_a_b_spline_is_its_integral")
 def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
     samples, kernel = cloud(rng), BSplineKernel()
     truth = by_hand(samples, CAMERAS["narrow"], reconstruction=kernel)
@@ -267,6 +269,7 @@ def test_dense_points_in_slabs_of_a_voxel_have_the_transmittance_of_the_block(az
 # Bits.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(camera, primitive, rng):

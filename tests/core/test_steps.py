@@ -59,8 +59,7 @@ def planned(paint, samples, parts=1):
     return plan
 
 
-@settings(max_examples=25, derandomize=True, deadline=None)
-@given(
+ANY = given(
     st.sampled_from([EVEN, UNEVEN, AROUND]),
     st.sampled_from([1.0, 30.0]),
     st.sampled_from([2.0, 5.0, 40.0]),
@@ -69,9 +68,10 @@ def planned(paint, samples, parts=1):
     st.sampled_from([(key, seen) for key in KEYS for seen in (None, Gaussian(0.5, 1.5))]),
     st.integers(1, 2),
 )
-def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
-    near, dense, side, step, window, choice, threads
-):
+
+
+def check(near, dense, side, step, window, choice, threads):
+    """Parts in steps give the bits of the whole."""
     samples = cloud(1500, near)
     paint = painter(order=EverySample(key=choice[0]), pixel_filter=choice[1])
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
@@ -86,6 +86,23 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
     if blind is not None:
         again = paint.paint_nearest_first(parts.source, camera(), blind, window)
         assert_same(again, whole, window)
+
+
+@settings(max_examples=6, derandomize=True, deadline=None)
+@ANY
+def test_parts_in_steps_give_the_bits_of_the_whole(
+    near, dense, side, step, window, choice, threads
+):
+    check(near, dense, side, step, window, choice, threads)
+
+
+@pytest.mark.sweep(kept_by="test_parts_in_steps_give_the_bits_of_the_whole")
+@settings(max_examples=25, derandomize=True, deadline=None)
+@ANY
+def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
+    near, dense, side, step, window, choice, threads
+):
+    check(near, dense, side, step, window, choice, threads)
 
 
 @pytest.mark.parametrize("is_parallel", [False, True])
