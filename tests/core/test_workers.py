@@ -64,7 +64,7 @@ def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_a_killed_worker_costs_a_film_its_own_frames_alone")
 @pytest.mark.parametrize(
     ("workers", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
 )
@@ -89,7 +89,7 @@ def test_a_scheduler_that_runs_has_its_workers_do_it(tmp_path, monkeypatch):
         with at_work(asked) as crew:
             assert (crew.tasks, crew.threads, crew.memory) == (2, 1, 1 << 28)
             write_film(tmp_path / "film", SHOTS, 24, executor=crew.executor)
-        monkeypatch.setattr("resample.command.workers.version", version_of_process)
+        monkeypatch.setattr("importlib.metadata.version", version_of_process)
         other = pytest.raises(ValueError, match=r"workers have hybrid-resample \d+ and this is")
         with other, at_work(asked):
             pass
