@@ -110,7 +110,7 @@ def _depth(side: int) -> dict[str, Run]:
 
 
 def _cancelled(options: Options) -> Section:
-    from tests.core.test_watching import WORK
+    from tests.core.test_watching import SIZE, WORK
 
     text = (
         "Milliseconds from `cancel()` in another thread until `CancelledError` is raised, asked at "
@@ -119,7 +119,7 @@ def _cancelled(options: Options) -> Section:
     )
     section = Section("Work that is stopped", text)
     for name, prepare in WORK.items():
-        draw = prepare()
+        draw = prepare(SIZE)
         draw()
         start = time.perf_counter()
         draw()

@@ -80,6 +80,9 @@ def test_levels_of_both_types_are_looked_up_by_one_kernel() -> None:
     assert specialisations(look_up) == before
 
 
-@pytest.mark.sweep  # compiles what nothing else does
+# It compiles what nothing else does.
+@pytest.mark.sweep(
+    kept_by="tests/texture/test_forward.py::test_what_is_behind_the_eye_is_not_drawn"
+)
 def test_lines_of_sight_are_found_without_a_kernel_and_are_those_of_the_kernel() -> None:
     np.testing.assert_array_equal(sight_of(GROWN, SIZE, 1.5), sight(GROWN, *SIZE, 1.5))

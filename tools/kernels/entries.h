@@ -13,6 +13,7 @@ typedef struct {
     const char *gives;   /* types of the results, likewise */
     int count;           /* of numbers that the arguments take */
     Run run;
+    Run wide; /* the same for x86-64-v4, or NULL */
 } Entry;
 
 typedef struct {

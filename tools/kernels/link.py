@@ -37,6 +37,13 @@ FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*
 WORD = ir.IntType(64)
 # Of an error whose text numba would make of numbers: shapes of arrays that do not fit.
 UNKNOWN = "arrays of a kernel do not fit each other; RESAMPLE_KERNELS=off tells their shapes"
+# Kernels that take 4 to 10 % longer without AVX-512 are there twice.
+WIDE = (
+    "resample.engine.ellipsoids.deferred.paint_runs",
+    "resample.engine.rays.painting.paint_rays",
+)
+WIDE_LEVEL = "x86-64-v4"
+WIDE_FEATURES = f"{FEATURES},+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl"
 # Functions whose calls go through runtime.c (FIRST).
 WRAPPED = ("exp", "exp2", "log", "log2", "pow", "expf", "exp2f", "logf", "log2f", "powf")
 WRAPPED += ("hypot", "hypotf", "fmod", "fmodf")
@@ -49,6 +56,7 @@ class Part(NamedTuple):
     key: str  # types of the arguments
     sources: str  # fingerprint of what it was compiled from
     symbol: str  # of its entry
+    wide: str  # of that for x86-64-v4, or NULL
     gives: str  # types of the results
     count: int  # of numbers that the arguments take
     failures: tuple[bytes, ...]  # what it may raise, as numba pickles it
@@ -91,27 +99,36 @@ def _emit(file: Path, number: int, folder: str) -> Part:
     if entry.key != "".join(map(key_of, description.argtypes)) or "<" in entry.key:
         raise ValueError(f"{entry.kernel}: types of arguments without a name: {entry.key}")
     symbol = f"kernel_{number}"
+    module = _write_object(bitcode, description, Path(folder, f"{symbol}.o"), LEVEL, FEATURES)
+    wide = "NULL"
+    if entry.kernel in WIDE:
+        wide = f"{symbol}_wide"
+        _write_object(bitcode, description, Path(folder, f"{wide}.o"), WIDE_LEVEL, WIDE_FEATURES)
+    return Part(
+        *(entry.kernel, entry.key, entry.sources, symbol, wide),
+        gives=_gives(description.restype),
+        count=_trampoline(symbol, description)[1],
+        failures=tuple(_bytes(found) for found in FAILURES.findall(str(module))),
+    )
+
+
+def _write_object(bitcode: bytes, description: Any, file: Path, level: str, features: str) -> Any:
+    """Write machine code of a kernel for a level of processors; gives the module of LLVM."""
+    symbol = file.stem
     module = llvm.parse_bitcode(bitcode)
-    text, count = _trampoline(symbol, description)
-    module.link_in(llvm.parse_assembly(text))
+    module.link_in(llvm.parse_assembly(_trampoline(symbol, description)[0]))
     for value in (*module.functions, *module.global_variables):
         if not value.is_declaration and value.name != symbol:
             value.linkage = "internal"
-    machine = _machine()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    machine = target.create_target_machine(
+        cpu=level, features=features, opt=3, reloc="pic", codemodel="default"
+    )
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
     passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(0)))
-    failures = tuple(_bytes(found) for found in FAILURES.findall(str(module)))
-    (Path(folder) / f"{symbol}.o").write_bytes(machine.emit_object(module))
-    gives = _gives(description.restype)
-    return Part(entry.kernel, entry.key, entry.sources, symbol, gives, count, failures)
-
-
-def _machine() -> Any:
-    target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(
-        cpu=LEVEL, features=FEATURES, opt=3, reloc="pic", codemodel="default"
-    )
+    file.write_bytes(machine.emit_object(module))
+    return module
 
 
 def _gives(given: types.Type) -> str:
@@ -230,8 +247,12 @@ def _table(parts: list[Part]) -> str:
     declared, rows = [], []
     for part in parts:
         texts = (part.kernel, part.key, part.sources, part.gives)
-        declared.append(f"int {part.symbol}(const int64_t *, int64_t *);")
-        rows.append(f"{{{', '.join(map(json.dumps, texts))}, {part.count}, {part.symbol}}},")
+        symbols = (part.symbol, part.wide)
+        declared += [
+            f"int {each}(const int64_t *, int64_t *);" for each in symbols if each != "NULL"
+        ]
+        fields = (*map(json.dumps, texts), str(part.count), *symbols)
+        rows.append(f"{{{', '.join(fields)}}},")
     raised = sorted({each for part in parts for each in part.failures})
     failures = [f"{{{', '.join(row)}}}," for row in map(_failure, raised) if row]
     return "\n".join(

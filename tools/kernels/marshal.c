@@ -30,6 +30,7 @@ static PyObject *type_names;  /* dict: class of tuples -> bytes */
 static PyObject *dtype_names; /* dict: dtype of fields -> bytes */
 static PyObject *dtypes;      /* dict: name -> dtype */
 static PyObject *dtype_name;  /* function of Python's: dtype -> name */
+static int is_wide;           /* whether the processor has x86-64-v4 */
 
 /* ---- What a walk writes -------------------------------------------------------------------- */
 
@@ -465,8 +466,9 @@ static PyObject *kernel_call(PyObject *self, PyObject *given, PyObject *unused) 
         } else {
             const Entry *entry = &kernel->first[n];
             int status;
+            const Run run = is_wide && entry->wide ? entry->wide : entry->run;
             Py_BEGIN_ALLOW_THREADS
-            status = entry->run(walk.number, result);
+            status = run(walk.number, result);
             Py_END_ALLOW_THREADS
             const char *gives = entry->gives;
             const int64_t *at = result;
@@ -587,7 +589,6 @@ static PyObject *lacking(PyObject *module, PyObject *unused) {
     const unsigned first = c;
     if (__get_cpuid_count(7, 0, &a, &b, &c, &d)) seven = b;
     if (__get_cpuid(0x80000001, &a, &b, &c, &d)) extended = c;
-    __builtin_cpu_init();
     const struct {
         const char *name;
         int is_there;
@@ -608,6 +609,12 @@ static PyObject *lacking(PyObject *module, PyObject *unused) {
         Py_XDECREF(name);
     }
     return names;
+}
+
+static int has_v4(void) {
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+           __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512vl");
 }
 
 /* All entries: kernel, types of arguments. */
@@ -643,6 +650,8 @@ static struct PyModuleDef definition = {
 
 PyMODINIT_FUNC PyInit__kernels(void) {
     import_array();
+    __builtin_cpu_init();
+    is_wide = has_v4();
     type_names = PyDict_New();
     dtype_names = PyDict_New();
     dtypes = PyDict_New();
