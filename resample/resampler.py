@@ -71,8 +71,9 @@ from resample.painting.steps.planning import (
     plans_of,
     reach_beyond,
 )
-from resample.profiles.filters import Box, Gaussian, PixelFilter, profile
-from resample.profiles.filters import table as filter_table
+from resample.profiles import filters
+from resample.profiles.filters import Box, Gaussian, PixelFilter
+from resample.profiles.kept import once
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
@@ -94,7 +95,6 @@ from resample.types import (
     LatticeField,
     Pieces,
     Profile,
-    RadialTable,
     Records,
     Samples,
     Statistics,
@@ -103,6 +103,15 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
+
+filter_table = once(filters.table)
+
+
+@once
+def filter_profile(pixel_filter: PixelFilter) -> Profile | None:
+    """A filter's table as a formula, where there is one."""
+    return filters.profile(filter_table(pixel_filter))
+
 
 SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
@@ -662,13 +671,13 @@ class Resampler:
         layers = layers_of(self.order, samples.position, view, lattice)
         return Scene(view, ellipsoid, screen, style, tables, summing, layers, look)
 
-    @cached_property
-    def _points(self) -> RadialTable:
-        """Profile of the filter that points are added under."""
+    @property
+    def _point_filter(self) -> PixelFilter:
+        """Filter that points are added under."""
         # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
         # that variance; the paper's are seen under the pixel's filter.
         literal = self.primitive is Primitive.PAPER
-        return filter_table((self.pixel_filter or LITERAL_FILTER) if literal else POINT_FILTER)
+        return (self.pixel_filter or LITERAL_FILTER) if literal else POINT_FILTER
 
     @cached_property
     def _profile(self) -> Profile | None:
@@ -683,7 +692,7 @@ class Resampler:
     @cached_property
     def _point_profile(self) -> Profile | None:
         """Filter of points as a formula, where there is one."""
-        return profile(self._points)
+        return filter_profile(self._point_filter)
 
     @cached_property
     def _tables(self) -> Tables:
@@ -693,7 +702,7 @@ class Resampler:
         return Tables(
             footprint_table(self.reconstruction).values,
             partial_table(self.reconstruction),
-            self._points.values,
+            filter_table(self._point_filter).values,
             *pixel,
             math.ceil(pixel.extent - 0.501),  # the table of a box ends a sliver beyond 0.5
         )
@@ -721,7 +730,7 @@ class Resampler:
             subpixels=fixed if self.subpixels is None else int(self.subpixels),
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,
             most_for_points=POINT_GRID,
-            point_extent=self._points.extent,
+            point_extent=filter_table(self._point_filter).extent,
             variance=0.0 if primitive is Primitive.PAPER else variance(self.reconstruction),
             inflated=1.0 if primitive is Primitive.INFLATE else 0.0,
             blurred=EWA_VARIANCE * per_variance if primitive is Primitive.EWA else 0.0,

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from resample.profiles.kept import once
 from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
@@ -88,6 +89,7 @@ def density_table(reconstruction: Reconstruction) -> RadialTable:
     return RadialTable(density.astype(np.float32), 1.0)
 
 
+@once
 def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     """Line integrals over the squared distance of the line from the center, in radii.
 
@@ -98,6 +100,7 @@ def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     return RadialTable(integral.astype(np.float32), 1.0)
 
 
+@once
 def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
     """Line integrals as a formula that is quicker than their table; None where none is as good.
 
@@ -116,6 +119,7 @@ def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
     return Profile(*coefficient)
 
 
+@once
 def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
     """Like `footprint_profile`, in two pieces and of more kernels; None where none is as good.
 
@@ -174,6 +178,7 @@ def product_profile(reconstruction: Reconstruction) -> tuple[Doubles, Doubles, f
     return factors[0] / scale, factors[1], float(np.exp(-steep) / scale)
 
 
+@once
 def partial_table(reconstruction: Reconstruction) -> Floats:
     """Line integrals up to a place, (K + 1, K + 1).
 
