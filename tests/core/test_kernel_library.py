@@ -145,6 +145,14 @@ def test_kernels_that_are_not_there_have_no_call(native, of_library):
     assert ("tests.small_kernels.nothing", "q") in native.entries()
 
 
+@pytest.fixture
+def nothing_is_asked_for(monkeypatch):
+    """An environment that neither leaves the library alone nor asks for other code."""
+    for variable in (library.VARIABLE, *(f"NUMBA_{name}" for name in library.OTHER_CODE)):
+        monkeypatch.delenv(variable, raising=False)
+
+
+@pytest.mark.usefixtures("nothing_is_asked_for")
 def test_a_processor_that_lacks_something_has_no_library(native, monkeypatch):
     monkeypatch.setattr("resample.engine.compiled._kernels", native, raising=False)
     monkeypatch.setitem(sys.modules, "resample.engine.compiled._kernels", native)
@@ -158,6 +166,7 @@ def test_a_processor_that_lacks_something_has_no_library(native, monkeypatch):
     ("variable", "value"),
     [("RESAMPLE_KERNELS", "off"), ("NUMBA_OPT", "1"), ("NUMBA_CPU_NAME", "x")],
 )
+@pytest.mark.usefixtures("nothing_is_asked_for")
 def test_the_library_is_left_alone_where_that_is_asked_for(native, monkeypatch, variable, value):
     monkeypatch.setattr("resample.engine.compiled._kernels", native, raising=False)
     monkeypatch.setitem(sys.modules, "resample.engine.compiled._kernels", native)
@@ -225,6 +234,7 @@ def test_types_have_the_names_that_numba_would_give_them(native, value):
     assert named == compiling.key_of(numba.typeof(value))
 
 
+@pytest.mark.usefixtures("nothing_is_asked_for")
 def test_a_process_without_numba_runs_a_library(native, tmp_path):
     """What is in no library asks for numba, and says so."""
     (tmp_path / "numba.py").write_text("raise ImportError('numba is not installed')\n")
