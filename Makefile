@@ -5,8 +5,10 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 # Byte-compile at install (uv does not by default, and never what stays in the checkout): halves every later start.
 export UV_COMPILE_BYTECODE := 1
+# Python is started many times, by tests above all, and keeps byte code for the next one.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard kernels lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -34,6 +36,9 @@ test: $(VENV)/.dev
 test-all: $(VENV)/.dev
 	$(PYTEST) $(ARGS)
 # Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
+# What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
+first-pictures: wheel
+	$(BIN)/python tools/first_pictures.py $(wildcard dist/*.whl) $(ARGS)
 fuzz: SECONDS ?= 600
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) $(ARGS)
