@@ -56,10 +56,19 @@ def strict_json(text: str) -> object:
 
 def imported(module: str, *words: str) -> set[str]:
     """Modules that a process has imported when the command line of `module` has answered."""
+    return imported_by_all(module, [list(words)])
+
+
+def imported_by_all(module: str, lines: list[list[str]]) -> set[str]:
+    """Modules that a process has imported when it has answered several command lines."""
     listed = python(
-        f"import sys, {module}, resample.command.options\n"
-        f"try: resample.command.options.run({module}.app, {list(words)})\n"
-        "except SystemExit: print('imported', *sys.modules)"
+        f"import functools, sys, docstring_parser, {module}, resample.command.options\n"
+        # commands share classes of options, whose sources are parsed once here
+        "docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)\n"
+        f"for words in {lines}:\n"
+        f"    try: resample.command.options.run({module}.app, words)\n"
+        "    except SystemExit: pass\n"
+        "print('imported', *sys.modules)"
     )
     return set(listed.rpartition("imported")[2].split())
 

@@ -13,8 +13,8 @@ from resample.engine.over import VISIBLE
 from resample.engine.points.adding import MOST_TAPS
 from resample.painting.layers import sheets_of
 from resample.painting.scene import check_samples, size_of_tiles, tiles_along
-from resample.resampler import Resampler
 from resample.types import AFFINE, DISC, EXACT, Frame, Statistics
+from tests.samples import painter
 
 TIES = ("y", "x", "a", "b", "c", "extinction", "red", "green", "blue")
 
@@ -35,7 +35,7 @@ class Canvas(NamedTuple):
 
 def from_records(samples, camera, *, height, width, clip=None, **choices):
     """Frame of samples that are composited one by one, or as points in layers."""
-    resample, checked = Resampler(**choices), check_samples(samples)
+    resample, checked = painter(**choices), check_samples(samples)
     scene = resample._scene(checked, camera.view(), (height, width), None, clip)
     record = _records(scene, checked)
     seen = record["left"] <= record["right"]

@@ -1,9 +1,12 @@
 """Samples and fields that several tests paint, and cameras that see them."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.resampler import Resampler
 from resample.types import Field, Lamp, Samples
 
 SIDE = 16  # px of what `CAMERAS` see of clouds
@@ -18,6 +21,12 @@ CAMERAS = {
 }
 DARK = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)  # shows colors as they are
 LOW, HIGH = -1.0, 3.0  # values of a field's cloud
+
+
+@lru_cache(maxsize=64)
+def painter(**choices):
+    """A resampler of these choices: all that want the same one share its tables."""
+    return Resampler(**choices)
 
 
 def cube(side):

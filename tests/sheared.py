@@ -21,7 +21,7 @@ PLANE = [[0.3, 1.0, 0.2, 2.0]]
 LATTICE = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.0], [0.0, 0.2, -0.9]])
 
 
-def box(rng, extinction=0.4, side=11):
+def box(rng, extinction=0.4, side=9):
     """Samples of any color, z slowest."""
     index = np.indices((side,) * 3).reshape(3, -1).T[:, ::-1] - (side - 1) / 2
     return Samples(

@@ -1,14 +1,16 @@
 """What the command lines of all applications have in common."""
 
 import os
+from functools import cache
 from pathlib import Path
 
 import cv2
+import docstring_parser
 import numpy as np
 import pytest
 
 from resample import registry
-from tests.commands import HEAVY, ended, imported, interrupted, refused, strict_json
+from tests.commands import HEAVY, ended, imported_by_all, interrupted, refused, strict_json
 
 BOX = "checker-box:size=16,block=4"
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
@@ -59,21 +61,25 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+parsed_once = cache(docstring_parser.parse_from_object)
+
+
 def app_of(application):
     return registry.load("apps", application)
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize(
-    ("application", "words"),
-    [(application, words) for application, each in HELP.items() for words in each],
-)
-def test_help_imports_nothing_heavy(application, words):
-    assert imported(f"resample_{application}.command.cli", *words) & HEAVY == set()
+@pytest.mark.parametrize("application", HELP)
+def test_help_imports_nothing_heavy(application):
+    """None of its kinds, one after the other in one process."""
+    assert (
+        imported_by_all(f"resample_{application}.command.cli", HELP[application]) & HEAVY == set()
+    )
 
 
 @pytest.mark.parametrize("application", HELP)
 def test_help_has_headings_and_completion_is_installed(application, folder, capsys, monkeypatch):
+    # All commands' sources are parsed, of which many share classes of options.
+    monkeypatch.setattr(docstring_parser, "parse_from_object", parsed_once)
     app = app_of(application)
     assert not ended(app, PAINT[application][0], "--help")
     told = capsys.readouterr().out
@@ -102,7 +108,8 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
 
 @pytest.mark.parametrize("command", ["demo", "figures"])
 @pytest.mark.parametrize("application", registry.names("apps"))
-def test_a_file_is_refused_as_a_folder(application, command, capsys):
+def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):
+    monkeypatch.setattr("resample_texture.showing.scenes.FINER", 1)  # what is made first is small
     Path(command).write_text("a file")
     assert command in refused(app_of(application), capsys, command)
     assert command in refused(app_of(application), capsys, command, "-o", command)

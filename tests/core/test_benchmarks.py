@@ -208,7 +208,11 @@ def test_a_floor_fills_its_frame():
         ("volume, splats", 40),
         ("volume, points", 40),
         ("texture", 19),
-        pytest.param("depth image", 20, marks=pytest.mark.sweep),
+        pytest.param(
+            "depth image",
+            20,
+            marks=pytest.mark.sweep(kept_by="test_baselines_make_the_same_picture"),
+        ),
     ],
 )
 def test_baselines_make_the_same_picture(name, least):
@@ -231,7 +235,9 @@ def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/volume/test_windows.py::test_windows_have_the_bits_of_a_volume_in_memory"
+)
 @pytest.mark.slow
 def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
     pytest.importorskip("zarr")

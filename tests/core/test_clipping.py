@@ -8,11 +8,10 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import CAMERAS as SEEN
-from tests.samples import EYE, POSE, SIDE, block, cloud, shuffled
+from tests.samples import EYE, POSE, SIDE, block, cloud, painter, shuffled
 
 CAMERAS = {
     **SEEN,
@@ -42,7 +41,7 @@ MIRRORED = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.8, -1.2, 1.0])
 
 def draw(samples, camera, clip=None, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, **choices}
-    return Resampler(**choices)(samples, camera, height=side, width=side, clip=clip)
+    return painter(**choices)(samples, camera, height=side, width=side, clip=clip)
 
 
 # Exactly.
@@ -126,6 +125,7 @@ def test_every_footprint_is_cut_alike(model, rng):
 # Minified.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
 def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
@@ -157,12 +157,13 @@ def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
 # Bits.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("primitive", list(Primitive))
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order, rng):
     samples, planes = cloud(rng, 300, 0.5 * np.eye(3)), np.array(PLANES["a corner"])
     other = shuffled(samples, rng)
-    resample = Resampler(primitive=primitive, order=order)
+    resample = painter(primitive=primitive, order=order)
     for camera in (
         CAMERAS["narrow"],
         CAMERAS["inside"],

@@ -13,11 +13,10 @@ from resample.painting.choices import Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests.bits import assert_same
 from tests.records import from_records
-from tests.samples import shuffled
+from tests.samples import painter, shuffled
 from tests.sheared import CAMERAS, CLOSE, PLANE, SIZE, box
 
 # Line integrals are within 3e-6 of the peak by either way; so a sub-pixel may count as opaque, at a
@@ -30,7 +29,7 @@ TOLERANCE = 1e-4
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, camera, extinction):
     samples = box(rng, extinction)
-    frame, other = Resampler()(samples, camera, **SIZE), from_records(samples, camera, **SIZE)
+    frame, other = painter()(samples, camera, **SIZE), from_records(samples, camera, **SIZE)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
     np.testing.assert_array_equal(np.isfinite(frame.depth), np.isfinite(other.depth))
@@ -41,27 +40,28 @@ def test_pictures_are_those_painted_from_records(rng, camera, extinction):
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples = box(rng)
-    frame = Resampler()(samples, camera, clip=PLANE, **SIZE)
+    frame = painter()(samples, camera, clip=PLANE, **SIZE)
     other = from_records(samples, camera, clip=PLANE, **SIZE)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     assert frame.statistics.splats == other.statistics.splats
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("longest", [1, 7, 256])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
     samples = box(rng)
-    frame = Resampler()(samples, camera, **SIZE)
+    frame = painter()(samples, camera, **SIZE)
     monkeypatch.setattr(deferred, "LONGEST_RUN", longest)
-    assert_same(frame, Resampler()(samples, camera, **SIZE))
+    assert_same(frame, painter()(samples, camera, **SIZE))
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
     samples = box(rng)
-    frame = Resampler()(samples, camera, **SIZE)
+    frame = painter()(samples, camera, **SIZE)
     monkeypatch.setattr(deferred, "_is_vague", lambda *_, **__: True)
-    other = Resampler()(samples, camera, **SIZE)
+    other = painter()(samples, camera, **SIZE)
     assert_same(frame, other)
     assert frame.statistics.splats == other.statistics.splats
 
@@ -78,7 +78,7 @@ def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
 
     monkeypatch.setattr(run_bounds, "outline_runs", spy)
     monkeypatch.setattr(deferred, "_is_vague", lambda *_, **__: True)
-    Resampler(order=order)(samples, camera, **SIZE)
+    painter(order=order)(samples, camera, **SIZE)
     bound, exact = found
     np.testing.assert_array_equal(bound["seen"], exact["seen"])
     for name in ("left", "top", "key", "least_spacing"):
@@ -89,24 +89,34 @@ def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
 
 @pytest.mark.parametrize("key", ["depth", "distance"])
 def test_the_order_of_samples_changes_no_bit(rng, key):
-    samples, resample = box(rng), Resampler(order=EverySample(key=key))
+    samples, resample = box(rng), painter(order=EverySample(key=key))
     other = shuffled(samples, rng)
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5, 8, 16])
 @pytest.mark.parametrize("extinction", [0.4, 6.0])
 def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, extinction):
     samples, choice = box(rng, extinction, 7), {"primitive": Primitive.SPLATS}
     choice["subpixels"] = subpixels
-    frame = Resampler(**choice)(samples, CAMERAS["far"], **SIZE)
+    frame = painter(**choice)(samples, CAMERAS["far"], **SIZE)
     other = from_records(samples, CAMERAS["far"], **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
     np.testing.assert_array_equal(np.isfinite(frame.first_depth), np.isfinite(other.first_depth))
 
 
-@pytest.mark.parametrize("side", [5, 20, 100])
+@pytest.mark.parametrize(
+    "side",
+    [
+        *(5, 20),
+        pytest.param(
+            100,
+            marks=pytest.mark.sweep(kept_by="test_any_number_of_samples_may_be_equally_near"),
+        ),
+    ],
+)
 def test_any_number_of_samples_may_be_equally_near(rng, side):
     across, down = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2
     samples = Samples(
@@ -118,23 +128,23 @@ def test_any_number_of_samples_may_be_equally_near(rng, side):
     other = shuffled(samples, rng)
     camera = Orthographic(0.3, 0.3, 26.0, 21.0, look_at((0, 0, -30), (0, 0, 0)), -60.0)
     choice = {"primitive": Primitive.SPLATS, "subpixels": 2}
-    frame = Resampler(**choice)(samples, camera, **SIZE)
-    assert_same(frame, Resampler(**choice)(other, camera, **SIZE))
+    frame = painter(**choice)(samples, camera, **SIZE)
+    assert_same(frame, painter(**choice)(other, camera, **SIZE))
     records = from_records(samples, camera, **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, records.rgba, atol=TOLERANCE)
 
 
 def test_filters_reach_into_other_tiles(rng):
     samples, pixel = box(rng), Gaussian(0.7, 2.0)
-    frame = Resampler(pixel_filter=pixel)(samples, CLOSE, **SIZE)
+    frame = painter(pixel_filter=pixel)(samples, CLOSE, **SIZE)
     other = from_records(samples, CLOSE, **SIZE, pixel_filter=pixel)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_splats_of_any_width_are_those_painted_from_records")
 def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
-    frame = Resampler(**choice)(samples, CLOSE, **SIZE)
+    frame = painter(**choice)(samples, CLOSE, **SIZE)
     other = from_records(samples, CLOSE, **SIZE, **choice)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
@@ -160,7 +170,7 @@ def test_integrals_that_fall_below_zero_have_no_formula():
 def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None
-    assert Resampler(reconstruction=spline)(box(rng), CLOSE, **SIZE).rgba.max() > 0.1
+    assert painter(reconstruction=spline)(box(rng), CLOSE, **SIZE).rgba.max() > 0.1
 
 
 @kernel

@@ -12,10 +12,9 @@ from resample.painting.choices import Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel
-from resample.resampler import Resampler
 from tests.bits import assert_same
 from tests.records import from_records
-from tests.samples import shuffled
+from tests.samples import painter, shuffled
 from tests.sheared import CLOSE, INSIDE, PLANE, SIZE, box
 
 PIXEL = (26.0, 21.0)
@@ -68,7 +67,7 @@ def assert_alike(frame, other, *, are_counted=True):
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, deferred_only, camera, extinction, primitive):
     samples = box(rng, extinction)
-    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    frame = painter(primitive=primitive)(samples, camera, **SIZE)
     assert deferred_only == [True]
     assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
 
@@ -90,11 +89,12 @@ CHOICES = {
 @pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
 def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
     samples, choices = box(rng), {"primitive": Primitive.POINTS, **choice}
-    frame = Resampler(**choices)(samples, CAMERAS[camera], **SIZE)
+    frame = painter(**choices)(samples, CAMERAS[camera], **SIZE)
     assert deferred_only == [True]
     assert_alike(frame, from_records(samples, CAMERAS[camera], **SIZE, **choices))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
 @pytest.mark.parametrize("scale", [1.0, 0.02])
 def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
@@ -102,7 +102,7 @@ def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
         box(rng),
         Camera.from_intrinsics(scale, scale, *PIXEL, look_at((8, -60, 12), (0, 0, 0))),
     )
-    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    frame = painter(primitive=primitive)(samples, camera, **SIZE)
     assert frame.statistics.points == samples.extinction.size
     assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
 
@@ -110,7 +110,7 @@ def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples, choice = box(rng), {"primitive": Primitive.POINTS}
-    frame = Resampler(**choice)(samples, camera, clip=PLANE, **SIZE)
+    frame = painter(**choice)(samples, camera, clip=PLANE, **SIZE)
     assert_alike(frame, from_records(samples, camera, **SIZE, clip=PLANE, **choice))
 
 
@@ -123,11 +123,12 @@ UNFIT = {
 }
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
 def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera, primitive):
     samples = box(rng)
-    frame = Resampler(primitive=primitive)(samples, camera, **SIZE)
+    frame = painter(primitive=primitive)(samples, camera, **SIZE)
     assert deferred_only == [False]
     assert_alike(
         frame, from_records(samples, camera, **SIZE, primitive=primitive), are_counted=False
@@ -137,7 +138,7 @@ def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera, 
 @pytest.mark.parametrize("pixel", [Box(), Mitchell(), Gaussian(0.1, 0.3, lowered=True)], ids=repr)
 def test_filters_without_a_formula_are_painted_in_order(rng, pixel):
     samples, choices = box(rng), {"primitive": Primitive.PAPER, "pixel_filter": pixel}
-    frame = Resampler(**choices)(samples, FAR, **SIZE)
+    frame = painter(**choices)(samples, FAR, **SIZE)
     assert_alike(frame, from_records(samples, FAR, **SIZE, **choices), are_counted=False)
 
 
@@ -145,7 +146,7 @@ def test_filters_without_a_formula_are_painted_in_order(rng, pixel):
 def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
     camera = Camera.from_intrinsics(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
     samples, choices = box(rng, side=7), {"primitive": Primitive.POINTS, **choice}
-    frame = Resampler(**choices)(samples, camera, **SIZE)
+    frame = painter(**choices)(samples, camera, **SIZE)
     assert_alike(frame, from_records(samples, camera, **SIZE, **choices), are_counted=False)
 
 
@@ -153,7 +154,7 @@ def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
 def test_sheets_may_be_thin(rng, thickness):
     samples = box(rng)
     choices = {"primitive": Primitive.POINTS, "order": EverySample(thickness=thickness)}
-    frame = Resampler(**choices)(samples, FAR, **SIZE)
+    frame = painter(**choices)(samples, FAR, **SIZE)
     other = from_records(samples, FAR, **SIZE, **choices)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
     # Areas are as large as layers are thin, and so are the steps of what they cover at rims.
@@ -165,10 +166,11 @@ def test_steps_and_lobes_have_no_formula(pixel):
     assert profile(table(pixel)) is None
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("longest", [1, 7, 256])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
-    samples, resample = box(rng), Resampler(primitive=Primitive.POINTS)
+    samples, resample = box(rng), painter(primitive=Primitive.POINTS)
     frame = resample(samples, camera, **SIZE)
     monkeypatch.setattr(deferred_points, "LONGEST_RUN", longest)
     assert_same(frame, resample(samples, camera, **SIZE))
@@ -177,7 +179,7 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
 @pytest.mark.parametrize("key", ["depth", "distance"])
 @pytest.mark.parametrize("extinction", [0.02, 6.0])
 def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
-    resample = Resampler(primitive=Primitive.POINTS, order=EverySample(key=key))
+    resample = painter(primitive=Primitive.POINTS, order=EverySample(key=key))
     samples = box(rng, extinction)
     other = shuffled(samples, rng)
     assert_same(resample(samples, FAR, **SIZE), resample(other, FAR, **SIZE))
@@ -186,25 +188,25 @@ def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
 def test_samples_beside_the_view_do_no_harm(rng):
     samples, choice = box(rng, side=40), {"primitive": Primitive.POINTS}
     camera = Camera.from_intrinsics(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
-    frame = Resampler(**choice)(samples, camera, **SIZE)
+    frame = painter(**choice)(samples, camera, **SIZE)
     assert 0 < frame.statistics.points < samples.extinction.size
     assert_alike(frame, from_records(samples, camera, **SIZE, **choice))
 
 
 def test_threads_change_no_bit(rng):
-    samples, resample = box(rng), Resampler(primitive=Primitive.POINTS)
+    samples, resample = box(rng), painter(primitive=Primitive.POINTS)
     assert_same(*(resample(samples, FAR, threads=count, **SIZE) for count in (1, 2)))
 
 
 def test_hidden_points_are_skipped(rng):
     samples = box(rng, 50.0, 64)
-    resample = Resampler(primitive=Primitive.POINTS)
+    resample = painter(primitive=Primitive.POINTS)
     assert resample(samples, FAR, **SIZE).statistics.hidden > 10000
 
 
 def test_colors_may_be_bright(rng):
-    samples = box(rng)._replace(color=rng.uniform(0, 500, (11**3, 3)).astype(np.float32))
-    frame = Resampler(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
+    samples = box(rng, side=9)._replace(color=rng.uniform(0, 500, (9**3, 3)).astype(np.float32))
+    frame = painter(primitive=Primitive.POINTS)(samples, FAR, **SIZE)
     other = from_records(samples, FAR, **SIZE, primitive=Primitive.POINTS)
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=500 * TOLERANCE)
 

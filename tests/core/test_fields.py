@@ -15,7 +15,7 @@ from resample.types import Classifier, Lamp, Samples
 from tests import naive
 from tests.bits import ARRAYS, assert_same
 from tests.samples import CAMERAS as SEEN
-from tests.samples import DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, shuffled
+from tests.samples import DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter, shuffled
 
 CAMERAS = {
     **SEEN,
@@ -41,7 +41,7 @@ def classifier(rng, rows=1, columns=8, lamp=DARK, **depth_cue):
 
 def draw(field, camera, thickness=1.0, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, "order": ImageSheets(thickness), **choices}
-    return Resampler(**choices)(field, camera, height=side, width=side)
+    return painter(**choices)(field, camera, height=side, width=side)
 
 
 def looked_up(look, value, slope):
@@ -214,7 +214,7 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
 @pytest.mark.parametrize("projection", [one for one in Projection if one != Projection.MINIMUM])
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS, Primitive.EWA])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):
-    field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 300, 0.5 * np.eye(3))
+    field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 150, 0.5 * np.eye(3))
     other = shuffled(field, rng)
     resample = Resampler(
         primitive=primitive,
@@ -227,8 +227,8 @@ def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primi
         CAMERAS["inside"],
         Camera.from_intrinsics(3.0, 3.0, 20, 20, POSE),
     ):
-        first = resample(field, camera, height=40, width=40, threads=1)
-        second = resample(other, camera, height=40, width=40, threads=2)
+        first = resample(field, camera, height=24, width=24, threads=1)
+        second = resample(other, camera, height=24, width=24, threads=2)
         assert_same(first, second, (*ARRAYS, "value"))
 
 

@@ -278,6 +278,7 @@ except OSError as error:
 """
 
 
+@pytest.mark.each_value
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(resource, "RLIMIT_FSIZE"), reason="no limit of a file's size")
 @pytest.mark.parametrize("size", [4, 300])

@@ -6,9 +6,9 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.painting.choices import FOOTPRINTS, Footprint, Opacity, Primitive
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
+from tests.samples import painter
 
 SIDE = 8  # px
 
@@ -23,7 +23,7 @@ def two(spacing=1.0):
 
 
 def draw(samples, camera, **choices):
-    return Resampler(**choices)(samples, camera, height=SIDE, width=SIDE)
+    return painter(**choices)(samples, camera, height=SIDE, width=SIDE)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Arrays in files, of which memory holds some pages."""
 
-import gc
 import os
 import shutil
 import time
@@ -63,11 +62,9 @@ def test_a_file_ends_with_its_array():
     values = array_in_file((MIB,), np.uint8, MIB, "values")
     kept = values[5:9]
     del values
-    gc.collect()
     assert is_in_file(kept)
     count = len(mapped._held)
     del kept
-    gc.collect()
     assert len(mapped._held) == count - 1
 
 

@@ -21,11 +21,10 @@ from resample.profiles.reconstruction import (
     footprint_profile,
     footprint_table,
 )
-from resample.resampler import Resampler
 from resample.types import Layers, Tabulated
 from tests.bits import assert_same
 from tests.records import from_records
-from tests.samples import shuffled
+from tests.samples import painter, shuffled
 from tests.sheared import CAMERAS as SEEN
 from tests.sheared import CLOSE, PLANE, SIZE, box
 
@@ -79,8 +78,17 @@ CHOICES = {
 }
 
 
+# Each of these has the painter compiled once more: what is new in them is tested by itself.
+KEPT_BY = {
+    "points of a spline": "test_pieces_are_the_line_integrals",
+    "shell": "test_all_kernels_are_one_integral_by_profile_pieces_or_table",
+}
 DAILY = [
-    pytest.param(choice, id=name, marks=[pytest.mark.sweep] if name == "points of a spline" else [])
+    pytest.param(
+        choice,
+        id=name,
+        marks=[pytest.mark.sweep(kept_by=KEPT_BY[name])] if name in KEPT_BY else [],
+    )
     for name, choice in CHOICES.items()
 ]
 
@@ -103,7 +111,7 @@ def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
     if camera is CAMERAS["inside"] and choice in UNLIKE:
         camera = CLOSE
     samples = box(rng, side=SMALL)
-    frame = Resampler(**choice)(samples, camera, **SIZE)
+    frame = painter(**choice)(samples, camera, **SIZE)
     other = from_records(samples, camera, **SIZE, **choice)
     assert_alike(frame, other)
     assert frame.statistics.subpixels == other.statistics.subpixels
@@ -114,13 +122,13 @@ def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
 @pytest.mark.parametrize("choice", DAILY)
 def test_a_plane_cuts_what_streams(rng, choice):
     samples = box(rng, side=SMALL)
-    frame = Resampler(**choice)(samples, CLOSE, clip=PLANE, **SIZE)
+    frame = painter(**choice)(samples, CLOSE, clip=PLANE, **SIZE)
     assert_alike(frame, from_records(samples, CLOSE, clip=PLANE, **SIZE, **choice))
 
 
 @pytest.mark.parametrize("choice", DAILY)
 def test_order_of_samples_and_threads_change_no_bit(rng, choice):
-    samples, resample = box(rng, 2.0, SMALL), Resampler(**choice)
+    samples, resample = box(rng, 2.0, SMALL), painter(**choice)
     other = shuffled(samples, rng)
     frame = resample(samples, CLOSE, threads=1, **SIZE)
     assert_same(frame, resample(other, CLOSE, threads=2, **SIZE))
@@ -164,6 +172,6 @@ def test_kernels_with_edges_have_no_pieces():
 
 
 def test_filters_that_reach_too_far_for_so_many_sub_pixels_are_refused(rng):
-    resample = Resampler(pixel_filter=Gaussian(4.0, 16.0), subpixels=32)
+    resample = painter(pixel_filter=Gaussian(4.0, 16.0), subpixels=32)
     with pytest.raises(ValueError, match="at most 6 are possible"):
         resample(box(rng, side=SMALL), CLOSE, **SIZE)

@@ -5,8 +5,8 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.painting.choices import Primitive
-from resample.resampler import Resampler
 from resample.types import Frame, Samples
+from tests.samples import painter
 
 WALL_DEPTH, BEHIND = 200.0, 100_000
 
@@ -33,7 +33,7 @@ def picture(
         np.concatenate([extinction, np.full(behind, 1.0)]),
         np.eye(3),
     )
-    return Resampler(primitive=primitive)(samples, camera, height=side, width=side)
+    return painter(primitive=primitive)(samples, camera, height=side, width=side)
 
 
 @pytest.fixture(

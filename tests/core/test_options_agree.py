@@ -2,8 +2,11 @@
 
 import re
 from collections import defaultdict
+from functools import cache
 
+import docstring_parser
 import pytest
+from docstring_parser import parse_from_object
 
 from resample import registry
 from tests.commands import refused
@@ -31,7 +34,9 @@ def texts():
     return found
 
 
-def test_an_option_means_the_same_in_all_commands():
+def test_an_option_means_the_same_in_all_commands(monkeypatch):
+    # Commands share classes of options, whose sources are parsed for each of them.
+    monkeypatch.setattr(docstring_parser, "parse_from_object", cache(parse_from_object))
     options = texts()
     commands = {
         where for meanings in options.values() for all_ in meanings.values() for where in all_

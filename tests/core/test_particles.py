@@ -3,16 +3,20 @@
 import numpy as np
 import pytest
 
-from resample import Camera, Orthographic, Primitive, Resampler, particles
+from resample import Camera, Orthographic, Primitive, particles
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from tests import naive
+from tests.samples import painter
 
 SIDE = 24
 SIZE = {"height": SIDE, "width": SIDE}
 POSE = np.array([[0.8, 0, 0.6, 0.5], [0, 1, 0, -0.2], [-0.6, 0, 0.8, 1.0], [0, 0, 0, 1]])
 CAMERA = Camera.from_intrinsics(20.0, 24.0, 12.3, 11.6, POSE)
 PARALLEL = Orthographic(4.0, 4.4, 12.3, 11.6, POSE)
-KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
+MORE = pytest.mark.sweep(
+    kept_by="test_a_radius_each_is_painted_as_line_integrals_say_nearest_first"
+)
+KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=MORE)]
 
 
 def spheres(count=40):
@@ -43,7 +47,7 @@ def opacities(position, opacity, radius, camera, kernel):
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, camera):
     position, color, opacity, radius = spheres()
-    resampler = Resampler(primitive=Primitive.SPLATS, reconstruction=kernel)
+    resampler = painter(primitive=Primitive.SPLATS, reconstruction=kernel)
     samples = particles(position, color, opacity, radius, reconstruction=kernel)
     alpha = opacities(position, opacity, radius, camera, kernel)
     truth = naive.composite(alpha, color, naive.in_camera(camera, position)[:, 2])
@@ -52,11 +56,12 @@ def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, ca
     np.testing.assert_allclose(picture, truth, atol=1e-4)  # painters stop at 1e-4 of the light
 
 
+@pytest.mark.sweep(kept_by="tests/core/test_scales.py::test_neither_order_nor_threads_change_a_bit")
 def test_neither_order_nor_threads_change_a_bit():
     given = spheres(500)
     order = np.random.default_rng(2).permutation(500)
-    one = Resampler()(particles(*given), CAMERA, threads=1, **SIZE)
-    two = Resampler()(particles(*(part[order] for part in given)), CAMERA, threads=2, **SIZE)
+    one = painter()(particles(*given), CAMERA, threads=1, **SIZE)
+    two = painter()(particles(*(part[order] for part in given)), CAMERA, threads=2, **SIZE)
     for first, second in zip(one[:4], two[:4], strict=True):
         np.testing.assert_array_equal(first, second)
 
@@ -74,20 +79,20 @@ def test_one_radius_is_that_of_each():
 def test_no_particles_take_no_light():
     nothing = particles(np.zeros((0, 3)), [1, 1, 1], 0.5, 1.0)
     assert nothing.position.shape == (0, 3)
-    assert not Resampler()(nothing, CAMERA, height=4, width=5).rgba.any()
+    assert not painter()(nothing, CAMERA, height=4, width=5).rgba.any()
 
 
 def test_particles_far_away_or_behind_take_no_light():
     far = [[0, 0, 1e12], [1e12, 0, 1e6], [0, 0, -1e12]]
     samples = particles(far, [1, 1, 1], 0.5, [1e-3, 1e-4, 1e-2])
-    assert not Resampler()(samples, CAMERA, height=4, width=5).rgba.max() > 1e-6
+    assert not painter()(samples, CAMERA, height=4, width=5).rgba.max() > 1e-6
 
 
 def test_radii_may_differ_by_many_powers_of_ten():
     """The smallest take no light, and the largest fills the picture."""
     position = np.array([[0, 0, 4.0], [0.5, 0, 5], [0, 0, 8e6]]) @ POSE[:3, :3]
     samples = particles(position, np.eye(3), [0.9, 0.9, 0.9], [1e-9, 0.3, 6e6])
-    frame = Resampler()(samples, CAMERA, **SIZE)
+    frame = painter()(samples, CAMERA, **SIZE)
     assert np.isfinite(frame.rgba).all()
     assert frame.rgba[..., 0].max() < 1e-6
     assert frame.rgba[..., 1].max() > 0.5

@@ -8,9 +8,9 @@ from resample.cameras.models import Camera, Orthographic
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import CatmullRom, Gaussian, Lanczos, Mitchell
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
+from tests.samples import painter
 
 SIDE = 24  # px; tiles meet at 8 px or a multiple of it
 DEPTH = 1000.0  # scene units: rays all but parallel, unless a test wants them otherwise
@@ -54,7 +54,7 @@ def camera(spacing_px, right=0.0, down=0.0):
 
 
 def draw(samples, seen_by, *, side=SIDE, **choices):
-    return Resampler(**choices)(samples, seen_by, height=side, width=side)
+    return painter(**choices)(samples, seen_by, height=side, width=side)
 
 
 def energy(frame):
@@ -138,7 +138,7 @@ def test_the_mass_is_the_sum_of_line_integrals(theta):
     aside = depth * np.tan(np.radians(theta))
     sample, focal = one_point((aside, 0, depth), spacing=0.02), 2500.0
     seen_by = Camera.from_intrinsics(focal, focal, 32.0 - focal * aside / depth, 32.0)
-    record = Resampler().footprints(sample, seen_by, height=64, width=64)[0]
+    record = painter().footprints(sample, seen_by, height=64, width=64)[0]
     expected = 0.02**3 * focal**2 * np.hypot(aside, depth) / depth**3
     assert float(record["mass"]) == pytest.approx(expected, rel=1e-6)  # float32
     integrals = naive.all_line_integrals(sample, seen_by, GaussianKernel(), height=64, width=64)
@@ -175,7 +175,7 @@ THRESHOLD = {Primitive.HYBRID: 0.6, Primitive.POINTS: np.inf, Primitive.PAPER: 1
 def test_points_fall_where_their_samples_project(model, primitive, rng):
     """Not at the middle of the ellipse that they would be as splats."""
     samples, seen_by = points(rng), Camera.from_intrinsics(12.0, 11.0, 12.3, 11.6)
-    resample = Resampler(primitive=primitive, footprint=model, subpixels=1)
+    resample = painter(primitive=primitive, footprint=model, subpixels=1)
     record = resample.footprints(samples, seen_by, height=SIDE, width=SIDE)
     points_seen = (record["spacing"] <= THRESHOLD[primitive]) & (record["left"] <= record["right"])
     assert points_seen.sum() > 30
@@ -247,6 +247,7 @@ def test_an_even_layer_looks_even(primitive):
     assert np.ptp(middle) < 0.01  # ripple of the point filter
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("lobed", LOBED, ids=repr)
 @pytest.mark.parametrize("count", [1, 20, 2000])
 @pytest.mark.parametrize("primitive", list(Primitive))
@@ -299,7 +300,7 @@ def test_a_picture_is_a_window_of_a_larger_one_on_an_anisotropic_lattice(primiti
     position = (place.reshape(-1, 3) @ lattice).astype(np.float32)
     color, extinction = np.ones_like(position), np.full(len(position), 0.4, np.float32)
     scene = Samples(position, color, extinction, lattice)
-    resample = Resampler(primitive=primitive, subpixels=2)
+    resample = painter(primitive=primitive, subpixels=2)
     wide = resample(scene, Orthographic(scale, scale, 24.3, 24.4), height=48, width=48)
     window = resample(scene, Orthographic(scale, scale, 4.3, 4.4), height=8, width=8)
     assert window.rgba[..., 3].max() > 0.5

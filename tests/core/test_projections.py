@@ -14,7 +14,7 @@ from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
 from tests import naive
-from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud
+from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter
 
 OF_SLABS = [one for one in Projection if one is not Projection.MINIMUM]
 SUMMED = [one for one in MEASURING if one is not Projection.MINIMUM]
@@ -33,7 +33,7 @@ def cloud(rng):
 
 def draw(field, camera, projection, thickness=1.0, *, side=SIDE, clip=None, **choices):
     choices = {"primitive": Primitive.SPLATS, "order": ImageSheets(thickness), **choices}
-    resample = Resampler(projection=projection, **choices)
+    resample = painter(projection=projection, **choices)
     return resample(field, camera, height=side, width=side, clip=clip)
 
 
@@ -46,6 +46,7 @@ def sums(field, camera):
 # Maximum, average, sum.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("thickness", [0.5, 1.0])
 def test_the_maximum_is_the_largest_mean_of_a_slab(camera, thickness, rng):

@@ -15,6 +15,7 @@ SOURCES = [
     for top in ("resample", "apps", "tools", "benchmarks")
     for path in (ROOT / top).rglob("*.py")
 ]
+WORDS = re.compile("allow_pickle|shell|load|eval|exec|pickle|shelve|marshal|dill")
 FORBIDDEN = {"pickle", "cPickle", "shelve", "marshal", "dill"}
 
 
@@ -34,9 +35,10 @@ def test_licences_that_are_unknown_or_unwanted_are_named():
 
 @pytest.fixture(scope="module")
 def nodes():
-    """Calls and imports of all sources, with where they are."""
+    """Calls and imports of all sources that have one of the words, with where they are."""
     kinds = ast.Call | ast.Import | ast.ImportFrom
-    trees = [(path, ast.parse(path.read_text("utf-8"))) for path in SOURCES]
+    texts = ((path, path.read_text("utf-8")) for path in SOURCES)
+    trees = [(path, ast.parse(text)) for path, text in texts if WORDS.search(text)]
     return [
         (node, path) for path, tree in trees for node in ast.walk(tree) if isinstance(node, kinds)
     ]
@@ -51,7 +53,8 @@ def keywords(nodes, name):
 
 def test_arrays_are_never_read_with_pickled_objects(nodes):
     assert [place for value, place in keywords(nodes, "allow_pickle") if value is not False] == []
-    loads = [n for n, _ in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "np.load"]
+    calls = [n for n, _ in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute)]
+    loads = [n for n in calls if n.func.attr == "load" and ast.unparse(n.func) == "np.load"]
     assert loads
     assert all(any(k.arg == "allow_pickle" for k in load.keywords) for load in loads)
 

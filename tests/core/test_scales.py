@@ -8,11 +8,10 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive, sheared
 from tests.bits import assert_same
-from tests.samples import reordered, shuffled
+from tests.samples import painter, reordered, shuffled
 
 SIZE = {"height": 23, "width": 29}
 EYE = look_at((4, -14, 5), (0, 0, 0))
@@ -23,7 +22,7 @@ CAMERAS = {
     "parallel": Orthographic(1.9, 1.7, 14.0, 11.3, EYE, -60.0),
     "parallel, near plane": Orthographic(1.9, 1.7, 14.0, 11.3, EYE, 15.0),
 }
-SPLATS = Resampler(primitive=Primitive.SPLATS)
+SPLATS = painter(primitive=Primitive.SPLATS)
 LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
@@ -93,7 +92,14 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
 
 
 @pytest.mark.parametrize(
-    "kernel", [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
+    "kernel",
+    [
+        GaussianKernel(),
+        pytest.param(
+            BSplineKernel(),
+            marks=pytest.mark.sweep(kept_by="test_other_kernels_and_orders_by_distance"),
+        ),
+    ],
 )
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 def test_other_kernels_and_orders_by_distance(rng, kernel, order):
@@ -101,7 +107,7 @@ def test_other_kernels_and_orders_by_distance(rng, kernel, order):
     center = naive.in_camera(camera, samples.position)
     key = np.linalg.norm(center, axis=1) if order.key == "distance" else center[:, 2]
     truth = naive.composite(opacities(samples, camera, kernel, **SIZE), samples.color, key)
-    resampler = Resampler(primitive=Primitive.SPLATS, reconstruction=kernel, order=order)
+    resampler = painter(primitive=Primitive.SPLATS, reconstruction=kernel, order=order)
     np.testing.assert_allclose(resampler(samples, camera, **SIZE).rgba, truth, atol=TOLERANCE)
 
 
@@ -128,7 +134,7 @@ def test_a_larger_scale_is_a_larger_lattice(rng, camera):
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     samples, n = dust(rng), 64
-    frame = Resampler()(samples, camera, **SIZE)
+    frame = painter()(samples, camera, **SIZE)
     assert frame.statistics.points > 40 < frame.statistics.splats
     rays = SPLATS(samples, finer(camera, n), **{name: n * size for name, size in SIZE.items()})
     truth = rays.rgba.reshape(SIZE["height"], n, SIZE["width"], n, 4).mean(axis=(1, 3))
@@ -161,7 +167,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     at = np.stack([x, y], axis=1) / (z[:, None] if view.perspective else 1)
     at = at * view.focal + view.principal
     inside = ((at > 1) & (at < (SIZE["width"] - 1, SIZE["height"] - 1))).all(axis=1)
-    frame = Resampler()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
+    frame = painter()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
     assert frame.statistics.splats == 0 < frame.statistics.points
     expected = (area * scale.astype(float) ** 2 * view.focal.prod() / squared)[inside].sum()
     assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
@@ -171,7 +177,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
     samples, camera = dust(rng), CAMERAS["close"]
     other = shuffled(samples, rng)
-    resampler = Resampler(primitive=primitive)
+    resampler = painter(primitive=primitive)
     for clip in (None, PLANES):
         one = resampler(samples, camera, threads=1, clip=clip, **SIZE)
         assert_same(one, resampler(other, camera, threads=2, clip=clip, **SIZE))
@@ -184,7 +190,7 @@ def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     position = np.stack([4 * direction, 0 * direction, -4 * direction])  # front, middle, behind
     scale, extinction = np.array([[18, 0.05, 18], [0.5, 9e2, 0.5]], np.float32)
     samples = Samples(position, colors, extinction, 0.2 * np.eye(3), scale)
-    resampler = Resampler(subpixels=16)
+    resampler = painter(subpixels=16)
     frame = resampler(samples, camera, **SIZE)
     assert (frame.statistics.points, frame.statistics.splats) == (1, 2)
     point, front, splats = (
@@ -236,7 +242,7 @@ def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
 )
 def test_choices_that_know_no_sizes_are_refused_in_one_line(rng, choices, message):
     with pytest.raises(ValueError, match=message) as refused:
-        Resampler(**choices)(crowd(rng), CAMERAS["close"], **SIZE)
+        painter(**choices)(crowd(rng), CAMERAS["close"], **SIZE)
     assert "\n" not in str(refused.value)
 
 

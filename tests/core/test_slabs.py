@@ -17,11 +17,10 @@ from resample.profiles.reconstruction import (
     footprint_table,
     partial_table,
 )
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same
-from tests.samples import POSE, block, cloud, shuffled
+from tests.samples import POSE, block, cloud, painter, shuffled
 
 SIDE = 18  # px
 CAMERAS = {
@@ -49,7 +48,7 @@ LATTICES = {
 
 def draw(samples, camera, thickness=1.0, *, side=SIDE, **choices):
     choices = {"primitive": Primitive.SPLATS, "order": ImageSheets(thickness), **choices}
-    return Resampler(**choices)(samples, camera, height=side, width=side)
+    return painter(**choices)(samples, camera, height=side, width=side)
 
 
 def by_hand(samples, camera, thickness=1.0, reconstruction=None):
@@ -109,6 +108,7 @@ def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, 
     np.testing.assert_allclose(draw(samples, camera).rgba, truth, atol=1e-4)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("thickness", [0.3, 2.0, 1000.0])
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
@@ -118,6 +118,7 @@ def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
     np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
 
 
+@pytest.mark.sweep(kept_by="test_the_partial_table_of_a_b_spline_is_its_integral")
 def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
     samples, kernel = cloud(rng), BSplineKernel()
     truth = by_hand(samples, CAMERAS["narrow"], reconstruction=kernel)
@@ -268,12 +269,13 @@ def test_dense_points_in_slabs_of_a_voxel_have_the_transmittance_of_the_block(az
 # Bits.
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", list(Primitive))
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(camera, primitive, rng):
     samples = cloud(rng, 300, lattice=0.5 * np.eye(3))
     other = shuffled(samples, rng)
-    resample = Resampler(primitive=primitive, order=ImageSheets(0.7))
+    resample = painter(primitive=primitive, order=ImageSheets(0.7))
     first = resample(samples, CAMERAS[camera], height=40, width=40, threads=1)
     second = resample(other, CAMERAS[camera], height=40, width=40, threads=2)
     assert_same(first, second)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resample import Orthographic, Resampler
+from resample import Orthographic
 from resample.painting.steps.parts import SamplesInParts
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
@@ -18,6 +18,7 @@ from tests.core.test_windows import (
     cloud,
     some_of,
 )
+from tests.samples import painter
 
 EVEN, UNEVEN, AROUND = 20.0, 46.0, -4.0  # where the cloud begins; the last one is around the eye
 KEYS = ("depth", "distance")
@@ -58,8 +59,7 @@ def planned(paint, samples, parts=1):
     return plan
 
 
-@settings(max_examples=25, derandomize=True, deadline=None)
-@given(
+ANY = given(
     st.sampled_from([EVEN, UNEVEN, AROUND]),
     st.sampled_from([1.0, 30.0]),
     st.sampled_from([2.0, 5.0, 40.0]),
@@ -68,11 +68,12 @@ def planned(paint, samples, parts=1):
     st.sampled_from([(key, seen) for key in KEYS for seen in (None, Gaussian(0.5, 1.5))]),
     st.integers(1, 2),
 )
-def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
-    near, dense, side, step, window, choice, threads
-):
+
+
+def check(near, dense, side, step, window, choice, threads):
+    """Parts in steps give the bits of the whole."""
     samples = cloud(1500, near)
-    paint = Resampler(order=EverySample(key=choice[0]), pixel_filter=choice[1])
+    paint = painter(order=EverySample(key=choice[0]), pixel_filter=choice[1])
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
     whole, parts = paint(samples, camera(), **PICTURE), Parts(samples, paint, side, step)
     plan = planned(paint, samples, 3)
@@ -87,10 +88,27 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
         assert_same(again, whole, window)
 
 
+@settings(max_examples=6, derandomize=True, deadline=None)
+@ANY
+def test_parts_in_steps_give_the_bits_of_the_whole(
+    near, dense, side, step, window, choice, threads
+):
+    check(near, dense, side, step, window, choice, threads)
+
+
+@pytest.mark.sweep(kept_by="test_parts_in_steps_give_the_bits_of_the_whole")
+@settings(max_examples=25, derandomize=True, deadline=None)
+@ANY
+def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
+    near, dense, side, step, window, choice, threads
+):
+    check(near, dense, side, step, window, choice, threads)
+
+
 @pytest.mark.parametrize("is_parallel", [False, True])
 @pytest.mark.parametrize("near", [EVEN, 35.0, UNEVEN, 60.0, AROUND])
 def test_what_places_of_parts_say_of_spacings_holds(near, is_parallel):
-    samples, paint, eye = cloud(1500, near), Resampler(), camera()
+    samples, paint, eye = cloud(1500, near), painter(), camera()
     if is_parallel:
         eye = Orthographic(1.3, 1.2, 0.5 * WIDTH, 0.5 * HEIGHT)
     plan, parts = paint.plan(samples, eye, **PICTURE), Parts(samples, paint, 3.0)
@@ -104,7 +122,7 @@ def test_what_places_of_parts_say_of_spacings_holds(near, is_parallel):
 
 
 def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():
-    samples, paint = cloud(14**3, EVEN), Resampler()
+    samples, paint = cloud(14**3, EVEN), painter()
     samples = samples._replace(extinction=np.full_like(samples.extinction, 50.0))
     parts, told = Parts(samples, paint, 2.0, 100), []
     plan, window = planned(paint, samples), (30, 20, 40, 30)  # in the middle of it
@@ -122,14 +140,14 @@ def test_parts_behind_what_is_opaque_and_beside_the_window_are_not_loaded():
 
 def test_tiles_of_which_nobody_knows_how_fine_they_are_are_refused():
     samples = cloud(200, UNEVEN)
-    parts = Parts(samples, Resampler(), 5.0)
-    uneven = Resampler().plan(samples, camera(), **PICTURE)
+    parts = Parts(samples, painter(), 5.0)
+    uneven = painter().plan(samples, camera(), **PICTURE)
     with pytest.raises(ValueError, match="give that of `with_spacing`"):
-        Resampler().paint_nearest_first(parts.source, camera(), uneven, (0, 0, 4, 4))
+        painter().paint_nearest_first(parts.source, camera(), uneven, (0, 0, 4, 4))
 
 
 def test_no_more_samples_wait_than_is_said():
-    samples, paint = cloud(1500, EVEN), Resampler()
+    samples, paint = cloud(1500, EVEN), painter()
     parts, waited = Parts(samples, paint, 3.0), [0]
     plan, window = planned(paint, samples), (0, 0, WIDTH, HEIGHT)
     kept, most = paint.kept_between_steps(parts.source, camera(), plan, window)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resample import Footprint, Opacity, Primitive, Resampler
+from resample import Footprint, Opacity, Primitive
 from resample.painting.choices import Projection
 from resample.painting.plans import MIXTURE, POINTS, SPLATS
 from resample.profiles.filters import Gaussian
@@ -13,7 +13,7 @@ from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.types import Classifier, Field
 from tests.core.test_steps import AROUND, EVEN, UNEVEN, Parts, planned
 from tests.core.test_windows import HEIGHT, PICTURE, WIDTH, assert_same, camera, cloud, some_of
-from tests.samples import DARK
+from tests.samples import DARK, painter
 
 LOOK = Classifier(
     np.random.default_rng(4).uniform(0, 1, (4, 16, 4)).astype(np.float32) ** 3,
@@ -27,6 +27,7 @@ LOOK = Classifier(
 )
 FAR = 60.0  # where samples of a cloud are points
 WINDOWS = [(0, 0, WIDTH, HEIGHT), (9, 3, 40, 41), (69, 49, 70, 50)]
+MORE = pytest.mark.sweep(kept_by="test_parts_behind_what_is_opaque_are_not_loaded")
 REACH = 16  # px, more than points and models reach beyond exact footprints
 
 
@@ -69,38 +70,60 @@ steps = (
 )
 
 
-@settings(max_examples=25, derandomize=True, deadline=None)
+@settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(ORDERS), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps)
 def test_sheets_and_slabs(order, near, dense, side, step, window, threads):
+    check_sheets(order, near, dense, side, step, window, threads)
+
+
+@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
+@settings(max_examples=25, derandomize=True, deadline=None)
+@given(st.sampled_from(ORDERS), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps)
+def test_more_sheets_and_slabs(order, near, dense, side, step, window, threads):
+    check_sheets(order, near, dense, side, step, window, threads)
+
+
+def check_sheets(order, near, dense, side, step, window, threads):
     samples = cloud(1500, near)
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
-    plan = check(Resampler(order=order), samples, side, step, window, threads)
+    plan = check(painter(order=order), samples, side, step, window, threads)
     assert plan.painter == SPLATS
 
 
 @pytest.mark.slow
-@settings(max_examples=15, derandomize=True, deadline=None)
+@settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(["depth", "distance"]), st.sampled_from([UNEVEN, FAR]), *steps)
 def test_points(key, near, dense, side, step, window, threads):
+    check_points(key, near, dense, side, step, window, threads)
+
+
+@pytest.mark.sweep(kept_by="test_points")
+@settings(max_examples=15, derandomize=True, deadline=None)
+@given(st.sampled_from(["depth", "distance"]), st.sampled_from([UNEVEN, FAR]), *steps)
+def test_more_points(key, near, dense, side, step, window, threads):
+    check_points(key, near, dense, side, step, window, threads)
+
+
+def check_points(key, near, dense, side, step, window, threads):
     samples = cloud(1500, near)
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
-    paint = Resampler(primitive=Primitive.POINTS, order=EverySample(key=key))
+    paint = painter(primitive=Primitive.POINTS, order=EverySample(key=key))
     plan = check(paint, samples, side, step, window, threads)
     assert plan.painter == POINTS
 
 
 MIXED = [
-    Resampler(threshold=1.5),
-    Resampler(threshold=1.5, pixel_filter=Gaussian(0.5, 1.5)),
-    Resampler(primitive=Primitive.PAPER),
-    Resampler(primitive=Primitive.EWA),
-    Resampler(primitive=Primitive.INFLATE),
-    Resampler(footprint=Footprint.AFFINE, opacity=Opacity.LINEAR),
-    Resampler(footprint=Footprint.CORRECTED, splat_color=(1, 0, 0)),
+    painter(threshold=1.5),
+    painter(threshold=1.5, pixel_filter=Gaussian(0.5, 1.5)),
+    painter(primitive=Primitive.PAPER),
+    painter(primitive=Primitive.EWA),
+    painter(primitive=Primitive.INFLATE),
+    painter(footprint=Footprint.AFFINE, opacity=Opacity.LINEAR),
+    painter(footprint=Footprint.CORRECTED, splat_color=(1, 0, 0)),
 ]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_points")
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(MIXED), st.sampled_from([14.0, UNEVEN, FAR, AROUND]), *steps)
 def test_mixtures(paint, near, dense, side, step, window, threads):
@@ -110,7 +133,7 @@ def test_mixtures(paint, near, dense, side, step, window, threads):
     assert plan.painter in {SPLATS, MIXTURE, POINTS}
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(
     st.sampled_from(ORDERS),
@@ -121,7 +144,7 @@ def test_mixtures(paint, near, dense, side, step, window, threads):
 def test_sheets_and_slabs_of_mixtures(order, primitive, near, dense, side, step, window):
     samples = cloud(1500, near)
     samples = samples._replace(extinction=samples.extinction * np.float32(dense))
-    paint = Resampler(primitive=primitive, order=order)
+    paint = painter(primitive=primitive, order=order)
     plan = check(paint, samples, side, step, window)
     assert plan.painter == MIXTURE
 
@@ -129,23 +152,25 @@ def test_sheets_and_slabs_of_mixtures(order, primitive, near, dense, side, step,
 SHOWN = [Projection.COMPOSITE, Projection.MAXIMUM, Projection.AVERAGE, Projection.FIRST_HIT]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(SHOWN), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps[1:])
 def test_fields(projection, near, side, step, window, threads):
     samples = field(near)
     iso = 0.5 * (samples.classifier.low + samples.classifier.high)
     is_hit = projection is Projection.FIRST_HIT
-    paint = Resampler(order=ImageSheets(), projection=projection, iso=iso if is_hit else None)
+    paint = painter(order=ImageSheets(), projection=projection, iso=iso if is_hit else None)
     check(paint, samples, side, step, window, threads)
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/core/test_steps.py::test_parts_in_steps_give_the_bits_of_the_whole"
+)
 def test_samples_of_a_size_each():
     samples = cloud(900, 46.0)
     scale = np.random.default_rng(2).uniform(0.3, 2.0, 900).astype(np.float32)
     scaled = samples._replace(scale=scale)
-    paint = Resampler()
+    paint = painter()
     whole, plan = paint(scaled, camera(), **PICTURE), planned(paint, scaled)
     parts = in_parts(paint, samples, 3.0, 60)
     source = parts.source._replace(load=lambda part: some_of(scaled, np.isin(parts.part, part)))
@@ -157,10 +182,10 @@ def test_samples_of_a_size_each():
 @pytest.mark.parametrize(
     "paint",
     [
-        Resampler(order=AxisSheets()),
-        Resampler(order=ImageSheets()),
-        Resampler(primitive=Primitive.POINTS),
-        pytest.param(Resampler(primitive=Primitive.PAPER), marks=pytest.mark.sweep),
+        painter(order=AxisSheets()),
+        painter(order=ImageSheets()),
+        painter(primitive=Primitive.POINTS),
+        pytest.param(painter(primitive=Primitive.PAPER), marks=MORE),
     ],
 )
 def test_parts_behind_what_is_opaque_are_not_loaded(paint):
@@ -174,8 +199,8 @@ def test_parts_behind_what_is_opaque_are_not_loaded(paint):
 
 def test_what_takes_all_of_a_picture_together_is_refused():
     samples = field(EVEN)
-    paint = Resampler(order=ImageSheets(), projection=Projection.ADDITIVE)
-    parts = in_parts(Resampler(order=ImageSheets()), samples, 5.0, 100)
-    plan = Resampler(order=ImageSheets()).plan(samples, camera(), **PICTURE)
+    paint = painter(order=ImageSheets(), projection=Projection.ADDITIVE)
+    parts = in_parts(painter(order=ImageSheets()), samples, 5.0, 100)
+    plan = painter(order=ImageSheets()).plan(samples, camera(), **PICTURE)
     with pytest.raises(ValueError, match="additive cannot be painted window by window"):
         paint.paint_nearest_first(parts.source, camera(), plan, WINDOWS[0])

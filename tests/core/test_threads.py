@@ -11,11 +11,12 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.command.threads import at_most
+from resample.engine.jit import IS_PLAIN
 from resample.files.images import read_image
 from resample.painting.choices import FOOTPRINTS, Primitive
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests.bits import assert_same
+from tests.samples import painter
 
 
 def scene(count=400):
@@ -36,7 +37,7 @@ CAMERA = Camera.from_intrinsics(30.0, 30.0, 24.0, 20.0, look_at((0, -6, 1), (0, 
 
 def draw(**choices):
     threads = choices.pop("threads")
-    return Resampler(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
+    return painter(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
 
 
 @pytest.mark.parametrize(
@@ -70,9 +71,9 @@ from resample.types import Samples
 
 rng = np.random.default_rng(7)
 samples = Samples(
-    rng.uniform((-2, -1, -2), (2, 30, 2), (24, 3)).astype(np.float32),
-    rng.uniform(0, 1, (24, 3)).astype(np.float32),
-    rng.uniform(0, 2, 24).astype(np.float32),
+    rng.uniform((-2, -1, -2), (2, 30, 2), (12, 3)).astype(np.float32),
+    rng.uniform(0, 1, (12, 3)).astype(np.float32),
+    rng.uniform(0, 2, 12).astype(np.float32),
     0.6 * np.eye(3),
 )
 camera = Camera.from_intrinsics(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
@@ -101,6 +102,14 @@ def run(target, **environment):
     return np.load(target)
 
 
+def drawn(target):
+    """As `run`, in this process where kernels are compiled here."""
+    if IS_PLAIN:
+        return run(target, NUMBA_DISABLE_JIT="0")
+    exec(PLAIN.replace("sys.argv[1]", repr(str(target))), {})
+    return np.load(target)
+
+
 MANY = {  # words of a command, which ends with its picture
     "texture": ["warp", "sample:bricks", "--matrix", "0.7,0.2,10,-0.2,0.7,90", "--size", "300"],
     "warp3d": ["render", "sample:room", "--move", "0.1,0,0"],
@@ -108,7 +117,7 @@ MANY = {  # words of a command, which ends with its picture
 }
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_one_thread_and_two_give_the_same_bits")
 @pytest.mark.parametrize("application", MANY)
 def test_64_threads_give_the_bits_of_one(application, tmp_path):
     for threads in ("64", "1"):
@@ -120,6 +129,7 @@ def test_64_threads_give_the_bits_of_one(application, tmp_path):
     np.testing.assert_array_equal(many, one)
 
 
+MORE = pytest.mark.sweep(kept_by="test_libraries_make_no_more_threads_than_the_command_may_have")
 ALONE = """
 import os
 import sys
@@ -133,7 +143,7 @@ print(len(os.listdir("/proc/self/task")))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
-@pytest.mark.parametrize(("suffix", "most"), [(".png", 2), (".exr", 3)])
+@pytest.mark.parametrize(("suffix", "most"), [pytest.param(".png", 2, marks=MORE), (".exr", 3)])
 def test_libraries_make_no_more_threads_than_the_command_may_have(suffix, most, tmp_path):
     words = [sys.executable, "-c", ALONE, str(tmp_path / f"box{suffix}")]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
@@ -152,7 +162,7 @@ def test_what_the_environment_allows_is_not_raised(monkeypatch):
 
 @pytest.mark.slow
 def test_kernels_give_the_same_picture_as_plain_python(tmp_path):
-    compiled = run(tmp_path / "compiled.npz", NUMBA_DISABLE_JIT="0")
+    compiled = drawn(tmp_path / "compiled.npz")
     plain = run(tmp_path / "plain.npz", NUMBA_DISABLE_JIT="1")
     assert compiled["hybrid-exact-rgba"].max() > 0.1
     for name in compiled:

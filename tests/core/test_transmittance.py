@@ -8,12 +8,11 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from resample.types import Samples
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import cloud as samples_in_a_cube
-from tests.samples import reordered, shuffled
+from tests.samples import painter, reordered, shuffled
 
 SIDE = 32  # px
 CAMERA = Camera.from_fov(
@@ -39,7 +38,7 @@ def block(spacing=SPACING):
 
 
 def draw(samples, camera=CAMERA, *, side=SIDE, **choices):
-    return Resampler(**choices)(samples, camera, height=side, width=side)
+    return painter(**choices)(samples, camera, height=side, width=side)
 
 
 # Values.

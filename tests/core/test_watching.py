@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -23,59 +24,66 @@ from resample_warp3d import Cloud, render_cloud
 
 FAINT = from_points([(0.0, (0.2, 0.5, 0.9), 0.0), (255.0, (1.0, 0.9, 0.4), 0.02)])
 SOON = 0.25  # seconds; on a machine that does other things, too
-SIZE = 160
+SIZE = 160  # of work that takes longer than that
+SMALL = 40
 
 Draw = Callable[..., NDArray[np.float32]]
 
 
-def volume(resampler: Resampler, classification: Classification = Classification.PRE) -> Draw:
+def volume(
+    size: int, resampler: Resampler, classification: Classification = Classification.PRE
+) -> Draw:
     """Frames of a volume, which was classified before."""
     z, y, x = np.indices((40, 40, 40)) / 8
     values = np.rint(127 * (1 + np.sin(x + y * z))).astype(np.uint8)
     look = Appearance(FAINT, None, classification=classification)
     subject = Subject.of(as_volume(values), look, resampler)
-    camera = subject.camera(Orbit(30, 20, 1.6), SIZE, SIZE)
+    camera = subject.camera(Orbit(30, 20, 1.6), size, size)
     seen = subject.seen_by(camera)
 
     def draw(progress: Callable[[float], None] | None = None) -> NDArray[np.float32]:
-        return resampler(seen, camera, height=SIZE, width=SIZE, progress=progress).rgba
+        return resampler(seen, camera, height=size, width=size, progress=progress).rgba
 
     return draw
 
 
-def texture(is_map: bool) -> Draw:
-    picture = np.random.default_rng(0).random((1200, 1200, 3), np.float32)
-    y, x = np.indices((1500, 1500), np.float32)
+def texture(size: int, is_map: bool) -> Draw:
+    picture = np.random.default_rng(0).random((8 * size, 8 * size, 3), np.float32)
+    shape = (9 * size, 9 * size)
+    y, x = np.indices(shape, np.float32)
     matrix = np.array([[1.2, 0.3, 4.0], [-0.2, 1.1, 300.0], [1e-5, 0, 1]])
     geometry = BackwardMap(0.7 * x + 0.1 * y, 0.7 * y - 0.1 * x) if is_map else Homography(matrix)
-    return lambda: np.asarray(warp(picture, geometry, (1500, 1500)).image)
+    return lambda: np.asarray(warp(picture, geometry, shape).image)
 
 
-def cloud() -> Draw:
+def cloud(size: int) -> Draw:
     rng = np.random.default_rng(1)
-    points = rng.normal(size=(400_000, 3)).astype(np.float32)
+    points = rng.normal(size=(16 * size**2, 3)).astype(np.float32)
     toward = points / np.linalg.norm(points, axis=1, keepdims=True)
     given = Cloud(points, toward, np.abs(toward), np.full(len(points), 0.02, np.float32))
-    camera = Orbit(30, 20, 1.0).around(Sphere(np.zeros(3), 4.0), SIZE, SIZE)
-    return lambda: render_cloud(given, camera, size=(SIZE, SIZE)).rgba
+    camera = Orbit(30, 20, 1.0).around(Sphere(np.zeros(3), 4.0), size, size)
+    return lambda: render_cloud(given, camera, size=(size, size)).rgba
 
 
 POST = Classification.POST
-WORK: dict[str, Callable[[], Draw]] = {
-    "splats": lambda: volume(Resampler(subpixels=4)),
-    "mixed": lambda: volume(Resampler(threshold=3.0, subpixels=3)),
-    "points": lambda: volume(Resampler(primitive=Primitive.POINTS, subpixels=4)),
-    "axis-sheets": lambda: volume(Resampler(order=AxisSheets(), subpixels=3)),
-    "image-sheets": lambda: volume(Resampler(order=ImageSheets())),
-    "field in slabs": lambda: volume(Resampler(order=ImageSheets()), POST),
-    "rays": lambda: volume(Resampler(order=Rays(), subpixels=2), POST),
-    "maximum": lambda: volume(
-        Resampler(order=Rays(), projection=Projection.MAXIMUM, subpixels=6), POST
+WORK: dict[str, Callable[[int], Draw]] = {  # of pictures so many pixels a side
+    "splats": lambda size: volume(size, Resampler(subpixels=4)),
+    "mixed": lambda size: volume(size, Resampler(threshold=3.0, subpixels=3)),
+    "points": lambda size: volume(size, Resampler(primitive=Primitive.POINTS, subpixels=4)),
+    "axis-sheets": lambda size: volume(size, Resampler(order=AxisSheets(), subpixels=3)),
+    "image-sheets": lambda size: volume(size, Resampler(order=ImageSheets())),
+    "field in slabs": lambda size: volume(size, Resampler(order=ImageSheets()), POST),
+    "rays": lambda size: volume(size, Resampler(order=Rays(), subpixels=2), POST),
+    "maximum": lambda size: volume(
+        size, Resampler(order=Rays(), projection=Projection.MAXIMUM, subpixels=6), POST
     ),
-    "texture": lambda: texture(is_map=False),
-    "map": lambda: texture(is_map=True),
+    "texture": lambda size: texture(size, is_map=False),
+    "map": lambda size: texture(size, is_map=True),
     "cloud": cloud,
 }
+
+
+MIDST = "test_work_stops_in_its_midst_and_leaves_nothing_behind"
 
 
 def _again_and_again(draw: Draw) -> None:
@@ -84,8 +92,49 @@ def _again_and_again(draw: Draw) -> None:
 
 
 @pytest.mark.parametrize("name", WORK)
+def test_work_stops_in_its_midst_and_leaves_nothing_behind(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jit, "OFTEN", 0.0002)
+    draw, cancel, look, told = WORK[name](SMALL), Cancel(), jit.look, []
+    before, counts = draw(), Counter[int]()
+
+    def looked(taken: int, count: int) -> None:
+        counts[count] += 0 < taken < count
+        look(taken, count)
+
+    def stopping(taken: int, count: int) -> None:
+        """Cancel while there are tasks that nobody has taken, of what takes longest."""
+        told.append((taken, count))
+        if 0 < taken < count == longest:
+            cancel.cancel()
+        look(taken, count)
+
+    with cancellable(cancel):
+        monkeypatch.setattr(jit, "look", looked)
+        while not any(counts.values()):
+            draw()
+        longest = max(counts, key=counts.__getitem__)
+        monkeypatch.setattr(jit, "look", stopping)
+        with pytest.raises(CancelledError, match="was cancelled"):
+            _again_and_again(draw)
+    monkeypatch.setattr(jit, "look", look)
+    taken, count = told[-1]
+    assert 0 < taken < count == longest  # and no look came after that one
+    np.testing.assert_array_equal(draw(), before)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name
+        if name in ("mixed", "rays")
+        else pytest.param(name, marks=pytest.mark.sweep(kept_by=MIDST))
+        for name in WORK
+    ],
+)
 def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
-    draw = WORK[name]()
+    draw = WORK[name](SIZE)
     begun = time.perf_counter()
     before = draw()
     took = time.perf_counter() - begun
@@ -109,10 +158,18 @@ def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     np.testing.assert_array_equal(draw(), before)
 
 
-@pytest.mark.parametrize("name", ["splats", "image-sheets", "rays", "maximum"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("splats", "image-sheets", "rays"),
+        pytest.param(
+            "maximum", marks=pytest.mark.sweep(kept_by="test_progress_rises_to_one_and_moves_often")
+        ),
+    ],
+)
 def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jit, "OFTEN", 0.001)  # so that quick machines are looked at, too
-    draw, pauses = WORK[name](), []
+    draw, pauses = WORK[name](SIZE), []
     for _ in range(3):  # a busy machine may keep one of them waiting
         told = [(time.perf_counter(), 0.0)]
         draw(progress=lambda share: told.append((time.perf_counter(), share)))  # noqa: B023
@@ -121,11 +178,13 @@ def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.Mo
         assert share[-1] == 1.0
         assert len(set(share)) > 3
         pauses.append(np.diff([when for when, _ in told]).max())
+        if pauses[-1] < 0.5:
+            break
     assert min(pauses) < 0.5
 
 
 def test_what_progress_raises_stops_the_work() -> None:
-    draw = WORK["rays"]()
+    draw = WORK["rays"](SMALL)
 
     def refuse(share: float) -> None:
         raise OSError(f"enough at {share}")
@@ -135,7 +194,7 @@ def test_what_progress_raises_stops_the_work() -> None:
 
 
 def test_what_is_cancelled_before_does_not_begin() -> None:
-    draw, cancel = WORK["rays"](), Cancel()
+    draw, cancel = WORK["rays"](SMALL), Cancel()
     cancel.cancel()
     with pytest.raises(CancelledError), cancellable(cancel):
         draw()
@@ -144,7 +203,7 @@ def test_what_is_cancelled_before_does_not_begin() -> None:
 
 
 def test_others_go_on() -> None:
-    draw, cancel = WORK["rays"](), Cancel()
+    draw, cancel = WORK["rays"](SMALL), Cancel()
     seen: list[NDArray[np.float32]] = []
     other = threading.Thread(target=lambda: seen.append(draw()))
     other.start()

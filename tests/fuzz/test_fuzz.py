@@ -11,7 +11,7 @@ from resample_texture import warp
 from resample_volume import Volume, render
 from resample_warp3d import Cloud, framed, render_cloud
 from resample_warp3d import warp as warp_depth
-from tests.fuzz import arrays, files, lines
+from tests.fuzz import arrays, faulty, files, lines
 from tests.fuzz.corpus import corpus
 from tests.fuzz.mutations import mutated
 from tests.fuzz.pool import READ, Setup, attempted, tried_all
@@ -20,19 +20,42 @@ from tests.processes import PATIENCE
 
 LINES = 18  # one of each command
 FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries far more
+SOME_FILES, SOME_ARRAYS = 400, 80
 
 
 def faults(setup, count):
     return [one for one in tried_all(setup, range(count), np.inf) if one.is_fault]
 
 
-def test_changed_files_are_read_or_refused_in_one_line():
-    assert faults(Setup(files.make, seconds=PATIENCE), FILES) == []
+@pytest.mark.parametrize(
+    "count",
+    [
+        SOME_FILES,
+        pytest.param(
+            FILES,
+            marks=pytest.mark.sweep(kept_by="test_changed_files_are_read_or_refused_in_one_line"),
+        ),
+    ],
+)
+def test_changed_files_are_read_or_refused_in_one_line(count):
+    assert faults(Setup(files.make, seconds=PATIENCE), count) == []
 
 
 @pytest.mark.slow
-def test_odd_arrays_and_numbers_give_results_or_clear_errors():
-    assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), ARRAYS) == []
+@pytest.mark.parametrize(
+    "count",
+    [
+        SOME_ARRAYS,
+        pytest.param(
+            ARRAYS,
+            marks=pytest.mark.sweep(
+                kept_by="test_odd_arrays_and_numbers_give_results_or_clear_errors"
+            ),
+        ),
+    ],
+)
+def test_odd_arrays_and_numbers_give_results_or_clear_errors(count):
+    assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), count) == []
 
 
 @pytest.mark.slow
@@ -41,43 +64,13 @@ def test_odd_command_lines_are_refused_in_one_line():
     assert faults(setup, LINES) == []
 
 
-def crashing(_seed, _folder):
-    import ctypes
-
-    ctypes.string_at(0)
-
-
-def hanging(_seed, _folder):
-    while True:
-        pass
-
-
-def talking(_seed, _folder):
-    raise IndexError("\x1b[2J")
-
-
-def large(_seed, _folder):
-    return np.ones(1 << 33)
-
-
-@pytest.mark.parametrize(
-    ("attempt", "result"),
-    [(crashing, "crash"), (hanging, "hang"), (talking, "IndexError"), (large, "refused")],
-)
-def test_what_the_fuzzer_is_to_find_it_finds(attempt, result):
-    setup = Setup(Given(attempt), seconds=2.0 if attempt is hanging else PATIENCE)
-    (found,) = tried_all(setup, range(1), np.inf)
-    assert found.result.startswith(result)
-
-
-class Given:
-    """Gives an attempt in another process."""
-
-    def __init__(self, attempt):
-        self.attempt = attempt
-
-    def __call__(self):
-        return self.attempt
+def test_what_the_fuzzer_is_to_find_it_finds():
+    found = [
+        *tried_all(Setup(faulty.make, seconds=PATIENCE), range(3), np.inf),
+        *tried_all(Setup(faulty.make, seconds=2.0), range(3, 4), np.inf),
+    ]
+    for case, result in zip(found, faulty.FOUND, strict=True):
+        assert case.result.startswith(result)
 
 
 @pytest.mark.parametrize(

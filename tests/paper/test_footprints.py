@@ -10,9 +10,9 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.correction import correction_table, true_distance
 from resample.profiles.reconstruction import GaussianKernel
-from resample.resampler import Resampler
 from resample.types import LARGEST_CONE, Samples
 from tests import naive
+from tests.samples import painter
 
 SIDE = 28  # px, of the pictures
 RADIUS = GaussianKernel().radius  # voxels
@@ -63,9 +63,7 @@ def close_up(theta, cone, azimuth=25.0):
 
 def optical_depth(samples, camera, *, side=SIDE, **choices):
     """What a picture of splats says of the ray through each pixel."""
-    frame = Resampler(primitive=Primitive.SPLATS, **choices)(
-        samples, camera, height=side, width=side
-    )
+    frame = painter(primitive=Primitive.SPLATS, **choices)(samples, camera, height=side, width=side)
     assert np.isfinite(frame.rgba).all()
     return -np.log1p(-frame.rgba[..., 3].astype(float))
 
@@ -201,7 +199,7 @@ FOCAL, MIDDLE = 1000.0, 4000.0  # px
 
 def record_of(samples, model):
     camera = Camera.from_intrinsics(FOCAL, FOCAL, MIDDLE, MIDDLE)
-    return Resampler(footprint=model).footprints(samples, camera, height=8000, width=8000)[0]
+    return painter(footprint=model).footprints(samples, camera, height=8000, width=8000)[0]
 
 
 def rays_by_distance(samples, distances):
@@ -418,7 +416,7 @@ def test_nothing_around_the_eye_is_not_a_number(model, rng):
         rng.uniform(0, 0.1, count).astype(np.float32),
         np.eye(3) * 0.5,
     )
-    resample = Resampler(primitive=Primitive.SPLATS, footprint=model)
+    resample = painter(primitive=Primitive.SPLATS, footprint=model)
     frame = resample(samples, wide(), height=33, width=33)
     assert np.isfinite(frame.rgba).all()
     assert np.isfinite(frame.depth[frame.rgba[..., 3] > 1e-6]).all()

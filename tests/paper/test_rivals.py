@@ -17,7 +17,7 @@ from resample.resampler import EWA_VARIANCE, Resampler
 from resample.types import Samples
 from tests import naive
 from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
-from tests.samples import cloud
+from tests.samples import cloud, painter
 
 SIDE = 28  # px
 KERNEL = GaussianKernel()
@@ -35,7 +35,7 @@ def one_sample(place, lattice=None, extinction=0.1):
 
 def optical_depth(samples, camera, *, side=SIDE, **choices):
     """What a picture says of the ray through each pixel, (H, W)."""
-    frame = Resampler(**choices)(samples, camera, height=side, width=side)
+    frame = painter(**choices)(samples, camera, height=side, width=side)
     return -np.log1p(-frame.rgba[..., 3].astype(float))
 
 
@@ -197,18 +197,19 @@ def test_only_widened_primitives_refuse_footprints():
 # Aliasing.
 
 
+MORE = pytest.mark.sweep(kept_by="test_all_rivals_alias_less_than_plain_splats_and_hybrid_least")
 ALIASING = (Primitive.HYBRID, Primitive.SPLATS, *WIDENED)
 
 
 @cache
 def drawn(form, scale, subpixels=None):
     """The checker box in the distance, RGBA."""
-    resample = Resampler(primitive=form, subpixels=subpixels)
+    resample = painter(primitive=form, subpixels=subpixels)
     return distant(scale).by(resample, checker_box(0.9, CRUST[0.9])).rgba
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [0.5, 0.25])
+@pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
     """Against 8 × 8 rays per pixel through the very same kernels: blur is no aliasing."""
     alias = {
@@ -222,7 +223,7 @@ def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [0.5, 0.25])
+@pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_hybrid_is_nearest_to_the_truth(scale):
     """Wide kernels blur, and make the edges of what is opaque fat."""
     truth = checker_truth(0.9, scale)

@@ -1,5 +1,6 @@
 """The widget, told by pages of words alone; and notebooks of the examples, which run."""
 
+import ast
 import json
 import queue
 import shutil
@@ -27,6 +28,7 @@ from resample.view.modules import joined
 
 PATIENCE = 120.0  # seconds; kernels may have to be compiled
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+MORE = pytest.mark.sweep(kept_by="test_cells_of_the_examples_show_pictures_and_a_viewer")
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -192,7 +194,35 @@ def test_the_cell_s_one_module_of_all_modules_works_in_a_browser() -> None:
     widget.close()
 
 
+def shown_here(source: str, names: dict[str, Any]) -> Any:
+    """What a cell ends with."""
+    cell = ast.parse(source)
+    last = cell.body.pop() if isinstance(cell.body[-1], ast.Expr) else None
+    exec(compile(cell, "cell", "exec"), names)
+    return (
+        None if last is None else eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+    )
+
+
 @pytest.mark.parametrize("name", ["volume", "texture", "warp3d"])
+def test_cells_of_the_examples_show_pictures_and_a_viewer(name: str) -> None:
+    names: dict[str, Any] = {}
+    cells = json.loads((EXAMPLES / f"{name}.ipynb").read_text("utf-8"))["cells"]
+    assert not any(cell.get("outputs") for cell in cells)
+    code = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    shown = [shown_here(source, names) for source in code]
+    (viewer,) = [one for one in shown if hasattr(one, "_repr_mimebundle_")]
+    parts, _ = viewer._repr_mimebundle_()
+    assert Image.open(BytesIO(parts["image/png"])).size[0] > 100
+    pictures = [one._repr_png_() for one in shown if hasattr(one, "_repr_png_")]
+    assert pictures
+    assert all(Image.open(BytesIO(one)).size[0] > 100 for one in pictures)
+    viewer.close()
+
+
+@pytest.mark.parametrize(
+    "name", ["texture", *(pytest.param(n, marks=MORE) for n in ("volume", "warp3d"))]
+)
 def test_notebooks_of_the_examples_run(name: str) -> None:
     nbformat = pytest.importorskip("nbformat", reason="pip install nbclient")
     nbclient = pytest.importorskip("nbclient", reason="pip install nbclient")

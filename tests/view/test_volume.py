@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import resample_volume
+from resample.cli import app as resample_app
 from resample.command.settings import linear_color
 from resample.files.images import screen_levels
 from resample.view.views import controls_of
@@ -195,18 +196,17 @@ def test_a_closed_page_frees_its_scene(monkeypatch: pytest.MonkeyPatch) -> None:
         assert [one() for one in made] == [None]
 
 
-def test_the_resample_command_finds_the_viewer_of_a_file(tmp_path: Path) -> None:
+def test_the_resample_command_finds_the_viewer_of_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "notes.md").write_text("no volume")
     (tmp_path / "head.nrrd").write_bytes(b"")
     assert suits([str(tmp_path / "head.nrrd")])
     assert suits(["vessel-tree:size=8"])
     for name in ("notes.md", "missing.nrrd"):
         assert not suits([str(tmp_path / name)])
-    code = "from resample.cli import main; main()"
-    words = [sys.executable, "-c", code, "view", str(tmp_path / "notes.md")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "nothing to view" in done.stderr
+    assert ended(resample_app, "view", tmp_path / "notes.md") == 2
+    assert "nothing to view" in capsys.readouterr().err
 
 
 def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
