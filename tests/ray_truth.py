@@ -64,15 +64,17 @@ def along_rays(
     nearest = np.clip(np.rint(index).astype(int), 0, np.array(values.shape[::-1]) - 1)
     inside &= known[nearest[..., 2], nearest[..., 1], nearest[..., 0]]
     coefficient = filtered(_filled(values))
-    bump, gradient = 1e-3, np.empty(index.shape)
+    bump, gradient, met = 1e-3, np.zeros(index.shape), index[inside]
     for axis in range(3):
         move = bump * np.eye(3)[axis]
-        gradient[..., axis] = (at(coefficient, index + move) - at(coefficient, index - move)) / (
+        gradient[inside, axis] = (at(coefficient, met + move) - at(coefficient, met - move)) / (
             2 * bump
         )
     gradient = gradient @ np.linalg.inv(lattice)
+    value = np.zeros(index.shape[:-1])
+    value[inside] = at(coefficient, met)
     full = np.broadcast_to(depth, index.shape[:-1])
-    return Along(full, step * slope, at(coefficient, index), gradient, place, inside)
+    return Along(full, step * slope, value, gradient, place, inside)
 
 
 def _filled(values: Array) -> Array:

@@ -40,6 +40,7 @@ def check_transposed(geometry, edge, cells, source_shape=SOURCE, channels=2):
     assert abs(error) <= ROUNDING * size, f"{error} of {size}"
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("is_sum", [False, True])
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, JOINED, UNEVEN])

@@ -1,5 +1,7 @@
 """Pictures warped chunk by chunk have the bits of those warped at once, and read what they show."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -94,10 +96,35 @@ def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
     )
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("kind", [np.uint8, np.float16, np.float32])
-@pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap", "mirror"])
-@pytest.mark.parametrize("way", ["made small", "to the horizon"])
+TEXELS = [
+    ("to the horizon", "transparent", np.uint8),
+    ("made small", "clamp", np.float16),
+    ("made small", "wrap", np.float32),
+    ("made small", "mirror", np.uint8),
+]
+MORE_TEXELS = product(
+    ("made small", "to the horizon"),
+    ("transparent", "clamp", "wrap", "mirror"),
+    (np.uint8, np.float16, np.float32),
+)
+
+
+@pytest.mark.parametrize(
+    ("way", "edge", "kind"),
+    [
+        *TEXELS,
+        *(
+            pytest.param(
+                *each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_texels_are_projected_from_parts_of_the_source"
+                ),
+            )
+            for each in MORE_TEXELS
+            if each not in TEXELS
+        ),
+    ],
+)
 def test_texels_are_projected_from_parts_of_the_source(way, edge, kind, monkeypatch):
     monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)

@@ -62,6 +62,7 @@ def check_adjoint(chosen, places, source_shape=SOURCE):
     assert abs(np.vdot(image, gradient) - np.vdot(source, texels)) <= 1e-12 * size + 1e-300
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("interpolation", LINEAR)
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("matrix", range(len(MATRICES)))
@@ -103,6 +104,7 @@ def test_any_homography_has_its_transpose(numbers, scale, edge):
 SMOOTH = ("area-spline:limit=none", "spline:degree=3", "catmull-rom")
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("interpolation", SMOOTH)
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("matrix", range(len(MATRICES)))
@@ -177,6 +179,7 @@ def turned(scale, angle, shape):
     return matrix, target
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scale", [1 / 3, 0.5, 1, 2, 4])
 @pytest.mark.parametrize("angle", [0.0, 0.5])
 @pytest.mark.parametrize("edge", EDGES)

@@ -390,9 +390,23 @@ def test_a_place_on_earth_moves_with_the_picture(words, x, y):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_an_example_and_imports_nothing_heavy(name, capsys):
+def test_help_has_an_example(name, capsys):
     assert ended(name, "--help") == 0
     assert f"Example: resample-texture {name} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "resize",
+        *(
+            pytest.param(name, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
+            for name in COMMANDS
+            if name != "resize"
+        ),
+    ],
+)
+def test_help_imports_nothing_heavy(name):
     assert imported("resample_texture.command.cli", name, "--help") & HEAVY == set()
 
 

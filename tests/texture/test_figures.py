@@ -54,7 +54,15 @@ def test_names_of_files_are_plain(monkeypatch, tmp_path):
     assert (tmp_path / "x-opencv-supersample-n-2.png").is_file()
 
 
-@pytest.mark.parametrize("name", ["checker", "bricks"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "checker",
+        pytest.param(
+            "bricks", marks=pytest.mark.sweep(kept_by="test_what_is_generated_is_known_finer")
+        ),
+    ],
+)
 def test_what_is_generated_is_known_finer(name):
     picture, fine = generated(name)
     assert picture.shape[:2] == (1024, 1024)

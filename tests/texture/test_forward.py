@@ -68,6 +68,7 @@ def check_obvious(source, geometry, edge, cells, tolerance):
     np.testing.assert_allclose(warped.image, image, rtol=0, atol=tolerance * max(1, image.max()))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("is_sum", [False, True])
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, TINY, UNEVEN, HORIZON, bent()])
 def test_areas_are_those_of_the_obvious_loops(geometry, is_sum):
@@ -75,6 +76,7 @@ def test_areas_are_those_of_the_obvious_loops(geometry, is_sum):
     check_obvious(noise(), geometry, Edge.TRANSPARENT, Cells(is_sum=is_sum), 1.5e-5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", CONTINUED)
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, UNEVEN])
 def test_what_continues_a_source_is_that_of_the_obvious_loops(geometry, edge):
@@ -91,6 +93,7 @@ def test_interpolations_are_those_of_the_obvious_loops(geometry, interpolation, 
     check_obvious(noise(), geometry, edge, Cells(interpolation=interpolation), 1.5e-5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("pixel_filter", [Tent(), Gaussian(), Mitchell(), Tent(2.7)], ids=str)
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, UNEVEN, bent()])
 def test_filters_are_those_of_the_obvious_loops(geometry, pixel_filter):
@@ -330,6 +333,7 @@ def test_a_constant_source_of_any_shape_stays_constant(shape, edge):
     assert warped.coverage.sum() > 2
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
 @pytest.mark.parametrize("edge", Edge)
 def test_thin_sources_are_those_of_the_obvious_loops(shape, edge):

@@ -69,6 +69,7 @@ def test_the_nearest_texel_is_the_one_at_the_pixel_s_center(view, edge):
         assert warped.coverage[row, column] == there
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("method", ["nearest", "majority"])
 @pytest.mark.parametrize("channels", [None, 1, 3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -132,7 +133,10 @@ def exact_areas(image, inverse, row, column):
 @pytest.mark.parametrize("inverse", [
     np.array([[1.75, 0.25, -1.0], [-0.5, 2.25, 1.5], [0, 0, 1]]),
     np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0, 0, 1]]),  # ties
-    np.array([[1.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0, 0, 1]]),
+    pytest.param(
+        np.array([[1.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0, 0, 1]]),
+        marks=pytest.mark.sweep(kept_by="test_the_majority_is_exact"),
+    ),
 ])  # fmt: skip
 def test_the_majority_is_exact(inverse):
     image = np.random.default_rng(7).integers(-2, 2, (10, 11)).astype(np.int8)

@@ -100,7 +100,18 @@ def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
     assert len(strips) > 1
 
 
-@pytest.mark.parametrize("name", WARPS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name,
+            marks=pytest.mark.sweep(kept_by="test_every_warp_of_a_large_picture_is_as_of_others")
+            if name in ("repeated", "cushion", "bent", "filtered", "flow")  # much like others
+            else (),
+        )
+        for name in WARPS
+    ],
+)
 def test_every_warp_of_a_large_picture_is_as_of_others(monkeypatch, name):
     command, *choices = WARPS[name]
     assert ended(command, "rgb.png", "-o", "whole.png", "--coverage", "share.png", *choices) == 0

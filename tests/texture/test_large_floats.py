@@ -145,6 +145,7 @@ def test_light_in_strips_has_the_bits_of_the_whole(monkeypatch, source, name):
     same(f"whole.{suffix}", f"parts.{suffix}")
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("suffix", ["png", "tif", "jpg"])
 @pytest.mark.parametrize("holes", ["none", "nan", "inf"])
 @pytest.mark.parametrize("background", [True, False])

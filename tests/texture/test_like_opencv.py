@@ -154,6 +154,7 @@ def test_resizing_by_nearest_picks_opencv_s_texels(size, flag):
         assert (ours == theirs).mean() > 0.7
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dtype", sorted({*DTYPES} - {"bool"}))
 @pytest.mark.parametrize("layout", ["c", "chw", "fortran"])
 @pytest.mark.parametrize("channels", [None, 1, 3, 4])

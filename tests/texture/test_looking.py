@@ -125,7 +125,18 @@ VIEWS = {
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("edge", Edge)
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    "view",
+    [
+        pytest.param(
+            view,
+            marks=pytest.mark.sweep(kept_by="test_pixels_see_what_rays_see")
+            if view in ("turned", "by 45")  # parts of others
+            else (),
+        )
+        for view in VIEWS
+    ],
+)
 def test_pixels_see_what_rays_see(view, edge):
     source, geometry = noise(), VIEWS[view]
     warped = look(source, geometry, SHAPE, edge, Cells(interpolation=LINEAR, quality=4.0))
@@ -251,7 +262,18 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
         assert (warped.coverage == 1).all()
 
 
-@pytest.mark.parametrize("error", [0.02, 0.007, 0.002, 0.001])
+@pytest.mark.parametrize(
+    "error",
+    [
+        0.002,
+        *(
+            pytest.param(
+                error, marks=pytest.mark.sweep(kept_by="test_an_error_that_is_asked_for_holds")
+            )
+            for error in (0.02, 0.007, 0.001)
+        ),
+    ],
+)
 def test_an_error_that_is_asked_for_holds(error):
     source = noise(60, 60, 1)
     worst = about(45.0, 0.3)

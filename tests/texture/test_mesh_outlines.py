@@ -64,7 +64,19 @@ def fan(count, height):
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("count", [7, 100, 1000])
+@pytest.mark.parametrize(
+    "count",
+    [
+        7,
+        100,
+        pytest.param(
+            1000,
+            marks=pytest.mark.sweep(
+                kept_by="test_triangles_that_share_an_outline_share_its_pixels"
+            ),
+        ),
+    ],
+)
 @pytest.mark.parametrize("height", [0.0, 0.1])
 def test_triangles_that_share_an_outline_share_its_pixels(count, height):
     rim, mesh = fan(count, height)

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates, spline_filter
@@ -52,8 +54,10 @@ def test_the_truth_of_a_fine_picture_is_its_means(factor, rng):
     fine = rng.random((64, 64, 2)).astype(np.float32)
     shape = (int(16 * factor), int(16 * factor))
     scene = plain(scenes.means(fine, 4), scaled(factor), shape)._replace(fine=fine)
-    big = np.kron(fine, np.ones((shape[0], shape[1], 1)))
-    expected = big.reshape(shape[0], 64, shape[1], 64, 2).mean(axis=(1, 3))
+    common = math.gcd(shape[0], 64)  # parts of texels, and of pixels, of one size
+    each, group = shape[0] // common, 64 // common
+    big = np.kron(fine, np.ones((each, each, 1)))
+    expected = big.reshape(shape[0], group, shape[1], group, 2).mean(axis=(1, 3))
     assert np.allclose(truth(scene), expected, atol=0.06 if factor == 1.25 else 1e-6)  # 256 rays
 
 

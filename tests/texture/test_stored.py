@@ -46,6 +46,7 @@ def pixels(name):
     return found if found.ndim == 3 else found[..., None]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("is_large", [False, True])
 @pytest.mark.parametrize("channels", [0, 3, 4])
 def test_a_store_is_warped_as_the_file_is_and_into_one(channels, is_large, monkeypatch):

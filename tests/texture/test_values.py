@@ -41,6 +41,7 @@ def span(image):
     return float(image.max()) - float(image.min())
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("channels", [None, 1, 2, 3, 4, 5])
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("dtype", DTYPES)

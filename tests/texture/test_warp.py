@@ -113,6 +113,7 @@ def test_a_shape_may_be_any_two_whole_numbers(shape):
 # Shifts
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize("channels", [None, 2, 3, 4])
 @pytest.mark.parametrize("dtype", [*DTYPES, ">f4"])

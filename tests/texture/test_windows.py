@@ -65,6 +65,7 @@ def test_windows_make_the_picture_that_one_go_makes(monkeypatch, source, name, e
     np.testing.assert_allclose(parts.coverage, whole.coverage, atol=2e-6)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     "dtype", ["bool", "uint8", "uint16", "int16", "int64", "float16", "float64"]
 )

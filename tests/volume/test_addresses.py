@@ -143,6 +143,7 @@ def looks(place, count=2):
     return [one.reads for one in every]
 
 
+@pytest.mark.each_value
 @pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize(("form", "shards"), [(2, None), (3, None), (3, (16, 16, 16))])
 @pytest.mark.parametrize("tells", ["tag", "time", "tag time"])
@@ -179,7 +180,22 @@ def test_a_server_that_tells_no_more_is_not_believed(values, server):
 
 
 @pytest.mark.usefixtures("keeping")
-@pytest.mark.parametrize("change", ["a chunk", "a chunk less", "a new chunk", "metadata"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        "a chunk",
+        "metadata",
+        *(
+            pytest.param(
+                each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_a_store_at_an_address_that_has_changed_is_looked_at_again"
+                ),
+            )
+            for each in ("a chunk less", "a new chunk")
+        ),
+    ],
+)
 def test_a_store_at_an_address_that_has_changed_is_looked_at_again(change, values, server):
     path, array = store(server.folder / "a.zarr", values)
     (path / "c/1/1/1").unlink()

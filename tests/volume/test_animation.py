@@ -93,7 +93,16 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
     assert ends == pytest.approx([2, 0.03])
 
 
-@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.PAPER])
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        Primitive.HYBRID,
+        pytest.param(
+            Primitive.PAPER,
+            marks=pytest.mark.sweep(kept_by="test_across_the_threshold_splats_become_points"),
+        ),
+    ],
+)
 def test_across_the_threshold_splats_become_points(primitive, subject):
     share = []
     for camera in cameras_of(subject, Flight("threshold", 5), SIZE):

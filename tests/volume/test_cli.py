@@ -1,7 +1,7 @@
 import gzip
 import json
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,12 @@ def rendered(*words: object, volume: str = BOX) -> np.ndarray:
     """Premultiplied RGBA (32, 32, 4) that `render` writes."""
     assert ended("render", volume, "-o", "out.exr", *SMALL, *words) == 0
     return read_image("out.exr")
+
+
+@cache
+def usual(*words: str, volume: str = BOX) -> np.ndarray:
+    """The same picture, that others are compared with, made once."""
+    return rendered(*words, volume=volume)
 
 
 def nrrd(data: bytes, **changes: str) -> None:
@@ -163,9 +169,15 @@ def test_splats_are_red_when_colored_by_primitive():
         ["--threshold", "100"],
         ["--subpixels", "1"],
         ["--filter", "gaussian:sigma=0.7"],
-        ["--kernel", "bspline"],
+        pytest.param(
+            ["--kernel", "bspline"],
+            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+        ),
         ["--kernel", "gaussian:sigma=0.9"],
-        ["--opacity", "linear"],
+        pytest.param(
+            ["--opacity", "linear"],
+            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+        ),
         ["--transfer", "gray:opacity=0.3"],
         ["--opacity-unit", "5"],
         ["--camera", "60/20/1"],
@@ -181,7 +193,7 @@ def test_splats_are_red_when_colored_by_primitive():
     ],
 )
 def test_every_choice_changes_the_picture(words):
-    before, after = rendered(volume=TREE), rendered(*words, volume=TREE)
+    before, after = usual(volume=TREE), rendered(*words, volume=TREE)
     assert before.shape == after.shape
     assert np.abs(before - after).max() > 1e-3
 
@@ -189,7 +201,7 @@ def test_every_choice_changes_the_picture(words):
 @pytest.mark.parametrize("footprint", ["corrected", "small-angle", "affine"])
 def test_footprints_differ_where_perspective_is_strong(footprint):
     near = ["--method", "splats", "--fov", "90", "--camera", "30/20/1.5"]
-    assert np.abs(rendered(*near) - rendered(*near, "--footprint", footprint)).max() > 1e-4
+    assert np.abs(usual(*near) - rendered(*near, "--footprint", footprint)).max() > 1e-4
 
 
 def test_exact_is_the_footprint_and_every_sample_the_order_if_none_is_chosen():

@@ -136,26 +136,36 @@ def test_the_note_of_a_reader_is_said(capsys):
     assert "uneven distances (z 1 to " in capsys.readouterr().out
 
 
-def test_channels_and_others_in_chunks_are_painted_window_by_window(capsys):
-    rng = np.random.default_rng(5)
-    np.save("a.npy", rng.integers(0, 200, (1, 2, 90, 60, 64)).astype(np.uint8))
-    np.save("b.npy", rng.integers(0, 200, (90, 60, 64)).astype(np.uint8))
-    for name in "ab":
-        assert ended("convert", f"{name}.npy", f"{name}.zarr", "--chunk", "16") == 0
-    common = ["--size", "64", "--fit", "volume", "--camera", "30/10/1.3"]
-    channels = [*common, "--channels", "red,120..190"]
+IN_CHUNKS = ("--size", "64", "--fit", "volume", "--camera", "30/10/1.3")
+
+
+def in_chunks(name, *counts):
+    """Writes noise as a file and as a store."""
+    shape = *counts, 90, 60, 64
+    np.save(f"{name}.npy", np.random.default_rng(5).integers(0, 200, shape).astype(np.uint8))
+    assert ended("convert", f"{name}.npy", f"{name}.zarr", "--chunk", "16") == 0
+
+
+def test_channels_in_chunks_are_painted_window_by_window(capsys):
+    in_chunks("a", 1, 2)
+    channels = [*IN_CHUNKS, "--channels", "red,120..190"]
     assert ended("render", "a.npy", *channels, "-o", "a.exr") == 0
     few = ["--memory", "52MB", "--threads", "1"]
     capsys.readouterr()
     assert ended("render", "a.zarr", *channels, *few, "-o", "b.exr") == 0
     assert "not all that is seen fits in memory: painted" in capsys.readouterr().err
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
-    beside = [*common, "--transfer", "80..190", "--no-shading", "--also"]
+
+
+@pytest.mark.sweep(kept_by="test_channels_in_chunks_are_painted_window_by_window")
+def test_others_in_chunks_are_painted_window_by_window_by_workers(capsys):
+    in_chunks("b")
+    beside = [*IN_CHUNKS, "--transfer", "80..190", "--no-shading", "--also"]
     assert ended("render", "b.npy", *beside, "b.npy:transfer=0..70", "-o", "a.exr") == 0
     few = ["--memory", "80MB", "--workers", "1"]
     beside = [*beside, "b.zarr:transfer=0..70", *few]
     assert ended("render", "b.zarr", *beside, "-o", "b.exr") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
-    words = ["b.zarr", *common, "--transfer", "80..190", "--also", "b.npy", *few, "-o", "c.exr"]
+    words = ["b.zarr", *IN_CHUNKS, "--transfer", "80..190", "--also", "b.npy", *few, "-o", "c.exr"]
     assert ended("render", *words) == 2
     assert "b is in memory as a whole" in capsys.readouterr().err

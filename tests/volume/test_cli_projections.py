@@ -275,10 +275,24 @@ def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_need
 # Help
 
 
-def test_help_shows_neither_empty_flags_nor_empty_defaults(capsys):
-    for name in ("render", "compare", "animate", "figures"):
-        assert ended(name, "--help") == 0
-        text = capsys.readouterr().out
-        assert "--empty-" not in text
-        assert "default: ()" not in text
-        assert 'default: ""' not in text
+@pytest.mark.parametrize(
+    "name",
+    [
+        "render",
+        *(
+            pytest.param(
+                name,
+                marks=pytest.mark.sweep(
+                    kept_by="test_help_shows_neither_empty_flags_nor_empty_defaults"
+                ),
+            )
+            for name in ("compare", "animate", "figures")
+        ),
+    ],
+)
+def test_help_shows_neither_empty_flags_nor_empty_defaults(name, capsys):
+    assert ended(name, "--help") == 0
+    text = capsys.readouterr().out
+    assert "--empty-" not in text
+    assert "default: ()" not in text
+    assert 'default: ""' not in text

@@ -23,9 +23,25 @@ def with_strays(rng):
     return volume._replace(values=values)
 
 
-@pytest.mark.parametrize("side", [(8, 8, 8), (16, 5, 33)])
-@pytest.mark.parametrize("workers", [None, 2])
-@pytest.mark.parametrize("has_strays", [False, pytest.param(True, marks=pytest.mark.sweep)])
+@pytest.mark.parametrize(
+    ("workers", "side"),
+    [
+        (2, (16, 5, 33)),
+        *(
+            pytest.param(
+                *each, marks=pytest.mark.sweep(kept_by="test_a_ball_is_found_brick_by_brick")
+            )
+            for each in [(None, (8, 8, 8)), (2, (8, 8, 8)), (None, (16, 5, 33))]
+        ),
+    ],
+)
+@pytest.mark.parametrize(
+    "has_strays",
+    [
+        False,
+        pytest.param(True, marks=pytest.mark.sweep(kept_by="test_a_ball_is_found_brick_by_brick")),
+    ],
+)
 def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypatch):
     told = []
     is_filled = ball._is_filled
@@ -56,7 +72,18 @@ def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monke
     assert found.sphere.radius == Subject.of(volume, Appearance("60..190")).sphere.radius
 
 
-@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize(
+    "several",
+    [
+        True,
+        pytest.param(
+            False,
+            marks=pytest.mark.sweep(
+                kept_by="test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory"
+            ),
+        ),
+    ],
+)
 def test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory(several, rng):
     media = [(smoke(rng), Appearance("60..190", **CUT))]
     if several:

@@ -51,7 +51,20 @@ def painted(media, sides, memory, executor=None, fit="volume"):
     return paint_unseen(dense, subject, camera, SIZE, Spent(memory, executor=executor))
 
 
-@pytest.mark.parametrize("place", ["same", "within", "beyond"])
+@pytest.mark.each_value
+@pytest.mark.parametrize(
+    "place",
+    [
+        "within",
+        "beyond",
+        pytest.param(
+            "same",
+            marks=pytest.mark.sweep(
+                kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory"
+            ),
+        ),
+    ],
+)
 @pytest.mark.parametrize("memory", [1_050_000, 1 << 30])
 def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, rng):
     look = Appearance("60..190", light=None) if place == "same" else Appearance("60..190", **CUT)
@@ -61,7 +74,7 @@ def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, 
     assert_same(found, whole_of(media))
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
 def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
     first = Appearance("60..190", labels=LABELS, **CUT)
     media = [
@@ -110,7 +123,7 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] > greatest[index]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
 @settings(max_examples=6)
 @given(
     shape=st.tuples(*[st.integers(6, 30)] * 3),
@@ -147,8 +160,24 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
-@pytest.mark.parametrize("is_missing", [False, True])
-def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("is_missing", "fit"),
+    [
+        (True, "visible"),
+        *(
+            pytest.param(
+                *each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_volumes_of_other_lattices_are_resampled_in_a_file"
+                ),
+            )
+            for each in [(False, "visible"), (False, "volume"), (True, "volume")]
+        ),
+    ],
+)
+def test_volumes_of_other_lattices_are_resampled_in_a_file(
+    is_missing, fit, rng, tmp_path, monkeypatch
+):
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))
     monkeypatch.setattr(resampling, "SLAB", 5000)
     media = [
@@ -156,14 +185,13 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(is_missing, rng, tmp_
         (other(rng, is_missing), Appearance("auto", gradient_opacity=(0.1, 0.5))),
     ]
     dense = [(in_bricks(volume, (8, 8, 8)), look) for volume, look in media]
-    for fit in ("volume", "visible"):
-        subject = unseen_together(dense, fit)
-        assert not share_lattice(dense)
-        with ThreadPoolExecutor(2) as executor:
-            spent = Spent(1_500_000, executor=executor)
-            found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
-        assert_same(found, whole_of(media, fit))
-        assert windows > 1
+    subject = unseen_together(dense, fit)
+    assert not share_lattice(dense)
+    with ThreadPoolExecutor(2) as executor:
+        spent = Spent(1_500_000, executor=executor)
+        found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+    assert_same(found, whole_of(media, fit))
+    assert windows > 1
     assert not list(tmp_path.iterdir())
     _, found = dense_of(dense, Resampler(), 1 << 20, Looking())
     with pytest.raises(ValueError, match="painted by the process that did so; leave other"):

@@ -28,6 +28,7 @@ def projected(camera, point):
     return np.array([x, y]) * scale + view.principal
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("fov", [0.0, 1.0, 30.0, 120.0])
 @pytest.mark.parametrize(("height", "width"), [(100, 100), (60, 200), (200, 60)])
 def test_the_ball_just_fits_at_zoom_one(fov, height, width, rng):

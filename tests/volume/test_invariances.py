@@ -44,7 +44,19 @@ def test_total_opacity_does_not_depend_on_the_zoom(tree, scale):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [EverySample(), ImageSheets()], ids=["every-sample", "slabs"])
+@pytest.mark.parametrize(
+    "order",
+    [
+        pytest.param(ImageSheets(), id="slabs"),
+        pytest.param(
+            EverySample(),
+            marks=pytest.mark.sweep(
+                kept_by="test_total_opacity_does_not_depend_on_how_finely_a_smooth_field_is_sampled"
+            ),
+            id="every-sample",
+        ),
+    ],
+)
 def test_total_opacity_does_not_depend_on_how_finely_a_smooth_field_is_sampled(order):
     shot = scenes.across(1.5, 22)
     coarse, fine = (

@@ -292,6 +292,7 @@ def test_places_of_dicom(turn, values, tmp_path):
     agrees(Dicom()(series(tmp_path, values, turn=turn)), by_itk(tmp_path))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["int16", "uint16", "uint8"])
 @pytest.mark.parametrize("scale", [(1, -1024), (2, -7), (0.5, 0.25), (0.3, 0)])
 @pytest.mark.parametrize("form", ["MONOCHROME2", "MONOCHROME1"])

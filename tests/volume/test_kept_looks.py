@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from resample_volume.windows import Spent, paint_unseen, unseen_together
 from tests.volume.dense import SIZE, assert_same, whole_of
 
 SOLID = Appearance("100/white/0,180/white/0.95")
-LABELS = Labels(np.ones((32, 40, 48), np.uint8), {1: Rule((1, 0, 0))})
+LABELS = Labels(np.ones((32, 32, 32), np.uint8), {1: Rule((1, 0, 0))})
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +34,7 @@ def in_small_steps(monkeypatch, tmp_path):
 
 @pytest.fixture
 def store(tmp_path, rng):
-    return written(tmp_path / "store.zarr", rng.integers(180, 255, (32, 40, 48)).astype(np.uint8))
+    return written(tmp_path / "store.zarr", rng.integers(180, 255, (32, 32, 32)).astype(np.uint8))
 
 
 def written(path, values, side=16):
@@ -77,16 +76,23 @@ def in_memory(path, look, viewpoint):
 
 
 @pytest.mark.parametrize(
-    ("light", "most"), [(None, 0.85), pytest.param(SOLID.light, 1.0, marks=pytest.mark.sweep)]
+    ("light", "most", "layers", "memory"),
+    [
+        (None, 0.85, 5, 5_000_000),
+        pytest.param(
+            *(SOLID.light, 1.0, 8, 7_000_000),
+            marks=pytest.mark.sweep(kept_by="test_a_later_command_asks_for_nothing_hidden"),
+        ),
+    ],
 )
-def test_a_later_command_asks_for_nothing_hidden(light, most, tmp_path, rng):
-    values = rng.integers(180, 255, (64, 64, 64)).astype(np.uint8)
+def test_a_later_command_asks_for_nothing_hidden(light, most, layers, memory, tmp_path, rng):
+    values = rng.integers(180, 255, (64, 8 * layers, 64)).astype(np.uint8)
     path = written(tmp_path / "cube.zarr", values, side=8)
     look = replace(SOLID, transfer="100/white/0,180/white/1", light=light)
-    first, before = painted(path, look, Orbit(10, 20, 3.0), 7_000_000, 8)
+    first, before = painted(path, look, Orbit(10, 20, 3.0), memory, 8)
     assert_same(first, in_memory(path, look, Orbit(10, 20, 3.0)))
-    assert set(before) == set(product(range(0, 64, 8), repeat=3))
-    again, read = painted(path, look, Orbit(200, -30, 3.0), 7_000_000, 8)
+    assert set(before) == {(8 * z, 8 * y, 8 * x) for z, y, x in np.ndindex(8, layers, 8)}
+    again, read = painted(path, look, Orbit(200, -30, 3.0), memory, 8)
     assert_same(again, in_memory(path, look, Orbit(200, -30, 3.0)))
     assert len(set(read)) < most * len(set(before))
     assert len(read) < 0.5 * len(before)
@@ -95,11 +101,21 @@ def test_a_later_command_asks_for_nothing_hidden(light, most, tmp_path, rng):
 @pytest.mark.parametrize(
     "look",
     [
-        replace(SOLID, gradient_opacity=(0.1, 0.6)),
-        replace(SOLID, labels=LABELS),
-        replace(SOLID, clip=("1/0.3/-0.5/-3",), crop="2:29,:,:25"),
+        pytest.param(replace(SOLID, gradient_opacity=(0.1, 0.6)), id="gradient opacity"),
+        *(
+            pytest.param(
+                look,
+                id=name,
+                marks=pytest.mark.sweep(
+                    kept_by="test_looks_that_depend_on_more_have_the_same_bits"
+                ),
+            )
+            for name, look in [
+                ("labels", replace(SOLID, labels=LABELS)),
+                ("clipped", replace(SOLID, clip=("1/0.3/-0.5/-3",), crop="2:29,:,:25")),
+            ]
+        ),
     ],
-    ids=["gradient opacity", "labels", "clipped"],
 )
 def test_looks_that_depend_on_more_have_the_same_bits(look, store):
     painted(store, look, Orbit(10, 20, 1.5))
@@ -112,7 +128,7 @@ def test_other_looks_are_looked_at_themselves(store):
     other = Appearance("100/white/0,240/white/0.2")
     again, read = painted(store, other, Orbit(10, 20, 1.5))
     assert_same(again, in_memory(store, other, Orbit(10, 20, 1.5)))
-    assert len(set(read)) == 2 * 3 * 3
+    assert len(set(read)) == 2 * 2 * 2
 
 
 def test_a_store_that_has_changed_is_looked_at_anew(store):
@@ -127,7 +143,18 @@ def test_a_store_that_has_changed_is_looked_at_anew(store):
     assert_same(again, in_memory(store, SOLID, Orbit(10, 20, 1.5)))
 
 
-@pytest.mark.parametrize("damage", [b"", b"no archive", None])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        None,
+        *(
+            pytest.param(
+                each, marks=pytest.mark.sweep(kept_by="test_what_is_damaged_is_found_again")
+            )
+            for each in (b"", b"no archive")
+        ),
+    ],
+)
 def test_what_is_damaged_is_found_again(damage, store, tmp_path):
     first, _ = painted(store, SOLID, Orbit(10, 20, 1.5))
     files = list((tmp_path / "cache" / "looks").iterdir())

@@ -114,12 +114,10 @@ def test_the_same_command_goes_on_where_a_killed_one_was(painted, capsys):
     assert np.array_equal(read_image("a.exr"), read_image("whole.exr"))
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_the_same_command_goes_on_where_a_killed_one_was")
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
-@pytest.mark.parametrize(
-    "change", ["look", *(pytest.param(one, marks=pytest.mark.sweep) for one in ("store", "alone"))]
-)
+@pytest.mark.parametrize("change", ["look", "store", "alone"])
 def test_what_another_command_has_left_is_removed(change, painted):
     words = list(RENDER)
     if change == "look":

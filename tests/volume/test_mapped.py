@@ -89,6 +89,7 @@ def test_a_scene_of_a_volume_in_a_file_is_that_of_one_in_memory(rng):
         assert np.array_equal(found.rgba, given.rgba)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("projection", ["composite", "maximum", "average"])
 def test_values_that_are_missing_are_filled_in_the_file(projection, kind, rng):

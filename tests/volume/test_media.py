@@ -113,7 +113,20 @@ LATTICES = {
 }
 
 
-@pytest.mark.parametrize("name", LATTICES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "same",
+        "turned",
+        "apart",
+        pytest.param(
+            "coarser",
+            marks=pytest.mark.sweep(
+                kept_by="test_overlapping_balls_are_the_integral_of_both_along_rays"
+            ),
+        ),
+    ],
+)
 def test_overlapping_balls_are_the_integral_of_both_along_rays(name):
     media = [
         (filled(ball, empty), look_of(ball))
@@ -152,7 +165,18 @@ def test_media_on_one_lattice_are_their_sum_by_hand():
 LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
 
 
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize(
+    "light",
+    [
+        LIGHTS[1],
+        *(
+            pytest.param(
+                light, marks=pytest.mark.sweep(kept_by="test_the_order_of_volumes_does_not_matter")
+            )
+            for light in LIGHTS[::2]
+        ),
+    ],
+)
 def test_the_order_of_volumes_does_not_matter(light):
     media = [
         (filled(ball, empty), look_of(ball, light=light, cue=DepthCue(), clip=("1/0/-1",)))

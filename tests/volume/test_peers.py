@@ -128,7 +128,17 @@ VIEWS = {
 }
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    "view",
+    [
+        "window off its center",
+        "parallel, from above",
+        *(
+            pytest.param(view, marks=pytest.mark.sweep(kept_by="test_the_cameras_are_the_same"))
+            for view in ("front", "oblique", "from the side", "zoomed, off axis", "parallel")
+        ),
+    ],
+)
 def test_the_cameras_are_the_same(view):
     # Where nothing is opaque, no kernel moves the opacity's centroid.
     theirs = vtk(a_box(), FAINT, VIEWS[view])[..., 3]

@@ -72,13 +72,15 @@ def naive_voxel(
     radii = np.linspace(0, kernel.radius, 4001)
     mass = np.trapezoid(4 * np.pi * radii**2 * kernel(radii), radii)
     met = []
-    for moved, extinction in zip(voxels.position, voxels.extinction, strict=True):
-        position = moved + subject.middle
-        index = to_lattice @ (position - volume.origin)
-        to_eye = to_lattice @ (eye - volume.origin) - index
-        nearest = -(to_eye @ step) / (step @ step)
-        squared = float(np.sum((to_eye + nearest * step) ** 2))
-        if squared >= kernel.radius**2 or (view.perspective and nearest < 0):
+    positions = voxels.position + subject.middle
+    indices = (positions - volume.origin) @ to_lattice.T
+    to_eyes = to_lattice @ (eye - volume.origin) - indices
+    along_ray = -(to_eyes @ step) / (step @ step)
+    distances = np.sum((to_eyes + along_ray[:, None] * step) ** 2, axis=1)
+    for n in np.flatnonzero(distances < kernel.radius**2):
+        position, index, extinction = positions[n], indices[n], voxels.extinction[n]
+        nearest, squared = along_ray[n], float(distances[n])
+        if view.perspective and nearest < 0:
             continue
         half = math.sqrt(kernel.radius**2 - squared)
         integral = np.trapezoid(kernel(np.sqrt(squared + (half * steps) ** 2)), half * steps)

@@ -22,6 +22,7 @@ LOOK = from_points([(99.0, WHITE, 0.0), (100.0, WHITE, 0.9)])
 UNEVEN = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.2], [0.0, 0.0, 0.8]])
 FAR = 60.0  # cells
 SHORT = 0.05  # cells, a step
+EACH = 13  # one cell of so many is looked at; shares no factor with the sides of a volume
 WAYS = [(1, 0.5, 0.3), (-0.2, -1, 0.4), (0.3, 0.4, -1), (0, 0, 1), (0, -1, 0), (-1, 1, 1)]
 
 
@@ -38,9 +39,9 @@ def smooth(shape: tuple[int, int, int] = (24, 27, 30)) -> NDArray[np.float32]:
 def slow_depths(
     extinction: NDArray[np.float32], lattice: NDArray[np.float64], toward: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Integrals from 1½ slices beside each cell on, in short steps through trilinear values."""
+    """Integrals from 1½ slices beside cells on, in short steps through trilinear values."""
     along = np.linalg.solve(lattice, toward / np.linalg.norm(toward))[::-1]
-    index = np.indices(extinction.shape).reshape(3, -1)
+    index = np.indices(extinction.shape).reshape(3, -1)[:, ::EACH]
     begin = (SKIPPED - 0.5) / np.abs(along).max()
     total = np.zeros(index.shape[1])
     for way in np.arange(begin + SHORT / 2, FAR, SHORT):
@@ -48,7 +49,7 @@ def slow_depths(
         total += SHORT * map_coordinates(
             extinction, place, np.float64, order=1, mode="grid-constant"
         )
-    return total.reshape(extinction.shape)
+    return total
 
 
 @pytest.mark.each_value
@@ -63,7 +64,7 @@ def test_depths_are_integrals_toward_the_light(
         depth[place] = part
     slow = slow_depths(extinction, lattice, way)
     assert slow.max() > 0.5
-    assert np.abs(depth - slow).max() < 0.02
+    assert np.abs(depth.ravel()[::EACH] - slow).max() < 0.02
 
 
 def test_what_is_out_of_reach_takes_nothing() -> None:

@@ -174,6 +174,7 @@ def rotation_of(rng):
     return q * np.sign(np.linalg.det(q))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 @pytest.mark.parametrize("look", [LIT, PLAIN])
 def test_a_turned_volume_looks_the_same_to_a_camera_turned_with_it(primitive, look, rng):
@@ -190,6 +191,7 @@ def test_a_turned_volume_looks_the_same_to_a_camera_turned_with_it(primitive, lo
     assert np.abs(straight - other).max() < 2e-2  # a pair of samples may change its order
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 @pytest.mark.parametrize("look", [LIT, PLAIN])
 def test_a_mirrored_volume_gives_the_mirrored_picture(primitive, look):
@@ -232,6 +234,7 @@ def ball(spacing, radius=20.0):
 GLASS = Appearance(from_points([(0, (1, 1, 1), 0), (1, (1, 1, 1), 0.001)]), light=None)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("spacing", [(1, 1, 1.4), (1.58, 1, 1)])
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS])
 @pytest.mark.parametrize("direction", [(0, -1, 0), (1, 0, 0), (0, 0, 1), (1, -2, 1.5)])

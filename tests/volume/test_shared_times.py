@@ -23,6 +23,8 @@ TIMES, SHAPE = 3, (18, 13, 16)  # a layer of bricks is thinner than the others
 LONG = (18, 13, 120)  # so that windows show parts of it
 LARGE = ["--path", "still", "--size", "64", "--frames", "4"]
 FILM = ["--path", "still", "--size", "24", "--frames", "4"]
+CROPPED = ["--transfer", "20..120", "--crop", "2:,:,1:12"]
+ANOTHER = "vessel-tree:size=16:transfer=gray"
 
 
 @pytest.fixture(autouse=True)
@@ -60,15 +62,28 @@ def frames(folder):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("uint8", []),
-        ("uint8", ["--transfer", "surfaces"]),
-        ("float32", ["--transfer", "gray", "--gradient-opacity", "0.1/0.6", "--fit", "volume"]),
-        ("float32", ["--transfer", "20..120", "--crop", "2:,:,1:12", "--depth-cue", "0.4"]),
-        ("uint16", ["--transfer", "gray", "--also", "vessel-tree:size=16:transfer=gray"]),
-        ("uint8", ["--projection", "average"]),
-        ("float32", ["--classify", "post", "--transfer", "gray"]),
+        pytest.param("uint8", [], id="auto"),
+        pytest.param(
+            "float32",
+            ["--transfer", "gray", "--gradient-opacity", "0.1/0.6", "--fit", "volume"],
+            id="faded",
+        ),
+        pytest.param("uint8", ["--projection", "average"], id="means"),
+        *(
+            pytest.param(
+                kind,
+                words,
+                id=name,
+                marks=pytest.mark.sweep(kept_by="test_a_film_of_a_store_is_that_of_a_file"),
+            )
+            for name, kind, words in [
+                ("regions", "uint8", ["--transfer", "surfaces"]),
+                ("range", "float32", [*CROPPED, "--depth-cue", "0.4"]),
+                ("with another", "uint16", ["--transfer", "gray", "--also", ANOTHER]),
+                ("post", "float32", ["--classify", "post", "--transfer", "gray"]),
+            ]
+        ),
     ],
-    ids=["auto", "regions", "faded", "range", "with another", "means", "post"],
 )
 def test_a_film_of_a_store_is_that_of_a_file(kind, words, capsys):
     beats(kind)
@@ -122,7 +137,7 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
     ]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_a_film_of_a_store_is_that_of_a_file")
 def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     beats("uint8", shape=LONG)
     words = [*LARGE, "--transfer"]
@@ -139,7 +154,7 @@ def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out")
 @pytest.mark.usefixtures("pickled")
 def test_windows_of_times_are_painted_by_others_too():
     beats("uint8", shape=LONG)
@@ -176,9 +191,16 @@ def pickled(monkeypatch):
     ("name", "words", "is_kept"),
     [
         ("a.npy", [], False),
-        ("a.zarr", [], False),
         ("a.zarr", ["--transfer", "surfaces"], True),
-        ("a.zarr", ["--projection", "maximum", "--memory", "100MB"], False),
+        *(
+            pytest.param(
+                "a.zarr",
+                words,
+                False,
+                marks=pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out"),
+            )
+            for words in ([], ["--projection", "maximum", "--memory", "100MB"])
+        ),
     ],
 )
 @pytest.mark.usefixtures("pickled")
@@ -194,7 +216,16 @@ def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
-@pytest.mark.parametrize("is_kept", [False, True])
+@pytest.mark.parametrize(
+    "is_kept",
+    [
+        False,
+        pytest.param(
+            True,
+            marks=pytest.mark.sweep(kept_by="test_padding_of_all_times_is_known_elsewhere_too"),
+        ),
+    ],
+)
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
     monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
@@ -204,7 +235,7 @@ def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out")
 def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
     beats("uint8")
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0

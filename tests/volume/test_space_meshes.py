@@ -144,6 +144,7 @@ def hits(mesh, camera, size):
     return depth, normal, start, way
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("light", [None, Light(), Light((1, -1, 2))])
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 def test_what_is_before_a_box_is_that_of_short_steps(light, fov):

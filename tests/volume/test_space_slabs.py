@@ -55,14 +55,22 @@ WALL = scene_mesh(
 @pytest.mark.parametrize(
     ("choices", "order"),
     [
-        ({}, None),
-        ({"light": None}, None),
-        (POST | {"light": None}, Rays()),
-        (POST | {"light": Light((1, -1, 2))}, Rays()),
-        (POST | {"clip": ("1/0/0",)}, Rays()),
-        (POST | {"meshes": (WALL,)}, Rays()),
+        pytest.param({}, None, id="splats"),
+        pytest.param(POST | {"meshes": (WALL,)}, Rays(), id="mesh"),
+        *(
+            pytest.param(
+                *each,
+                id=name,
+                marks=pytest.mark.sweep(kept_by="test_slabs_over_each_other_are_the_flat_picture"),
+            )
+            for name, *each in [
+                ("unlit splats", {"light": None}, None),
+                ("unlit rays", POST | {"light": None}, Rays()),
+                ("rays", POST | {"light": Light((1, -1, 2))}, Rays()),
+                ("clipped", POST | {"clip": ("1/0/0",)}, Rays()),
+            ]
+        ),
     ],
-    ids=["splats", "unlit splats", "unlit rays", "rays", "clipped", "mesh"],
 )
 def test_slabs_over_each_other_are_the_flat_picture(choices, order, fov):
     resampler = Resampler(subpixels=4) if order is None else Resampler(order=order, subpixels=4)

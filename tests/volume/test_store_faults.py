@@ -74,6 +74,7 @@ def refused(capsys, place, name="render"):
     return lines[-1]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("shards", [None, (16, 16, 16)])
 def test_what_arrives_cut_off_is_refused(name, shards, values, server, capsys):
@@ -92,6 +93,7 @@ def test_a_shard_that_is_cut_off_where_it_lies_is_damaged(name, values, server, 
     assert "damaged" in refused(capsys, f"{server.place}/a.zarr", name)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("part", ["index", "chunk"])
 def test_a_wrong_checksum_is_damage(name, part, values, server, capsys):
@@ -193,7 +195,21 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("form", [{}, {"shard": 16}, {"is_layered": False}])
+@pytest.mark.parametrize(
+    "form",
+    [
+        {},
+        *(
+            pytest.param(
+                each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_bars_count_bricks_and_say_how_much_time_is_left"
+                ),
+            )
+            for each in ({"shard": 16}, {"is_layered": False})
+        ),
+    ],
+)
 def test_bars_count_bricks_and_say_how_much_time_is_left(form, values, monkeypatch):
     np.save("a.npy", np.stack([values, values]))
     recording, form = open_recording("a.npy"), Layered(chunk=8, **form)
@@ -225,7 +241,16 @@ main()
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-@pytest.mark.parametrize("form", [[], ["--shard", "32"]])
+@pytest.mark.parametrize(
+    "form",
+    [
+        [],
+        pytest.param(
+            ["--shard", "32"],
+            marks=pytest.mark.sweep(kept_by="test_a_disk_that_takes_no_more_leaves_no_store"),
+        ),
+    ],
+)
 def test_a_disk_that_takes_no_more_leaves_no_store(form, values):
     np.save("a.npy", values)
     most = 1 << 14 if form else 1 << 11  # between metadata and what lies in a file

@@ -223,7 +223,7 @@ def test_shards_are_read(values, tmp_path):
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("brick", [None, (3, 5, 7), (64, 64, 64)])
+@pytest.mark.parametrize("brick", [None, (5, 7, 11), (64, 64, 64)])
 @pytest.mark.parametrize("kind", ["uint8", "int16", "int32", "float32"])
 def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng, tmp_path):
     values = rng.normal(90, 20, (19, 20, 41)).clip(0, 200).astype(kind)
@@ -477,8 +477,25 @@ def test_a_store_is_converted_to_a_store(values, here):
     same(converted("a.ome.zarr", "--chunk", "8"), open_recording("a.ome.zarr"))
 
 
-@pytest.mark.parametrize("shape", [(70, 130, 65), (3, 90, 128)])
-@pytest.mark.parametrize("kind", ["uint8", "int16", "float32"])
+@pytest.mark.parametrize(
+    ("kind", "shape"),
+    [
+        ("uint8", (3, 90, 128)),
+        ("float32", (70, 130, 65)),
+        *(
+            pytest.param(
+                *each,
+                marks=pytest.mark.sweep(kept_by="test_levels_are_means_of_two_along_each_axis"),
+            )
+            for each in [
+                ("uint8", (70, 130, 65)),
+                ("int16", (70, 130, 65)),
+                ("int16", (3, 90, 128)),
+                ("float32", (3, 90, 128)),
+            ]
+        ),
+    ],
+)
 def test_levels_are_means_of_two_along_each_axis(shape, kind, rng):
     values = rng.normal(0, 40, shape).astype(kind)
     np.save("a.npy", values)
@@ -564,7 +581,9 @@ def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert "b: 72 x 72 x 72 voxels are read brick by brick (8), within" in told
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/volume/test_cli_media.py::test_channels_in_chunks_are_painted_window_by_window"
+)
 def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
     np.save("a.npy", smoke)
@@ -606,7 +625,9 @@ def frames(folder):
     return [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/volume/test_shared_times.py::test_a_film_of_a_store_is_that_of_a_file"
+)
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
@@ -628,7 +649,9 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
         assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/volume/test_glances.py::test_a_command_has_its_workers_look_at_a_store"
+)
 def test_commands_that_share_their_work_write_the_same_pixels():
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0

@@ -69,6 +69,7 @@ def test_what_a_projection_does_not_show_is_refused():
             Subject.of(TREE, look, resampler)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("look", [PLAIN, POST])
 @pytest.mark.parametrize(
     "change",

@@ -26,7 +26,7 @@ WHITE = (1.0, 1.0, 1.0)
 ALL = from_points([(0, (1.0, 0.0, 0.0), 0.5), (100, WHITE, 0.5)])
 NONE = from_points([(0, WHITE, 0.0)])
 UPPER = from_points([(40, WHITE, 0.0), (40, WHITE, 0.2), (100, (1.0, 0.5, 0.0), 0.9)])
-KINDS = ["u1", "i1", "u2", "i2", "i4", "f4", "f8"]
+FEW_KINDS, FURTHER_KINDS = ["u1", "f4", "f8"], ["i1", "u2", "i2", "i4"]  # of codes and numbers
 
 
 def unit_volume(values: np.ndarray) -> Volume:
@@ -114,14 +114,33 @@ def test_the_lattice_is_made_of_the_steps_between_voxels() -> None:
     np.testing.assert_array_equal(classify(volume, ALL).lattice, lattice_of(volume))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *FEW_KINDS,
+        *(
+            pytest.param(
+                kind, marks=pytest.mark.sweep(kept_by="test_all_types_give_the_same_voxels")
+            )
+            for kind in FURTHER_KINDS
+        ),
+    ],
+)
 def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 9, 8))
     expected = classify(unit_volume(values.astype(np.float64)), UPPER)
     assert_same(classify(unit_volume(values.astype(kind)), UPPER), expected)
 
 
-@pytest.mark.parametrize("kind", ["i1", "i2"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "i2",
+        pytest.param(
+            "i1", marks=pytest.mark.sweep(kept_by="test_negative_codes_are_looked_up_right")
+        ),
+    ],
+)
 def test_negative_codes_are_looked_up_right(kind: str) -> None:
     ramp = from_points([(-100, WHITE, 0.1), (100, WHITE, 0.9)])
     values = np.arange(-100, 101).astype(kind).reshape(3, 67, 1)
@@ -145,6 +164,7 @@ def test_a_mapped_file_gives_the_same_voxels(tmp_path: Path, rng: np.random.Gene
     assert_same(classify(unit_volume(mapped), UPPER), classify(unit_volume(values), UPPER))
 
 
+@pytest.mark.sweep(kept_by="tests/volume/test_inputs.py::test_the_same_values_are_the_same_picture")
 def test_values_need_not_be_contiguous(rng: np.random.Generator) -> None:
     values = rng.normal(50, 30, (6, 5, 8))
     strided = values.T[::2]
@@ -237,8 +257,19 @@ def test_a_voxel_among_missing_values_is_flat(gradient: str) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *FEW_KINDS,
+        *(
+            pytest.param(
+                kind, marks=pytest.mark.sweep(kept_by="test_gradients_agree_with_the_obvious_loop")
+            )
+            for kind in FURTHER_KINDS
+        ),
+    ],
+)
 @pytest.mark.parametrize(("gradient", "reach"), GRADIENTS.items())
-@pytest.mark.parametrize("kind", KINDS)
 def test_gradients_agree_with_the_obvious_loop(
     gradient: str, reach: int, kind: str, rng: np.random.Generator
 ) -> None:
@@ -363,7 +394,7 @@ def reconstructed(
 @pytest.mark.parametrize("name", SHOWN)
 def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:
     values, looks = smooth(kind, rng), looks_of(SHOWN[name])
-    place = rng.uniform(-2, 12, (4000, 3))
+    place = rng.uniform(-2, 12, (1000, 3))
     kept = reachable(unit_volume(values), looks)
     whole = reconstructed(values, np.flatnonzero(np.isfinite(values)), looks, place)
     # float64 sums in another order

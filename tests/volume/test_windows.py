@@ -60,11 +60,18 @@ LOOKS = [
     Appearance("20..190", labels=TISSUE),
     Appearance(WALLS, labels=TISSUE, **CUT),
 ]
+BITS_ARE_KEPT = pytest.mark.sweep(kept_by="test_windows_have_the_bits_of_a_volume_in_memory")
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("number", range(len(LOOKS)))
-@pytest.mark.parametrize("memory", [750_000, 1 << 30])
+@pytest.mark.parametrize(
+    ("memory", "number"),
+    [
+        (750_000, 7),
+        (1 << 30, 2),
+        *(pytest.param(750_000, number, marks=BITS_ARE_KEPT) for number in range(7)),
+        *(pytest.param(1 << 30, number, marks=BITS_ARE_KEPT) for number in (0, 1, 3, 4, 5, 6, 7)),
+    ],
+)
 def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     volume, look = smoke(rng), LOOKS[number]
     side = ((8, 8, 8), (5, 7, 9))[number % 2]
@@ -78,8 +85,18 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
-@pytest.mark.parametrize("side", [(8, 8, 8), (37, 3, 31)])
-@pytest.mark.parametrize("kind", [np.uint8, np.int32])
+@pytest.mark.parametrize(
+    ("kind", "side"),
+    [
+        (np.uint8, (8, 8, 8)),
+        *(
+            pytest.param(
+                *each, marks=pytest.mark.sweep(kept_by="test_labels_may_be_in_bricks_of_their_own")
+            )
+            for each in [(np.uint8, (37, 3, 31)), (np.int32, (8, 8, 8)), (np.int32, (37, 3, 31))]
+        ),
+    ],
+)
 def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
     volume, label = smoke(rng), TISSUE.values.astype(kind)
     label[8:24, :8] = 1
@@ -170,7 +187,15 @@ def stored(volume, path):
     return found._replace(values=replace(found.values, side=(8, 8, 8)))
 
 
-@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize(
+    "workers",
+    [
+        3,
+        pytest.param(
+            1, marks=pytest.mark.sweep(kept_by="test_any_number_of_workers_paints_the_same_bits")
+        ),
+    ],
+)
 def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
     volume, look = smoke(rng), Appearance("60..190")
     whole = whole_of(volume, look)
@@ -208,7 +233,18 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", [(1,), pytest.param((0, 1), marks=pytest.mark.sweep)])
+@pytest.mark.parametrize(
+    "at",
+    [
+        (1,),
+        pytest.param(
+            (0, 1),
+            marks=pytest.mark.sweep(
+                kept_by="test_a_killed_worker_costs_a_picture_its_own_windows_alone"
+            ),
+        ),
+    ],
+)
 def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path):
     volume, look = smoke(rng), Appearance("60..190")
     whole, in_file = whole_of(volume, look), stored(volume, tmp_path / "smoke.zarr")
@@ -233,19 +269,27 @@ def in_small_steps(monkeypatch):
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
-@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize(
+    "workers",
+    [
+        None,
+        pytest.param(
+            2, marks=pytest.mark.sweep(kept_by="test_bricks_that_are_on_a_shelf_are_read_once")
+        ),
+    ],
+)
 def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
     in_small_steps(monkeypatch)
-    values = rng.integers(0, 200, (60, 60, 60)).astype(np.uint8)
+    values = rng.integers(0, 200, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "smoke")
     in_file, read = counted(volume, (8, 8, 8))
     look, whole = Appearance("5..190"), whole_of(volume, Appearance("5..190"))
     with ThreadPoolExecutor(workers or 1) as executor:
-        spent = Spent(6_500_000, executor=executor if workers else None)
+        spent = Spent(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_file, look, EYE, SIZE, spent)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
-    assert len(read) < 1.05 * 8**3  # two threads may ask for one at a time
+    assert len(read) < 1.05 * 6**3  # two threads may ask for one at a time
 
 
 def noted_steps(monkeypatch):
@@ -273,19 +317,37 @@ def counted(volume, side):
     return volume._replace(values=bricks), read
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("eye", [EYE, Orbit(30, 20, 0.45), Orbit(200, -40, fov=0)])
-@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize(
+    ("workers", "eye"),
+    [
+        (None, EYE),
+        *(
+            pytest.param(
+                *each,
+                marks=pytest.mark.sweep(
+                    kept_by="test_windows_are_painted_step_by_step_with_the_same_bits"
+                ),
+            )
+            for each in [
+                (None, Orbit(30, 20, 0.45)),
+                (None, Orbit(200, -40, fov=0)),
+                (2, EYE),
+                (2, Orbit(30, 20, 0.45)),
+                (2, Orbit(200, -40, fov=0)),
+            ]
+        ),
+    ],
+)
 def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, monkeypatch):
     in_small_steps(monkeypatch)
     steps, look = noted_steps(monkeypatch), Appearance("5..190")
-    values = rng.integers(0, 200, (60, 60, 60)).astype(np.uint8)
+    values = rng.integers(0, 200, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
     whole = Resampler()(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
     with ThreadPoolExecutor(workers or 1) as executor:
-        spent = Spent(6_500_000, executor=executor if workers else None)
+        spent = Spent(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
     assert max(steps) > 0
     for name in LAYERS:
@@ -320,7 +382,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
 
 def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     in_small_steps(monkeypatch)
-    values = rng.integers(200, 255, (64, 64, 64)).astype(np.uint8)
+    values = rng.integers(200, 255, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look = Appearance("100/white/0,180/white/0.95", light=None)
     in_file, read = counted(volume, (8, 8, 8))
@@ -331,9 +393,10 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     again, _ = render_in_windows(counted(volume, (8, 8, 8))[0], look, other, SIZE, Spent(9_000_000))
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(again, name).tobytes(), name
-    assert len(set(read)) < 0.9 * 8**3
+    assert len(set(read)) < 0.9 * 6**3
 
 
+STEPS_ARE_KEPT = pytest.mark.sweep(kept_by="test_whoever_paints_has_the_same_bits_step_by_step")
 PAINTERS = [
     (Resampler(order=AxisSheets()), Orbit(4, 3, 1.3)),
     (Resampler(order=ImageSheets()), Orbit(4, -3, 0.45)),
@@ -347,18 +410,18 @@ PAINTERS = [
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",
-    [1, 2, *(pytest.param(number, marks=pytest.mark.sweep) for number in (0, 3, 4, 5))],
+    [2, *(pytest.param(number, marks=STEPS_ARE_KEPT) for number in (0, 1, 3, 4, 5))],
 )
 def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch):
     in_small_steps(monkeypatch)
     steps = noted_steps(monkeypatch)
-    values = rng.integers(0, 200, (36, 160, 36)).astype(np.uint8)
+    values = rng.integers(0, 200, (36, 100, 36)).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
     look, (paint, eye) = Appearance("5..190"), PAINTERS[number]
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
     whole = paint(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
-    spent = Spent(7_500_000)
+    spent = Spent(4_000_000)
     found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
     assert max(steps) > 0
     for name in LAYERS:

@@ -18,7 +18,7 @@ def feather(shown):
     for place in np.ndindex(shown.shape):
         if not missing.size:
             continue
-        away = min(math.dist(place, other) for other in missing)
+        away = np.sqrt(np.square(missing - place).sum(axis=1).min())
         share = min(away / FEATHER, 1.0)
         made[place] = max(share * share * (3.0 - 2.0 * share), 1e-3)
     return made

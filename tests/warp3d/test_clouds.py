@@ -60,6 +60,7 @@ def _ball(count: int) -> np.ndarray:
     return np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scale", [0.2, 0.45, 0.7, 1.0, 1.6, 3.0, 8.0])
 @pytest.mark.parametrize("eye", [(0, 0, -100), (600, 200, -600)], ids=["front", "aside"])
 def test_a_plane_has_no_holes_at_any_magnification(scale, eye):

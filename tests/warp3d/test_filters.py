@@ -91,6 +91,7 @@ def truth(view, name):
 LEAST = {"side": 61.0, "back": 63.0, "in": 69.0}
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("view", VIEWS)
 def test_the_hybrid_under_every_filter_is_the_truth_filtered(view, name):

@@ -314,6 +314,7 @@ def test_back_faces_are_not_seen():
     assert np.isinf(given.depth).all()
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     "target",
     [camera_at((0.3, 0.03, 0)), camera_at((0.3, 0, -3.0)), camera_at((1.2, 0, 0), -0.4)],

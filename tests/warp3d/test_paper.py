@@ -88,6 +88,7 @@ def difference(image: np.ndarray, truth: np.ndarray, margin: int = 4) -> float:
     return float(np.abs(image[inner] - truth[inner]).max())
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
 @pytest.mark.parametrize("equation", [MOVED, NEARER, FARTHER], ids=["moved", "nearer", "farther"])
 def test_every_method_paints_what_the_obvious_loop_paints(method, equation):

@@ -21,7 +21,7 @@ Y, X = np.mgrid[:64, :64] + 0.5
 @pytest.fixture(scope="module")
 def scene():
     """The generated room, with exact depth."""
-    return generated(SIZE).depth_image()
+    return generated(SIZE).depth_image(rays=4)
 
 
 def depth_image(nearness, color):

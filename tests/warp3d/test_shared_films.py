@@ -87,7 +87,7 @@ def test_what_workers_cannot_do_is_refused_in_a_line(capsys):
     assert "give one of both" in error
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(kept_by="test_frames_of_depth_images_are_the_same_elsewhere")
 def test_processes_make_the_same_films():
     for name, words in (("room", ROOM), ("ball", cloud())):
         assert ended(app, *words, "-o", f"{name}1") == 0
@@ -96,7 +96,9 @@ def test_processes_make_the_same_films():
     assert sorted(os.listdir()) == ["ball.npz", "ball1", "ball2", "room1", "room2"]
 
 
-@pytest.mark.sweep
+@pytest.mark.sweep(
+    kept_by="tests/core/test_workers.py::test_a_killed_worker_costs_a_film_its_own_frames_alone"
+)
 @pytest.mark.parametrize(("words", "is_late"), [(ROOM, True), (None, False)])
 def test_a_killed_worker_costs_a_film_its_own_frames_alone(words, is_late, tmp_path, monkeypatch):
     words, asked, killers = words or cloud(), workers.at_work, []

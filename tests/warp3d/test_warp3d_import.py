@@ -26,12 +26,17 @@ def test_importing_the_package_imports_no_heavy_library():
 @pytest.mark.parametrize(
     "words",
     [
-        ["--help"],
-        ["--version"],
         ["render", "--help"],
-        ["animate", "--help"],
-        ["cloud", "--help"],
-        ["animate-cloud", "--help"],
+        *(
+            pytest.param(words, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
+            for words in (
+                ["--help"],
+                ["--version"],
+                ["animate", "--help"],
+                ["cloud", "--help"],
+                ["animate-cloud", "--help"],
+            )
+        ),
     ],
 )
 def test_help_imports_nothing_heavy(words):

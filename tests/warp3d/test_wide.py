@@ -83,7 +83,18 @@ def test_lengths_of_rays_become_z(source):
     assert not found[~is_known].any()
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "beside",
+        *(
+            pytest.param(
+                name, marks=pytest.mark.sweep(kept_by="test_a_fisheye_shows_what_rays_see")
+            )
+            for name in ("turned", "enlarged", "reduced")
+        ),
+    ],
+)
 def test_a_fisheye_shows_what_rays_see(source, name):
     color, _, z = source
     shown, truth = shown_and_true(name, color, z, FISHEYE)
@@ -108,6 +119,7 @@ def shown_and_true(name, color, z, camera):
     return shown, see(THINGS, target, shape, rays=8)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["z", "ray"])
 @pytest.mark.parametrize("form", ["colmap", "ros"])
 def test_fisheyes_of_files_are_warped_by_the_command(source, tmp_path, monkeypatch, kind, form):
