@@ -17,7 +17,16 @@ def source(rng, depth):
     return prepare(DepthImage(color, (1 / depth).astype(np.float32), EMPTY), refine="none")
 
 
-@pytest.mark.parametrize("method", [by_rvs, by_softmax])
+@pytest.mark.parametrize(
+    "method",
+    [
+        by_rvs,
+        pytest.param(
+            by_softmax,
+            marks=pytest.mark.sweep(kept_by="test_rivals_leave_a_picture_that_stays_as_it_is"),
+        ),
+    ],
+)
 def test_rivals_leave_a_picture_that_stays_as_it_is(method, rng):
     given = source(rng, np.full(SHAPE, 4.0))
     shown = method(given, between(camera_at(), camera_at()), SHAPE)
@@ -26,7 +35,15 @@ def test_rivals_leave_a_picture_that_stays_as_it_is(method, rng):
     assert (shown.coverage[inner, inner] == 1).all()
 
 
-@pytest.mark.parametrize("method", [by_rvs, by_softmax])
+@pytest.mark.parametrize(
+    "method",
+    [
+        by_rvs,
+        pytest.param(
+            by_softmax, marks=pytest.mark.sweep(kept_by="test_rivals_show_what_is_in_front")
+        ),
+    ],
+)
 def test_rivals_show_what_is_in_front(method, rng):
     given = source(rng, ROOM)
     given.color[:] = (1 / ROOM)[..., None]
