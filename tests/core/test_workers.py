@@ -89,7 +89,7 @@ def test_a_scheduler_that_runs_has_its_workers_do_it(tmp_path, monkeypatch):
         with at_work(asked) as crew:
             assert (crew.tasks, crew.threads, crew.memory) == (2, 1, 1 << 28)
             write_film(tmp_path / "film", SHOTS, 24, executor=crew.executor)
-        monkeypatch.setattr("resample.command.workers.version", version_of_process)
+        monkeypatch.setattr("importlib.metadata.version", version_of_process)
         other = pytest.raises(ValueError, match=r"workers have hybrid-resample \d+ and this is")
         with other, at_work(asked):
             pass
