@@ -167,6 +167,7 @@ def test_integrals_that_fall_below_zero_have_no_formula():
     assert footprint_profile(Ring()) is None
 
 
+@pytest.mark.sweep(kept_by="tests/core/test_mixtures.py::test_pieces_are_the_line_integrals")
 def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None
