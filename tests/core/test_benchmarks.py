@@ -181,6 +181,9 @@ def test_an_unknown_group_is_refused_with_the_known_ones(capsys):
     assert "there are volume, " in capsys.readouterr().err
 
 
+@pytest.mark.sweep(
+    kept_by="tests/core/test_transmittance.py::test_splats_are_composited_front_to_back"
+)
 def test_fragments_leave_the_light_that_the_painter_leaves():
     rng = np.random.default_rng(7)
     position = rng.uniform(-4, 4, (300, 3)).astype(np.float32)

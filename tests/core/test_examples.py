@@ -77,7 +77,15 @@ def test_registration_finds_the_matrix_between_two_pictures(registered):
     assert np.abs(expected - ours).max() < 0.03
 
 
-@pytest.mark.parametrize("name", ["scattered", "particles", "registration"])
+# Points of a size each have the painter compiled once more.
+POINTS = pytest.mark.sweep(
+    kept_by="test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given"
+)
+
+
+@pytest.mark.parametrize(
+    "name", ["scattered", pytest.param("particles", marks=POINTS), "registration"]
+)
 def test_examples_draw_the_pictures_of_the_page(name, tmp_path, request, monkeypatch):
     module = example(name)
     if name == "registration":

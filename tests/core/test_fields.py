@@ -194,7 +194,14 @@ def test_values_beyond_the_table_look_like_its_ends():
     np.testing.assert_allclose(low[:3], low[3] * np.array([1, 0, 0]), atol=1e-6)
 
 
-@pytest.mark.parametrize("scale", [0.4, 0.15, 0.035])
+# Of fields, points have the painter of slabs compiled once more.
+POINTS = "test_a_minified_field_comes_near_its_supersampled_splats"
+WIDER = "tests/core/test_slabs.py::test_neither_threads_nor_the_order_of_samples_change_a_bit"
+
+
+@pytest.mark.parametrize(
+    "scale", [0.4, 0.15, pytest.param(0.035, marks=pytest.mark.sweep(kept_by=POINTS))]
+)
 def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     look = classifier(rng, columns=4)
     field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
@@ -212,7 +219,14 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("projection", [one for one in Projection if one != Projection.MINIMUM])
-@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.SPLATS, Primitive.EWA])
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        Primitive.HYBRID,
+        Primitive.SPLATS,
+        pytest.param(Primitive.EWA, marks=pytest.mark.sweep(kept_by=WIDER)),
+    ],
+)
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):
     field = field_cloud(rng, classifier(rng, rows=3, lamp=LAMPS["far away"]), 150, 0.5 * np.eye(3))
     other = shuffled(field, rng)

@@ -68,9 +68,10 @@ def test_samples_in_any_guise_are_painted_by_the_same_kernels(guise: Any) -> Non
 
 def test_a_single_particle_is_painted_by_the_kernels_of_many() -> None:
     eye, size = Camera.from_fov(60, SIDE, SIDE), {"height": SIDE, "width": SIDE}
-    Resampler()(particles([[0, 0, 5], [0, 1, 6]], (1, 0, 0), 0.9, 1), eye, **size)
+    resample = Resampler(primitive=Primitive.SPLATS)
+    resample(particles([[0, 0, 5], [0, 1, 6]], (1, 0, 0), 0.9, 1), eye, **size)
     before = forms(paint_runs, outline_runs)
-    Resampler()(particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), eye, **size)
+    resample(particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), eye, **size)
     assert forms(paint_runs, outline_runs) == before
 
 

@@ -7,8 +7,9 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.engine.ellipsoids.lanes import line_integral, t_of
+from resample.engine.ellipsoids.lanes import fall_of, line_integral, per_integral_of, t_of
 from resample.engine.ellipsoids.mixed import Bend
+from resample.engine.jit import kernel as compiled
 from resample.painting.choices import Footprint, Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Lanczos
 from resample.profiles.orders import EverySample, Summing
@@ -20,7 +21,7 @@ from resample.profiles.reconstruction import (
     footprint_profile,
     footprint_table,
 )
-from resample.types import Layers, Tabulated
+from resample.types import Absorbing, Layers, Linear, Tabulated
 from tests.bits import assert_same
 from tests.records import from_records
 from tests.samples import painter, shuffled
@@ -72,13 +73,19 @@ CHOICES = {
     "points of a spline": {"threshold": 9.0, "subpixels": 4, "reconstruction": BSplineKernel()},
     "points": {"primitive": Primitive.POINTS},
     "along an axis": {"order": Along()},
-    "a wide filter": {"pixel_filter": Lanczos(3), "opacity": Opacity.LINEAR},
+    "a wide filter": {"pixel_filter": Lanczos(3)},
+    "a wide filter, linear": {"pixel_filter": Lanczos(3), "opacity": Opacity.LINEAR},
     "by distance": {"order": EverySample(key="distance", thickness=2.0), "threshold": 1.3},
 }
 
 
 # Each of these has the painter compiled once more: what is new in them is tested by itself.
+LINEAR = "test_opacities_are_those_of_absorption_or_linear_in_the_line_integral"
 KEPT_BY = {
+    "spline": "test_pieces_are_the_line_integrals",
+    "narrow": "test_pieces_are_the_line_integrals",
+    "linear": LINEAR,
+    "a wide filter, linear": LINEAR,
     "points of a spline": "test_pieces_are_the_line_integrals",
     "shell": "test_all_kernels_are_one_integral_by_profile_pieces_or_table",
 }
@@ -151,13 +158,36 @@ def test_a_bent_distance_is_the_index_corrected(sine):
     np.testing.assert_allclose(t, truth, atol=3e-7)  # float32
 
 
+@compiled
+def integral_of(formula, t, chord):
+    """The integral along a line, as painters find it."""
+    return line_integral(formula, t, chord)
+
+
 def test_all_kernels_are_one_integral_by_profile_pieces_or_table():
     kernel, chord = GaussianKernel(), np.float32(2.0)
     table = Tabulated(footprint_table(kernel).values)
     for t in np.linspace(0, 1, 50, dtype=np.float32):
-        exact = line_integral(table, t, chord)
+        exact = integral_of(table, t, chord)
         for formula in (footprint_profile(kernel), footprint_pieces(kernel)):
-            assert line_integral(formula, t, chord) == pytest.approx(exact, abs=1e-5)
+            assert integral_of(formula, t, chord) == pytest.approx(exact, abs=1e-5)
+
+
+@compiled
+def opacity_of(kind, extinction, integral):
+    """What a splat takes of the light along a ray, as painters find it."""
+    per_integral, is_thin = per_integral_of(kind, extinction)
+    return -fall_of(kind, per_integral * integral, is_thin)
+
+
+@pytest.mark.parametrize("extinction", [0.01, 0.5, 3.0, 9.0])
+def test_opacities_are_those_of_absorption_or_linear_in_the_line_integral(extinction):
+    most, layer = 1.7, 0.8
+    for integral in np.linspace(0, most, 50, dtype=np.float32):
+        found = opacity_of(Absorbing(most), np.float32(extinction), integral)
+        assert found == pytest.approx(-np.expm1(-extinction * integral), abs=1e-6)
+        found = opacity_of(Linear(layer), np.float32(extinction), integral)
+        assert found == pytest.approx(-np.expm1(-extinction * layer) / layer * integral, abs=1e-6)
 
 
 def test_kernels_with_edges_have_no_pieces():

@@ -88,6 +88,7 @@ def test_particles_far_away_or_behind_take_no_light():
     assert not painter()(samples, CAMERA, height=4, width=5).rgba.max() > 1e-6
 
 
+@pytest.mark.sweep(kept_by="test_a_radius_each_is_painted_as_line_integrals_say_nearest_first")
 def test_radii_may_differ_by_many_powers_of_ten():
     """The smallest take no light, and the largest fills the picture."""
     position = np.array([[0, 0, 4.0], [0.5, 0, 5], [0, 0, 8e6]]) @ POSE[:3, :3]

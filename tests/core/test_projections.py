@@ -84,7 +84,16 @@ def test_the_sum_is_the_integral_of_the_values(camera, rng):
 
 
 @pytest.mark.parametrize("scale", [4.0, 1.0, 0.45, 0.2, 0.06])
-@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS])
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        Primitive.HYBRID,
+        # Of fields, points have the painter of slabs compiled once more.
+        pytest.param(
+            Primitive.POINTS, marks=pytest.mark.sweep(kept_by="test_an_x_ray_conserves_mass")
+        ),
+    ],
+)
 def test_an_x_ray_conserves_mass(scale, primitive, rng):
     lattice = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.7, 1, -1.3])
     field = field_block(lambda place: rng.uniform(LOW, HIGH, len(place)), gray(), 7, lattice)
@@ -326,7 +335,21 @@ def test_an_iso_value_is_for_first_hits():
         Resampler(projection=Projection.MAXIMUM, order=ImageSheets(), iso=1.0)
 
 
-@pytest.mark.parametrize("footprint", list(Footprint))
+@pytest.mark.parametrize(
+    "footprint",
+    [
+        pytest.param(
+            footprint,
+            marks=pytest.mark.sweep(
+                kept_by="tests/core/test_slabs.py::"
+                "test_the_whole_transmittance_is_that_of_every_sample"
+            )
+            if footprint is not Footprint.EXACT  # for which the painter is compiled once more
+            else (),
+        )
+        for footprint in Footprint
+    ],
+)
 @pytest.mark.parametrize("projection", OF_SLABS)
 def test_every_footprint_goes_with_every_projection(footprint, projection, rng):
     iso = 1.0 if projection is Projection.FIRST_HIT else None

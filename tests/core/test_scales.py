@@ -25,6 +25,8 @@ CAMERAS = {
 SPLATS = painter(primitive=Primitive.SPLATS)
 LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
+# Points of a size each have the painter compiled once more.
+POINTS = pytest.mark.sweep(kept_by="test_splats_are_line_integrals_in_the_order_of_their_depths")
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
 
 
@@ -131,6 +133,7 @@ def test_a_larger_scale_is_a_larger_lattice(rng, camera):
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
 
 
+@POINTS
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     samples, n = dust(rng), 64
@@ -143,6 +146,7 @@ def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     np.testing.assert_allclose(frame.rgba.mean(axis=(0, 1)), truth.mean(axis=(0, 1)), rtol=1e-3)
 
 
+@POINTS
 @pytest.mark.parametrize("opacity", [0.05, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacity):
@@ -173,7 +177,14 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS])
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        Primitive.SPLATS,
+        pytest.param(Primitive.HYBRID, marks=POINTS),
+        pytest.param(Primitive.POINTS, marks=POINTS),
+    ],
+)
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
     samples, camera = dust(rng), CAMERAS["close"]
     other = shuffled(samples, rng)
@@ -183,6 +194,7 @@ def test_neither_order_nor_threads_change_a_bit(rng, primitive):
         assert_same(one, resampler(other, camera, threads=2, clip=clip, **SIZE))
 
 
+@POINTS
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     colors = np.eye(3, dtype=np.float32)

@@ -4,9 +4,11 @@ import pytest
 from resample.engine.ellipsoids import outlines
 from resample.engine.ellipsoids.outlines import BATCH, ROOM
 from resample.engine.ellipsoids.pool import put_in_order
+from resample.engine.jit import kernel
 from resample.engine.sorting import FEW, bits_of, key_of_bits, member_of, paired, sort_pairs
 
 COLUMNS = ("Y", "X", "A", "B", "C", "EXTINCTION", "RED", "GREEN", "BLUE")
+PLACES = tuple(int(getattr(outlines, name)) for name in COLUMNS)
 
 
 def looks(rng, count, choices=None):
@@ -16,17 +18,47 @@ def looks(rng, count, choices=None):
     return found.astype(np.float32)
 
 
+@kernel
+def sorted_and_settled(bits, member, look, pair, number, room, offset):
+    """Sort members by their keys' bits, lay them out in batches, and settle ties."""
+    for n in range(member.size):
+        pair[0, n] = paired(bits[n], member[n])
+    sort_pairs(pair[0], pair[1])
+    for n in range(member.size):
+        number[n] = member_of(pair[0, n])
+        for k in range(len(PLACES)):
+            room[n // BATCH * ROOM + n % BATCH + PLACES[k]] = look[number[n], k]
+    put_in_order(pair[0], room, offset)
+
+
+@kernel
+def there_and_back(key, bits, again):
+    """Bits of keys, and keys of these bits."""
+    for n in range(key.size):
+        bits[n] = bits_of(key[n])
+        again[n] = key_of_bits(bits[n])
+
+
+def bits_and_back(key):
+    bits, again = np.empty(len(key), np.uint32), np.empty(len(key), np.float32)
+    there_and_back(key, bits, again)
+    return bits, again
+
+
+def painted(bits, member, look):
+    """Members sorted by bits, and where they are in painting order."""
+    member = np.asarray(member, int)
+    pair = np.empty((2, len(member)), np.uint64)
+    number, offset = np.empty(len(member), int), np.empty(len(member), np.int32)
+    room = np.zeros(ROOM * (len(member) // BATCH + 1), np.float32)
+    sorted_and_settled(bits, member, look, pair, number, room, offset)
+    return number, offset
+
+
 def ordered(key, look, member):
     """Members in painting order: sorted by key, laid out in batches, ties settled."""
-    pair = np.array([paired(bits_of(key[n]), n) for n in member], np.uint64)
-    sort_pairs(pair, np.empty_like(pair))
-    room = np.zeros(ROOM * (len(pair) // BATCH + 1), np.float32)
-    number = np.array([member_of(one) for one in pair], int)
-    where = np.arange(len(pair)) // BATCH * ROOM + np.arange(len(pair)) % BATCH
-    for column, name in enumerate(COLUMNS):
-        room[where + int(getattr(outlines, name))] = look[number, column]
-    offset = np.empty(len(pair), np.int32)
-    put_in_order(pair, room, offset)
+    number, offset = painted(bits_and_back(key)[0][member], member, look)
+    where = np.arange(len(number)) // BATCH * ROOM + np.arange(len(number)) % BATCH
     return number[np.searchsorted(where, offset)]
 
 
@@ -75,7 +107,7 @@ def test_negative_tiny_huge_and_infinite_depths_are_in_order(size, rng):
     key = np.tile(np.array(special, np.float32), size // 9)
     got = ordered(key, looks(rng, size), rng.permutation(size))
     np.testing.assert_array_equal(key[got], np.sort(key))
-    np.testing.assert_array_equal([key_of_bits(bits_of(one)) for one in key], key)
+    np.testing.assert_array_equal(bits_and_back(key)[1], key)
 
 
 @pytest.mark.parametrize("column", range(len(COLUMNS)))
@@ -91,6 +123,5 @@ def test_samples_that_differ_in_one_number_only_are_told_apart(column):
 @pytest.mark.parametrize("size", [1, FEW, FEW + 1, 3000])
 def test_pairs_are_sorted_by_keys_of_any_span(size, span, rng):
     key = (2**32 - span + rng.integers(0, span, size)).astype(np.uint32)
-    pair = np.array([paired(*both) for both in zip(key, range(size), strict=True)], np.uint64)
-    sort_pairs(pair, np.empty_like(pair))
-    np.testing.assert_array_equal([member_of(one) for one in pair], np.argsort(key, kind="stable"))
+    number, _ = painted(key, np.arange(size), looks(rng, size))
+    np.testing.assert_array_equal(number, np.argsort(key, kind="stable"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from resample import registry
+from resample.engine.jit import kernel
 from resample.engine.surfaces.resolve import (
     middle_of_rows,
     nearest_of_rows,
@@ -93,11 +94,17 @@ def test_pixels_are_what_a_loop_over_their_window_sums(channels, rng):
             np.testing.assert_allclose(picture[row, column], wanted, rtol=1e-5)  # float32
 
 
+@kernel
+def tile_resolved(fine, weight, count, pixels):
+    """Resolve a tile."""
+    resolve_tile(fine, weight, count, pixels)
+
+
 def test_a_tile_is_resolved_in_the_precision_of_its_weights(rng):
     weight = rng.random(9)
     fine = rng.random((5 * 3, 6 * 3, 4), np.float32)
     pixels = np.empty((3, 4, 4))
-    resolve_tile(fine, weight, 3, pixels)
+    tile_resolved(fine, weight, 3, pixels)
     for row in range(3):
         for column in range(4):
             window = fine[3 * row : 3 * row + 9, 3 * column : 3 * column + 9]

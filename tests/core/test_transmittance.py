@@ -77,7 +77,17 @@ def naive_picture(samples, *, linear):
     return alpha, depth, naive.composite(alpha, samples.color, depth)
 
 
-@pytest.mark.parametrize("opacity", list(Opacity))
+# For linear opacities the painter is compiled once more.
+LINEAR = pytest.mark.sweep(
+    kept_by="tests/core/test_mixtures.py::"
+    "test_opacities_are_those_of_absorption_or_linear_in_the_line_integral"
+)
+
+
+@pytest.mark.parametrize(
+    "opacity",
+    [pytest.param(each, marks=LINEAR) if each is Opacity.LINEAR else each for each in Opacity],
+)
 def test_splats_are_composited_front_to_back(opacity, rng):
     samples = few(rng, extinction=2.0)
     frame = draw(samples, primitive=Primitive.SPLATS, opacity=opacity)
@@ -86,6 +96,7 @@ def test_splats_are_composited_front_to_back(opacity, rng):
     np.testing.assert_allclose(frame.rgba, truth, atol=1e-5)  # float32, tables of 1024 steps
 
 
+@LINEAR
 def test_linear_opacity_stays_below_one_where_the_kernel_exceeds_one(rng):
     samples = few(rng, extinction=50.0)._replace(lattice=0.4 * np.eye(3))
     crowded = reordered(samples, [0, 1, 2, 0, 1, 2])

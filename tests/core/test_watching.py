@@ -35,7 +35,9 @@ def volume(
 ) -> Draw:
     """Frames of a volume, which was classified before."""
     z, y, x = np.indices((40, 40, 40)) / 8
-    values = np.rint(127 * (1 + np.sin(x + y * z))).astype(np.uint8)
+    is_composited = resampler.projection is Projection.COMPOSITE  # which paints bytes, and floats
+    kind = np.uint8 if is_composited else np.float32
+    values = np.rint(127 * (1 + np.sin(x + y * z))).astype(kind)
     look = Appearance(FAINT, None, classification=classification)
     subject = Subject.of(as_volume(values), look, resampler)
     camera = subject.camera(Orbit(30, 20, 1.6), size, size)

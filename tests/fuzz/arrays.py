@@ -214,7 +214,8 @@ def _samples(odd: Odd) -> None:
     Resampler()(samples, _camera(odd), height=height, width=width)
 
 
-def _particles(odd: Odd) -> None:
+def particles_of(odd: Odd) -> None:
+    """Particles at odd places, of odd radii."""
     from resample import Resampler, particles
 
     place = odd.array((30, 3)) + np.array([0, 0, 4], np.float32)
@@ -244,8 +245,13 @@ def _transfer(odd: Odd) -> None:
 
 CALLS: tuple[Callable[[Odd], None], ...] = (
     *(_render, _render, _taken, _warp, _everyday, _depth, _disparity, _cloud, _samples),
-    *(_particles, _scatter, _transfer),
+    *(particles_of, _scatter, _transfer),
 )
+
+
+def call_of(seed: int) -> Callable[[Odd], None]:
+    """What a seed calls."""
+    return CALLS[seed % len(CALLS)]
 
 
 def make() -> Try:
@@ -254,6 +260,6 @@ def make() -> Try:
     def attempt(seed: int, folder: Path) -> None:
         odd = Odd(seed, folder, (0.05, 0.15, 0.4)[seed // len(CALLS) % 3])
         with np.errstate(all="ignore"):
-            CALLS[seed % len(CALLS)](odd)
+            call_of(seed)(odd)
 
     return attempt

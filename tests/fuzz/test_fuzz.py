@@ -23,8 +23,13 @@ FILES, ARRAYS = 2000, 480  # about 10 s together, on one core; `make fuzz` tries
 SOME_FILES, SOME_ARRAYS = 400, 80
 
 
-def faults(setup, count):
-    return [one for one in tried_all(setup, range(count), np.inf) if one.is_fault]
+def faults(setup, seeds):
+    return [one for one in tried_all(setup, seeds, np.inf) if one.is_fault]
+
+
+def is_packed(case):
+    """Whether a case is a cloud whose bytes are packed, for which a kernel is compiled."""
+    return any(b"DATA binary_compressed" in content for content in case.files.values())
 
 
 @pytest.mark.parametrize(
@@ -38,7 +43,10 @@ def faults(setup, count):
     ],
 )
 def test_changed_files_are_read_or_refused_in_one_line(count):
-    assert faults(Setup(files.make, seconds=PATIENCE), count) == []
+    cases, seeds = corpus(), range(count)
+    if count == SOME_FILES:
+        seeds = [seed for seed in seeds if not is_packed(cases[seed % len(cases)])]
+    assert faults(Setup(files.make, seconds=PATIENCE), seeds) == []
 
 
 @pytest.mark.slow
@@ -55,13 +63,18 @@ def test_changed_files_are_read_or_refused_in_one_line(count):
     ],
 )
 def test_odd_arrays_and_numbers_give_results_or_clear_errors(count):
-    assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), count) == []
+    seeds = range(count)
+    if (
+        count == SOME_ARRAYS
+    ):  # particles have painters compiled once more, for points of a size each
+        seeds = [seed for seed in seeds if arrays.call_of(seed) is not arrays.particles_of]
+    assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), seeds) == []
 
 
 @pytest.mark.slow
 def test_odd_command_lines_are_refused_in_one_line():
     setup = Setup(partial(lines.make, is_quick=True), seconds=PATIENCE)
-    assert faults(setup, LINES) == []
+    assert faults(setup, range(LINES)) == []
 
 
 def test_what_the_fuzzer_is_to_find_it_finds():
@@ -74,7 +87,17 @@ def test_what_the_fuzzer_is_to_find_it_finds():
 
 
 @pytest.mark.parametrize(
-    "case", corpus(), ids=lambda case: f"{case.reader}-{next(iter(case.files))}"
+    "case",
+    [
+        pytest.param(
+            case,
+            marks=pytest.mark.sweep(kept_by="test_files_of_the_corpus_are_read")
+            if is_packed(case)
+            else (),
+        )
+        for case in corpus()
+    ],
+    ids=lambda case: f"{case.reader}-{next(iter(case.files))}",
 )
 def test_files_of_the_corpus_are_read(case, tmp_path):
     for name, content in case.files.items():

@@ -120,7 +120,18 @@ def test_models_of_the_picture_differ_as_measured():
     assert error["corrected"] == pytest.approx(0.087, rel=0.15)
 
 
-@pytest.mark.parametrize("name", registry.names("reconstructions"))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name,
+            marks=pytest.mark.sweep(kept_by="test_the_exact_footprint_holds_for_every_kernel")
+            if name == "bspline"  # for which the painter is compiled once more
+            else (),
+        )
+        for name in registry.names("reconstructions")
+    ],
+)
 def test_the_exact_footprint_holds_for_every_kernel(name):
     reconstruction = registry.build("reconstructions", name)
     samples, camera = sphere(30, 5), close_up(30, 5)

@@ -57,7 +57,16 @@ def test_that_values_are_totals_may_be_said_in_numbers() -> None:
     assert forms(splat_blocks, finish) == before
 
 
-@pytest.mark.parametrize(("method", "kernel"), [("points", split_map), ("splats", blocks_on_map)])
+@pytest.mark.parametrize(
+    ("method", "kernel"),
+    [
+        ("points", split_map),
+        pytest.param(
+            *("splats", blocks_on_map),
+            marks=pytest.mark.sweep(kept_by="test_maps_may_be_frozen_and_lie_in_columns"),
+        ),
+    ],
+)
 def test_maps_may_be_frozen_and_lie_in_columns(method: str, kernel: Any) -> None:
     row, column = np.mgrid[:12, :12] + 0.5
     x, y = 0.6 * column + 0.1 * row, 0.6 * row
@@ -82,7 +91,7 @@ def test_levels_of_both_types_are_looked_up_by_one_kernel() -> None:
 
 # It compiles what nothing else does.
 @pytest.mark.sweep(
-    kept_by="tests/texture/test_forward.py::test_what_is_behind_the_eye_is_not_drawn"
+    kept_by="tests/texture/test_forward.py::test_texels_of_a_map_that_go_nowhere_leave_nothing"
 )
 def test_lines_of_sight_are_found_without_a_kernel_and_are_those_of_the_kernel() -> None:
     np.testing.assert_array_equal(sight_of(GROWN, SIZE, 1.5), sight(GROWN, *SIZE, 1.5))

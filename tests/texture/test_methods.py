@@ -19,12 +19,25 @@ VARIANTS = [
     "splats:interpolating=true",
     "paper:threshold=0.5",
 ]
+CARDS = ["anisotropic", "mipmap"]  # rivals, whose kernel nothing else needs
+SPLATTED = ["hybrid:magnified=splats", "paper", "splats"]  # of maps by a kernel of their own
 OURS = ["hybrid", "hybrid:magnified=splats", "paper", "points", "splats", "supersample"]
 SHRUNK = Homography([[0.45, 0.06, 6.0], [-0.04, 0.42, 7.0], [0.001, 0.002, 1.0]])
 GROWN = Homography([[2.1, 0.2, -9.0], [-0.1, 1.9, -7.0], [0.001, 0.003, 1.0]])
 HUGE = Homography([[6.0, 0.3, -80.0], [-0.2, 6.0, -70.0], [0.0, 0.0, 1.0]])
 SHAPE = (24, 26)
 SOURCE = (30, 32)
+
+
+def of_methods(names):
+    """A test of methods; of those of a graphics card it is a sweep, which the others keep."""
+
+    def made(test):
+        mark = pytest.mark.sweep(kept_by=test.__name__)
+        methods = [pytest.param(name, marks=mark) if name in CARDS else name for name in names]
+        return pytest.mark.parametrize("method", methods)(test)
+
+    return made
 
 
 def noise(channels):
@@ -61,7 +74,7 @@ def filled(geometry):
     return inside
 
 
-@pytest.mark.parametrize("method", VARIANTS)
+@of_methods(VARIANTS)
 def test_a_constant_picture_stays_constant(method):
     color = np.float32([0.8, 0.1, 1.0])
     source = np.broadcast_to(color, (*SOURCE, 3)).copy()
@@ -75,7 +88,7 @@ def test_a_constant_picture_stays_constant(method):
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4, 5])
-@pytest.mark.parametrize("method", VARIANTS)
+@of_methods(VARIANTS)
 def test_pictures_have_the_target_s_shape_and_the_source_s_channels(method, channels):
     source = noise(channels)
     before = source.copy()
@@ -89,7 +102,7 @@ def test_pictures_have_the_target_s_shape_and_the_source_s_channels(method, chan
     np.testing.assert_array_equal(source, before)
 
 
-@pytest.mark.parametrize("method", VARIANTS)
+@of_methods(VARIANTS)
 def test_channels_do_not_see_each_other(method):
     source = noise(4)
     together = made(method)(source, SHRUNK, SHAPE, Edge.CLAMP).image
@@ -99,7 +112,7 @@ def test_channels_do_not_see_each_other(method):
 
 
 @pytest.mark.parametrize("edge", ["clamp", "wrap", "mirror"])
-@pytest.mark.parametrize("method", VARIANTS)
+@of_methods(VARIANTS)
 def test_beyond_a_continued_edge_all_is_covered(method, edge):
     for view in views(method):
         white = np.ones((*SOURCE, 1), np.float32)
@@ -112,7 +125,18 @@ def test_beyond_a_continued_edge_all_is_covered(method, edge):
 FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
 
 
-@pytest.mark.parametrize("method", OURS)
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param(
+            name,
+            marks=pytest.mark.sweep(kept_by="test_a_map_of_a_matrix_gives_what_the_matrix_gives"),
+        )
+        if name in SPLATTED
+        else name
+        for name in OURS
+    ],
+)
 def test_a_map_of_a_matrix_gives_what_the_matrix_gives(method):
     source = noise(1)
     finest = dataclasses.replace(made(method), **FINEST.get(method, {}))
@@ -125,7 +149,7 @@ def test_a_map_of_a_matrix_gives_what_the_matrix_gives(method):
         assert 10 * np.log10(1 / np.mean(error**2)) > 40
 
 
-@pytest.mark.parametrize("method", sorted(set(NAMES) - {"oiio", "paper", "splats"}))
+@of_methods(sorted(set(NAMES) - {"oiio", "paper", "splats"}))
 def test_backward_maps_are_taken(method):
     white = np.ones((*SOURCE, 2), np.float32)
     geometry = BackwardMap(*source_coordinates(SHRUNK, SHAPE))
@@ -215,7 +239,7 @@ def test_points_leave_holes_where_texels_grow():
     assert 0.2 < holes.mean() < 0.6  # points 6 px apart reach 4 × 4 of 36 pixels
 
 
-@pytest.mark.parametrize("method", sorted(set(NAMES) - {"points"}))
+@of_methods(sorted(set(NAMES) - {"points"}))
 def test_the_others_leave_no_holes(method):
     white = np.ones((*SOURCE, 1), np.float32)
     coverage = made(method)(white, HUGE, SHAPE, Edge.TRANSPARENT).coverage

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.cells.batch import Batch
+from resample.engine.jit import kernel
 from resample_texture.texels.kernels.placing import Placement, place
 
 BLOCK = np.array([[0, 4, 1, 0, 4, 0], [0, 4, 1, 0, 4, 0]])
@@ -11,12 +12,18 @@ BOUNDS = np.array([0, 0, 8, 8])
 NONE = np.zeros((0, 0))
 
 
+@kernel
+def place_row(geometry, offset, batch):
+    """Fill in a row of cells."""
+    place(geometry, BLOCK, BOUNDS, 0.5, offset, 0, batch)
+
+
 def placed(geometry):
     """What is filled in for a row of cells, from arrays that hold no numbers before."""
     offset = np.arange(4, dtype=np.float32) + np.float32(0.5)
     along = [np.full(4, np.nan, np.float32) for _ in range(3)]
     batch = Batch(np.full(4, -1, np.int32), *along, np.empty((1, 4), np.float32))
-    place(geometry, BLOCK, BOUNDS, 0.5, offset, 0, batch)
+    place_row(geometry, offset, batch)
     return batch.pixel, along
 
 

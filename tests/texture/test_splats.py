@@ -222,6 +222,16 @@ def test_threads_do_not_change_a_bit(splatting):
     np.testing.assert_array_equal(one.image, many.image)
 
 
+# Of maps, what finds a block's texels is compiled once more.
+OF_MAPS = pytest.mark.sweep(
+    kept_by="tests/texture/test_methods.py::test_a_map_of_a_matrix_gives_what_the_matrix_gives"
+)
+OF_HOLES = pytest.mark.sweep(
+    kept_by="tests/texture/test_forward.py::test_texels_of_a_map_that_go_nowhere_leave_nothing"
+)
+
+
+@OF_MAPS
 @pytest.mark.parametrize("splatting", EVERY)
 def test_a_map_of_an_affine_homography_gives_the_same_picture(splatting):
     source = noise(40, 37, 3)
@@ -235,6 +245,7 @@ def test_a_map_of_an_affine_homography_gives_the_same_picture(splatting):
     np.testing.assert_allclose(mean, expected, atol=1e-3)  # phases of a table differ by one
 
 
+@OF_HOLES
 def test_texels_without_a_place_are_left_out():
     source = noise(30, 30)
     v, u = np.mgrid[:30, :30] + 0.5
@@ -245,6 +256,7 @@ def test_texels_without_a_place_are_left_out():
     assert coverage[:, 36:].max() == 0.0
 
 
+@OF_HOLES
 def test_a_texel_without_neighbours_is_left_out():
     x = np.full((5, 5), np.nan)
     x[2, 2] = 3.0
@@ -252,6 +264,7 @@ def test_a_texel_without_neighbours_is_left_out():
     assert coverage.max() == 0.0
 
 
+@OF_HOLES
 def test_a_map_of_nowhere_gives_nothing():
     nowhere = np.full((5, 5), np.nan)
     image = splat(noise(5, 5), ForwardMap(nowhere, nowhere), (6, 6), Edge.WRAP, PAPER).image

@@ -398,7 +398,15 @@ def test_pixels_do_not_depend_on_the_number_of_threads(kind):
 
 
 @pytest.mark.parametrize("scale", [0.21, 0.7, 1.9])
-@pytest.mark.parametrize("method", ["hybrid", "points", "supersample", "splats", "paper"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        *("hybrid", "points", "supersample"),
+        # Of maps, what finds a block's texels is compiled once more.
+        pytest.param("splats", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
+        pytest.param("paper", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
+    ],
+)
 def test_totals_are_kept(method, scale):
     image = picture("float64", 20, 20)
     matrix = shift(6, 5) @ zoom(scale, 0.8 * scale) @ [[1, 0.1, 0], [0, 1, 0], [0.002, 0, 1]]

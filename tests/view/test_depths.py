@@ -24,7 +24,7 @@ WISHES: dict[str, dict[str, Any]] = {
     "turned, wider": {"turn": "5,2,1", "target-fov": 80},
     "filled": {"move": "-0.4,0,0", "fill": True, "background": "white"},
     "holes": {"move": "0.4,0,0", "show": "holes"},
-    "depth": {"show": "depth", "method": "mesh"},
+    "depth": {"show": "depth", "method": "mcmillan"},
 }
 CLOUD_WISHES: dict[str, dict[str, Any]] = {
     "as it is": {},

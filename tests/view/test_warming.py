@@ -20,19 +20,25 @@ def views(folder: Path) -> list[Warming]:
     color, depth = str(folder / "color.png"), str(folder / "depth.npy")
     cv2.imwrite(color, np.random.default_rng(1).integers(0, 256, (20, 24, 3), np.uint8))
     np.save(depth, np.full((20, 24), 2.0, np.float32))
+    np.save(folder / "volume.npy", np.indices((8, 8, 8), np.float32)[0])
     begin = (SourceCamera(fov=60),)
     return [
-        VolumeView("checker-box:size=8"),
+        VolumeView(str(folder / "volume.npy")),
         PictureView(Path(color)),
         DepthView(color, depth, begin),
     ]
 
 
 @pytest.mark.slow
-def test_all_kinds_can_be_painted(tmp_path: Path) -> None:
-    for view in views(tmp_path):
-        assert isinstance(view, Warming)
-        assert len(list(view.warm())) >= 3
+@pytest.mark.parametrize(
+    "number",
+    [0, 1, pytest.param(2, marks=pytest.mark.sweep(kept_by="test_all_kinds_can_be_painted"))],
+    ids=["volume", "picture", "depth"],  # the last has a rival compiled
+)
+def test_all_kinds_can_be_painted(number: int, tmp_path: Path) -> None:
+    view = views(tmp_path)[number]
+    assert isinstance(view, Warming)
+    assert len(list(view.warm())) >= 3
 
 
 def test_a_whole_picture_is_told_and_a_preview_is_not(tmp_path: Path) -> None:

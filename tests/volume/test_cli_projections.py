@@ -11,6 +11,7 @@ from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume.command import cli
+from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.showing.compare import thickest, variants
 from tests import commands
 
@@ -20,6 +21,8 @@ SMALL = ["--size", "32"]
 POST = ["--classify", "post"]
 HIT = ["--projection", "first-hit", "--iso"]
 ALL = ["maximum", "average", "additive", "first-hit"]
+# Bytes lie in 16 bits, for which all of a painter is compiled anew: composited they are tried.
+SINGLE = "box.npy", "tree.npy"
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 
 
@@ -27,6 +30,8 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 def folder(tmp_path, monkeypatch):
     """The working folder of every command."""
     monkeypatch.chdir(tmp_path)
+    for name, made in zip(SINGLE, (checker_box(16, 4), vessel_tree(24)), strict=True):
+        np.save(name, made.values.astype(np.float32))
     return tmp_path
 
 
@@ -48,7 +53,7 @@ def shown(*words: object, volume: str = BOX, size: str = "32") -> np.ndarray:
 @pytest.mark.parametrize("projection", ALL)
 def test_every_projection_draws_depth_where_there_is_something(projection):
     iso = ["--iso", 100] if projection == "first-hit" else []
-    channels = drawn("--projection", projection, *iso, volume=TREE)
+    channels = drawn("--projection", projection, *iso, volume="tree.npy")
     seen = channels["G"] > 0.01 * channels["G"].max()
     assert seen.any()
     assert np.isfinite(channels["Z"][seen]).all()
@@ -57,7 +62,7 @@ def test_every_projection_draws_depth_where_there_is_something(projection):
 
 
 def test_an_x_ray_is_zero_and_known_where_nothing_is():
-    channels = drawn("--projection", "additive", volume=TREE)
+    channels = drawn("--projection", "additive", volume="tree.npy")
     assert channels["A"].min() == 1
     assert channels["G"][0, 0] == 0
     assert channels["G"].max() == 1
@@ -65,13 +70,13 @@ def test_an_x_ray_is_zero_and_known_where_nothing_is():
 
 @pytest.mark.parametrize("projection", ["maximum", "average", "additive"])
 def test_values_are_gray_levels_unless_a_transfer_function_is_chosen(projection):
-    gray = shown("--projection", projection, volume=TREE)
+    gray = shown("--projection", projection, volume="tree.npy")
     assert gray.max() > (0.005 if projection == "average" else 0.3)  # a mean of almost nothing
     assert np.ptp(gray, axis=2).max() < 1e-6
 
 
 def test_the_largest_value_is_white_and_the_least_black():
-    gray = shown("--projection", "maximum", "--fov", 0, "--camera", "0/0/1")
+    gray = shown("--projection", "maximum", "--fov", 0, "--camera", "0/0/1", volume="box.npy")
     assert np.median(gray[8:24, 8:24]) > 0.8  # of blocks behind each other one is bright
     assert gray.max() > 0.99
     assert gray[0].max() == 0
@@ -93,9 +98,10 @@ def test_a_cut_through_noise_is_lit_as_the_plane_that_it_is(rng):
         'points = [{ value = 60, color = "gray", opacity = 0 },'
         ' { value = 100, color = "gray", opacity = 0.8 }]'
     )
-    for words in ([], POST, [*HIT, 100]):
+    np.save("single.npy", values.astype(np.float32))
+    for words, volume in (([], "noise.npy"), (POST, "noise.npy"), ([*HIT, 100], "single.npy")):
         look = [*view, *words, "--transfer", "white.toml"]
-        middle = shown(*look, volume="noise.npy")[8:24, 8:24, 0]
+        middle = shown(*look, volume=volume)[8:24, 8:24, 0]
         assert middle.min() > 0.1
         assert middle.std() < 0.02  # lit by gradients of the noise it is 0.05 to 0.1
 
@@ -126,16 +132,15 @@ def test_what_is_cropped_is_not_drawn():
 
 @pytest.mark.parametrize("words", [[], POST, *(["--projection", name] for name in ALL[:3])])
 def test_a_color_bar_widens_the_picture(words):
-    bar = shown(*words, "--color-bar", size="96")
+    volume = "box.npy" if "--projection" in words else BOX
+    bar = shown(*words, "--color-bar", volume=volume, size="96")
     assert bar.shape[0] == 96
     assert bar.shape[1] > 120
 
 
 def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
-    words = ["--projection", "additive", "--color-bar"]
-    assert np.array_equal(
-        shown(*words, size="96"), shown(*words, "--transfer", "viridis", size="96")
-    )
+    draw = partial(shown, "--projection", "additive", "--color-bar", volume="box.npy", size="96")
+    assert np.array_equal(draw(), draw("--transfer", "viridis"))
 
 
 # Statistics

@@ -204,7 +204,7 @@ def test_a_single_slice_is_one_line(capsys):
 
 
 def test_a_mean_is_not_black():
-    values = changed(np.zeros((40, 40, 40), np.uint8), away() < 6, 255)
+    values = changed(np.zeros((40, 40, 40), np.float32), away() < 6, 255)
     picture = shown(values, "--projection", "average")
     assert picture[14:18, 14:18].mean() > 0.5
     assert picture[0, 0] < 0.01

@@ -41,6 +41,11 @@ def blobs(shape: tuple[int, int, int] = (20, 26, 23)) -> NDArray[np.uint8]:
     return np.clip(noise / noise.std() * 80, 0, 255).astype(np.uint8)
 
 
+def for_look(values: NDArray[np.uint8], projection: Projection) -> NDArray[np.generic]:
+    """Bytes to composite, floats for other looks: of either all of a painter is compiled anew."""
+    return values if projection is Projection.COMPOSITE else values.astype(np.float32)
+
+
 def along_rays(projection: Projection = Projection.COMPOSITE, **choices: object) -> Resampler:
     iso = 80.0 if projection is Projection.FIRST_HIT else None
     made = Resampler(order=Rays(), projection=projection, iso=iso)
@@ -76,7 +81,8 @@ def ahead(volume: NDArray[np.generic], per_voxel: float) -> tuple[Orthographic, 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
 def test_threads_do_not_change_a_bit(projection: Projection) -> None:
-    one, two, three = (seen(blobs(), along_rays(projection), threads=n) for n in (1, 2, 3))
+    values = for_look(blobs(), projection)
+    one, two, three = (seen(values, along_rays(projection), threads=n) for n in (1, 2, 3))
     for other in (two, three):
         np.testing.assert_array_equal(one.rgba, other.rgba)
         np.testing.assert_array_equal(one.depth, other.depth)
@@ -86,8 +92,8 @@ def test_threads_do_not_change_a_bit(projection: Projection) -> None:
 def test_bricks_that_are_passed_over_hold_nothing(
     projection: Projection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    resampler = along_rays(projection, subpixels=1)
-    quick = seen(blobs(), resampler)
+    values, resampler = for_look(blobs(), projection), along_rays(projection, subpixels=1)
+    quick = seen(values, resampler)
     own = painting._bricks
 
     def nothing_known(*given: object) -> object:
@@ -99,7 +105,7 @@ def test_bricks_that_are_passed_over_hold_nothing(
         )
 
     monkeypatch.setattr(painting, "_bricks", nothing_known)
-    slow = seen(blobs(), resampler)
+    slow = seen(values, resampler)
     np.testing.assert_allclose(quick.rgba, slow.rgba, atol=2e-6)
     assert quick.rgba.max() > 0.1
 
@@ -112,7 +118,7 @@ def test_thin_volumes_are_seen(projection: Projection, shape: tuple[int, int, in
         if values.size == 1:
             pytest.skip("one value has no surface")
         values[0, 0, 0] = 10
-    frame = seen(values, along_rays(projection))
+    frame = seen(for_look(values, projection), along_rays(projection))
     assert np.isfinite(frame.rgba).all()
     assert frame.rgba[..., 3].max() > 0.05
 
@@ -148,9 +154,10 @@ def test_automatic_sub_pixels_come_to_what_many_show() -> None:
 def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
     projection: Projection, per_voxel: float
 ) -> None:
-    camera, size = ahead(blobs((8, 14, 14)), per_voxel)
-    spared = seen(blobs((8, 14, 14)), along_rays(projection), camera, size)
-    every = seen(blobs((8, 14, 14)), along_rays(projection, subpixels=2), camera, size)
+    values = for_look(blobs((8, 14, 14)), projection)
+    camera, size = ahead(values, per_voxel)
+    spared = seen(values, along_rays(projection), camera, size)
+    every = seen(values, along_rays(projection, subpixels=2), camera, size)
     error = np.abs(spared.rgba - every.rgba)
     assert 0 < error.max() < 0.02  # 5 levels, in single pixels
     assert np.sqrt(np.mean(error**2)) < 1e-3, np.sqrt(np.mean(error**2))

@@ -9,8 +9,10 @@ import pytest
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Sphere
+from resample.engine.jit import kernel
 from resample.types import Doubles, Floats
 from resample_volume.voxels.framing import Shifted
+from resample_volume.voxels.kernels.shading import power
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade
 from resample_volume.voxels.visible import Voxels
 
@@ -54,12 +56,18 @@ def lit(gradient: object, light: Light = MATT) -> Floats:
     return shade(with_gradients(gradient), light, EYE).color
 
 
+@kernel
+def powers(bases: Doubles, exponent: float, found: Doubles) -> None:
+    """Powers of numbers, one by one."""
+    for n in range(bases.size):
+        found[n] = power(bases[n], exponent)
+
+
 @pytest.mark.parametrize("exponent", [0.05, 0.5, 1.0, 16.0, 250.0, 1e4])
 def test_powers_are_those_of_the_library(exponent: float) -> None:
-    from resample_volume.voxels.kernels.shading import power
-
     bases = np.concatenate([[0.0, 1e-300, 1e-20, 1 - 1e-12, 1.0], np.linspace(0.001, 1.0, 400)])
-    found = [power(float(base), exponent) for base in bases]
+    found = np.empty_like(bases)
+    powers(bases, exponent, found)
     np.testing.assert_allclose(found, bases**exponent, rtol=0, atol=1e-8)
 
 

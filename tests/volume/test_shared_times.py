@@ -68,7 +68,7 @@ def frames(folder):
             ["--transfer", "gray", "--gradient-opacity", "0.1/0.6", "--fit", "volume"],
             id="faded",
         ),
-        pytest.param("uint8", ["--projection", "average"], id="means"),
+        pytest.param("float32", ["--projection", "average"], id="means"),
         *(
             pytest.param(
                 kind,

@@ -29,8 +29,20 @@ VIEWS = {
     "in": camera_at((0.05, 0.05, 1.4)),
 }
 FILTERS = [name for name in registry.names("filters") if name not in ("area", "box")]
-METHODS = "hybrid", "paper", "splat", "point", "preview", "mesh", "subsample"
+METHODS = "hybrid", "paper", "splat", "point", "preview"
+RIVALS = "mesh", "subsample"  # of kernels that nothing else needs
 WHOLE = "mcmillan", "mcmillan-zbuffer", "ldi", "opencv"
+
+
+def of_methods(*methods):
+    """A test of methods and of rivals; of these it is a sweep, which the methods keep."""
+
+    def made(test):
+        mark = pytest.mark.sweep(kept_by=test.__name__)
+        rivals = [pytest.param(name, marks=mark) for name in RIVALS]
+        return pytest.mark.parametrize("method", [*methods, *rivals])(test)
+
+    return made
 
 
 def is_on_card(point):
@@ -113,7 +125,7 @@ def test_a_rim_is_covered_as_the_truth_is(name):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-@pytest.mark.parametrize("method", METHODS)
+@of_methods(*METHODS)
 def test_what_has_one_color_keeps_it_wherever_it_is(method, name):
     given = seen("side", method, name, of=white)
     there = given.coverage > 1e-3
@@ -122,7 +134,7 @@ def test_what_has_one_color_keeps_it_wherever_it_is(method, name):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-@pytest.mark.parametrize("method", METHODS)
+@of_methods(*METHODS)
 def test_inside_a_surface_all_is_covered(method, name):
     given = seen("back" if method == "point" else "in", method, name)
     inner = slice(16, 20), slice(19, 25)
@@ -130,7 +142,7 @@ def test_inside_a_surface_all_is_covered(method, name):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-@pytest.mark.parametrize("method", METHODS)
+@of_methods(*METHODS)
 def test_coverage_stays_within_its_bounds_and_all_that_is_seen_has_a_depth(method, name):
     given = seen("side", method, name)
     assert 0.0 <= given.coverage.min() <= given.coverage.max() <= 1.0
@@ -141,13 +153,24 @@ def test_coverage_stays_within_its_bounds_and_all_that_is_seen_has_a_depth(metho
 
 
 @pytest.mark.parametrize("name", ["area", "box", "box:radius=0.5"])
-@pytest.mark.parametrize("method", [*METHODS, "mcmillan"])
+@of_methods(*METHODS, "mcmillan")
 def test_the_mean_over_a_pixel_is_what_a_method_does_anyway(method, name):
     for given, usual in zip(seen("side", method, name), seen("side", method), strict=True):
         np.testing.assert_array_equal(given, usual)
 
 
-@pytest.mark.parametrize("method", ["hybrid", "mesh:samples=4"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        "hybrid",
+        pytest.param(
+            "mesh:samples=4",
+            marks=pytest.mark.sweep(
+                kept_by="test_depth_and_magnification_are_those_of_a_pixel_s_own_square"
+            ),
+        ),
+    ],
+)
 def test_depth_and_magnification_are_those_of_a_pixel_s_own_square(method):
     usual, given = seen("in", method), seen("in", method, "mitchell")
     both = (usual.coverage > 0.99) & (given.coverage > 0.99)
@@ -186,7 +209,13 @@ def test_the_count_of_threads_does_not_change_a_bit(method):
     assert_threads_change_nothing(lambda: seen("side", method, "lanczos"))
 
 
-@pytest.mark.parametrize("method", ["hybrid", "mesh"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        "hybrid",
+        pytest.param("mesh", marks=pytest.mark.sweep(kept_by="test_strips_leave_no_seam")),
+    ],
+)
 def test_strips_leave_no_seam(method, monkeypatch):
     whole = seen("in", method, "gaussian")
     monkeypatch.setattr("resample.profiles.subpixels.LARGEST_STRIP", 8000)

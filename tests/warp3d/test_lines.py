@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from resample.engine.jit import kernel
 from resample_warp3d.clouds.kernels.lines import (
     AWAY,
     BEGIN,
@@ -18,18 +19,31 @@ from resample_warp3d.clouds.kernels.lines import (
 FAR = 1e3
 
 
+@kernel
+def cell_before(sides, closed):
+    """The cell before a polygon and sides (N, 3): lines, how many are left, corners, reach."""
+    lines = no_lines()
+    count = put_around(lines.line, 0, closed) if closed else 0
+    for n in range(sides.shape[0]):
+        put(lines.line, count, sides[n, 0], sides[n, 1], sides[n, 2])
+        count += 1
+    count, corners, reach = meet(lines, count, FAR)
+    return lines, count, corners, reach
+
+
+@kernel
+def is_cut(corner, corners, x, y, away):
+    """Whether a line cuts corners off."""
+    return cuts(corner, corners, x, y, away)
+
+
 def cell_of(sides, *, closed=1.0):
     """Corners (N, 2), area and reach of the cell before lines (x, y, away), x and y of any length.
 
     Closed by a regular polygon of half a width; 0: by nothing.
     """
-    lines = no_lines()
-    count = put_around(lines.line, 0, closed) if closed else 0
-    for x, y, away in sides:
-        length = float(np.hypot(x, y))
-        put(lines.line, count, x / length, y / length, away / length)
-        count += 1
-    count, corners, reach = meet(lines, count, FAR)
+    sides = np.array([side / np.hypot(*side[:2]) for side in np.reshape(sides, (-1, 3))], float)
+    lines, count, corners, reach = cell_before(sides.reshape(-1, 3), closed)
     width = lines.line[END, :count] - lines.line[BEGIN, :count]
     area = 0.5 * float(lines.line[AWAY, :count] @ width)
     return lines.corner[:, :corners].T.copy(), area, reach
@@ -114,12 +128,11 @@ def test_lines_that_close_no_cell_reach_far(sides):
 
 
 def test_a_corner_beyond_a_line_is_cut_off():
-    lines = no_lines()
-    _, corners, _ = meet(lines, put_around(lines.line, 0, 1.0), FAR)
+    lines, _, corners, _ = cell_before(np.empty((0, 3)), 1.0)
     outer = float(np.linalg.norm(regular(1.0)[0]))
     for angle in np.linspace(0.0, 6.0, 25):
         x, y = float(np.cos(angle)), float(np.sin(angle))
         farthest = (regular(1.0) @ (x, y)).max()
-        assert cuts(lines.corner, corners, x, y, farthest - 1e-9)
-        assert not cuts(lines.corner, corners, x, y, farthest + 1e-9)
-        assert not cuts(lines.corner, corners, x, y, outer + 1e-9)
+        assert is_cut(lines.corner, corners, x, y, farthest - 1e-9)
+        assert not is_cut(lines.corner, corners, x, y, farthest + 1e-9)
+        assert not is_cut(lines.corner, corners, x, y, outer + 1e-9)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from resample.engine.jit import kernel
 from resample_warp3d.sheet.kernels import fragments, screen, segments
 from resample_warp3d.sheet.kernels.colors import write_colors
 from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, Frame
@@ -21,6 +22,46 @@ def row_of(numbers, row):
     return numbers[int(row) : int(row) + WIDTH]
 
 
+@kernel
+def colored(color, links, row, numbers):
+    """Colors of a row of cells."""
+    write_colors(color, links, 0, row, 0, 0, WIDTH, numbers)
+
+
+@kernel
+def measured_cells(screen, torn, index, row, frame, numbers, places):
+    """How many runs a row of cells has."""
+    return segments.measure(screen, torn, index, row, 0, frame, numbers, places)
+
+
+@kernel
+def add_masses(begin, end, numbers, places, total):
+    """Add what fragments of one slot have."""
+    for n in range(begin, end):
+        m = np.uint64(n)
+        if places[PIXEL + m] >= 0:
+            total[n] += numbers[segments.MASS + m]
+
+
+@kernel
+def masses(begin, end, frame, numbers, places, total):
+    """Add what cells of a run have in their fragments, slot by slot."""
+    if places[WAY + np.uint64(begin)] == segments.UPRIGHT:
+        rows, columns = fragments.set_boxes(begin, end, frame, numbers, places)
+        for i in range(columns):
+            for j in range(rows):
+                fragments.fill_from_boxes(begin, end, i, j, frame, numbers, places)
+                add_masses(begin, end, numbers, places, total)
+        return
+    fragments.count_parts(begin, end, frame, numbers, places)
+    fragments.set_parts(begin, end, 0, 0, True, frame, numbers, places)
+    for slot in range(4):
+        fragments.fill_from_parts(
+            begin, end, slot % 2, slot // 2, True, frame, numbers, places
+        )  # fmt: skip
+        add_masses(begin, end, numbers, places, total)
+
+
 def measured(sheet, row, frame=None):
     """Numbers, places and runs of a row of cells that stay where they are."""
     height, width = sheet.torn.shape
@@ -31,9 +72,8 @@ def measured(sheet, row, frame=None):
     screen.project_corners(sheet.corner, matrix, epipole, torn)
     numbers = np.zeros(segments.NUMBERS, np.float32)
     places = np.zeros(segments.PLACES, np.int32)
-    count = segments.measure(
-        vertex, torn, sheet.torn, row, 0, frame or frame_of(), numbers, places
-    )  # fmt: skip
+    frame = frame or frame_of()
+    count = measured_cells(vertex, torn, sheet.torn, row, frame, numbers, places)
     return numbers, places, count
 
 
@@ -57,7 +97,7 @@ def test_colors_keep_to_the_samples_own_surface(rng):
     padded, links = sheet.color[0], sheet.links
     numbers = np.zeros(segments.NUMBERS, np.float32)
     for row in range(sheet.torn.shape[0]):
-        write_colors(sheet.color, links, 0, row, 0, 0, WIDTH, numbers)
+        colored(sheet.color, links, row, numbers)
         for channel in range(3):
             for column in range(WIDTH):
                 r, k = row + MARGIN, column + MARGIN
@@ -101,20 +141,7 @@ def test_fragments_of_a_cell_hold_its_area(is_label):
     total = np.zeros(WIDTH)
     for k in range(count):
         begin, end = row_of(places, BEGIN)[k], row_of(places, END)[k]
-        if places[int(WAY) + begin] == segments.UPRIGHT:
-            rows, columns = fragments.set_boxes(begin, end, frame, numbers, places)
-            slots = [(i, j) for i in range(columns) for j in range(rows)]
-            fill = fragments.fill_from_boxes
-            arguments = ()
-        else:
-            fragments.count_parts(begin, end, frame, numbers, places)
-            fragments.set_parts(begin, end, 0, 0, True, frame, numbers, places)
-            slots = [(0, 0), (1, 0), (0, 1), (1, 1)]
-            fill, arguments = fragments.fill_from_parts, (True,)
-        for i, j in slots:
-            fill(begin, end, i, j, *arguments, frame, numbers, places)
-            is_met = row_of(places, PIXEL)[begin:end] >= 0
-            total[begin:end] += is_met * row_of(numbers, segments.MASS)[begin:end]
+        masses(begin, end, frame, numbers, places, total)
     is_inside = np.s_[1:-1]  # others reach beyond the frame
     area = np.where(row_of(places, WAY) > 0, row_of(numbers, segments.AREA), 0)
     np.testing.assert_allclose(total[is_inside], area[is_inside], atol=1e-5)  # SLIGHT

@@ -16,16 +16,20 @@ from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, pattern, pla
 SHAPE = 24, 32
 SOURCE = camera_at(focal=32.0, shape=SHAPE)
 TARGET = camera_at((0.2, 0.05, 0.5), 0.03, 0.1, focal=32.0, shape=SHAPE)
-METHODS = [
-    pytest.param(
-        name,
-        marks=pytest.mark.skipif(
+RIVALS = {"mesh", "subsample", "ldi"}  # of kernels that nothing else needs
+
+
+def of_every_method(test):
+    """A test of each method; of rivals it is a sweep, which the same test of others keeps."""
+    methods = []
+    for name in registry.names("warps"):
+        mark = pytest.mark.skipif(
             name == "opencv" and not hasattr(cv2, "warpFrame"),
             reason="this OpenCV has no cv2.warpFrame (5.0 brought it)",
-        ),
-    )
-    for name in registry.names("warps")
-]
+        )
+        sweep = [pytest.mark.sweep(kept_by=test.__name__)] if name in RIVALS else []
+        methods.append(pytest.param(name, marks=[mark, *sweep]))
+    return pytest.mark.parametrize("method", methods)(test)
 
 
 def scene(channels=3):
@@ -60,7 +64,7 @@ def assert_whole(warped, shape, channels):
     assert not warped.image[warped.coverage == 0].any()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@of_every_method
 def test_every_method_warps_any_number_of_channels(method):
     color, depth = scene(channels=2)
     given = warp(color, depth, SOURCE, TARGET, method)
@@ -68,7 +72,7 @@ def test_every_method_warps_any_number_of_channels(method):
     assert (given.coverage > 0).mean() > 0.6
 
 
-@pytest.mark.parametrize("method", METHODS)
+@of_every_method
 def test_every_method_shows_about_the_same(method):
     color, depth = scene()
     given = warp(color, depth, SOURCE, TARGET, method)
@@ -81,8 +85,8 @@ def test_every_method_shows_about_the_same(method):
     )  # a pixel of the slanted wall
 
 
-@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
+@of_every_method
 def test_every_method_takes_pictures_of_one_pixel_and_one_line(method, shape):
     camera = camera_at(focal=8.0, shape=shape)
     target = camera_at((0.1, 0, 0.5), focal=8.0, shape=(9, 7))
@@ -94,7 +98,7 @@ def test_every_method_takes_pictures_of_one_pixel_and_one_line(method, shape):
     assert_whole(larger, (9, 7), 3)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@of_every_method
 def test_every_method_sees_nothing_from_beyond_everything(method):
     color, depth = scene()
     given = warp(
@@ -105,8 +109,10 @@ def test_every_method_sees_nothing_from_beyond_everything(method):
     assert (given.holes != Hole.NONE).all()
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if m.values[0] != "opencv"])
+@of_every_method
 def test_every_method_but_opencv_takes_the_sources_lens(method):
+    if method == "opencv":
+        pytest.skip("it takes none")
     color, depth = scene()
     lens = Camera(SOURCE.matrix, distortion=np.array([0.05, 0.01, 0.0, 0.0]))
     given = warp(color, depth, lens, TARGET, method)
@@ -115,7 +121,7 @@ def test_every_method_but_opencv_takes_the_sources_lens(method):
     assert not np.array_equal(given.image, plain.image)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@of_every_method
 def test_every_method_takes_disparities(method):
     color, depth = scene()
     given = warp_disparity(color, 16 / depth, 0.5, method)
@@ -123,7 +129,7 @@ def test_every_method_takes_disparities(method):
     assert (given.coverage > 0).mean() > 0.6
 
 
-@pytest.mark.parametrize("method", METHODS)
+@of_every_method
 def test_every_method_can_be_filled(method):
     color, depth = scene()
     given = warp(color, depth, SOURCE, TARGET, method, fill=True)
