@@ -224,12 +224,12 @@ def test_parallel_kernels_work_after_a_fork():
 WANTED = """
 import sys
 import numpy as np
-from resample.engine import jit, lookup
+from resample.engine import jit, levels
 
 print(jit.__file__, flush=True)
 sys.stdin.readline()
-lookup.unit_lookup(np.ones(4, np.float32), 0.5)
-stats = jit.dispatcher(lookup.unit_lookup).stats
+levels.put_levels(np.zeros(256, np.uint8), np.ones(4, np.float32), np.zeros(4, np.uint8))
+stats = jit.dispatcher(levels.put_levels).stats
 print(sum(stats.cache_misses.values()), sum(stats.cache_hits.values()))
 """
 
@@ -239,7 +239,12 @@ def wanting(cache, root=Path(jit.__file__).parents[2]):
     return subprocess.Popen(
         [sys.executable, "-c", WANTED],
         cwd=root,
-        env={**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(root)},
+        env={
+            **os.environ,
+            "NUMBA_CACHE_DIR": str(cache),
+            "PYTHONPATH": str(root),
+            "RESAMPLE_KERNELS": "off",
+        },
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
