@@ -9,9 +9,17 @@ from pathlib import Path
 from resample.command.console import Progress, progress_bar
 from resample.memory import require
 
-LIBRARIES = 240 << 20  # bytes that Python, numba and what reads and writes files hold by themselves
+COMPILER = 135 << 20  # bytes that numba and LLVM hold
+OTHERS = 115 << 20  # bytes that Python, and what reads and writes files, hold by themselves
 ENCODED = 27  # bytes per value of a picture that is painted, encoded and written as integers
 AS_FLOATS = 10  # the same of one that is written as it is
+
+
+def libraries() -> int:
+    """Bytes that libraries hold by themselves; numba is one where kernels are compiled."""
+    from resample.engine.compiled.library import is_there
+
+    return OTHERS if is_there() else OTHERS + COMPILER
 
 
 @dataclass
@@ -75,4 +83,4 @@ def require_picture(
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}
     what = f"a picture of {width} x {height} pixels"
-    require(what, {"libraries": LIBRARIES, **(others or {}), **picture}, "take a smaller size")
+    require(what, {"libraries": libraries(), **(others or {}), **picture}, "take a smaller size")

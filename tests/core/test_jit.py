@@ -15,7 +15,7 @@ from numba.core.event import install_recorder
 
 from resample.engine import jit
 from resample.engine.compiled import compiling
-from tests.processes import PATIENCE, python
+from tests.processes import PATIENCE
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="plain Python has no machine code to store"
@@ -43,19 +43,24 @@ def test_bounds_checks_have_a_cache_of_their_own(kept, monkeypatch):
 
 @compiled_only
 @pytest.mark.parametrize(
-    "flag",
-    ["SLP_VECTORIZE=1", "LOOP_VECTORIZE=0", "OPT=1", "CPU_NAME=generic", "CPU_FEATURES=+sse2"],
+    ("flag", "value"),
+    [
+        ("SLP_VECTORIZE", 1),
+        ("LOOP_VECTORIZE", 0),
+        ("OPT", 1),
+        ("CPU_NAME", "generic"),
+        ("CPU_FEATURES", "+sse2"),
+    ],
 )
-def test_a_trial_of_the_compilers_flags_has_a_cache_of_its_own(flag):
-    name, value = flag.split("=", 1)
-    code = (
-        "from numba import float64\n"
-        "from resample.engine import jit, lookup\n"
-        "print(jit.dispatcher(lookup.unit_lookup)._cache.path((float64,)).name)"
-    )
-    plain = python(code)
-    changed = python(f"import os; os.environ['NUMBA_{name}'] = '{value}'\n{code}")
-    assert changed.strip() != plain.strip()
+def test_a_trial_of_the_compilers_flags_has_a_cache_of_its_own(monkeypatch, flag, value):
+    plain = path_of(jit.kernel(double))
+    monkeypatch.setattr(numba.config, flag, value)
+    assert path_of(jit.kernel(double)) != plain
+
+
+def path_of(called):
+    """File of a kernel of one number."""
+    return jit.dispatcher(called)._cache.path((numba.float64,))
 
 
 @compiled_only

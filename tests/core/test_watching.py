@@ -129,9 +129,7 @@ def test_work_stops_in_its_midst_and_leaves_nothing_behind(
 @pytest.mark.parametrize(
     "name",
     [
-        name
-        if name in ("mixed", "rays")
-        else pytest.param(name, marks=pytest.mark.sweep(kept_by=MIDST))
+        name if name == "rays" else pytest.param(name, marks=pytest.mark.sweep(kept_by=MIDST))
         for name in WORK
     ],
 )

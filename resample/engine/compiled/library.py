@@ -86,6 +86,11 @@ def kernel(function: Callable[..., Any]) -> Call | None:
     return call
 
 
+def is_there() -> bool:
+    """Whether there is a library, and it is used."""
+    return _native() is not None
+
+
 def _admits(found: Any, function: FunctionType, args: Any, kwargs: Any) -> bool:
     """Whether the library has code for a first call, of the sources that are there now."""
     name = f"{function.__module__}.{function.__qualname__}"

@@ -7,7 +7,7 @@ from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
-from resample.command.session import LIBRARIES, bytes_written, require_picture
+from resample.command.session import OTHERS, bytes_written, libraries, require_picture
 from resample.files.pictures import form_of
 from resample.files.stores.addresses import Place
 from resample.memory import require
@@ -16,7 +16,6 @@ from resample_texture.asking import method_named
 from resample_texture.command.choices import Warping
 
 BYTES_PER_TEXEL = 6  # and channel, of a source and what is held while it is decoded
-KERNELS = 80 << 20  # bytes of libraries that other programs' methods do not load
 BYTES_IN_STRIP = 28  # and value, of what is drawn of a large picture at a time
 BYTES_PER_MESH_PIXEL = 100  # of a mesh's picture
 BYTES_OF_FILM = 16, 60  # of a texel of what a camera flies over, and of a pixel of a frame
@@ -74,7 +73,7 @@ def require_room(
             "the result": values * bytes_written(shape, output),
         }
     is_ours = ".rivals." not in type(method_named(choice.method)).__module__
-    require(what, {"libraries": LIBRARIES if is_ours else LIBRARIES - KERNELS, **parts}, REMEDY)
+    require(what, {"libraries": libraries() if is_ours else OTHERS, **parts}, REMEDY)
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:

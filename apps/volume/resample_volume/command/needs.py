@@ -9,7 +9,7 @@ picture before they are looked at, and of all before anything is lit and painted
 from collections.abc import Sequence
 from math import prod
 
-from resample.command.session import LIBRARIES
+from resample.command.session import libraries
 from resample.memory import require
 from resample.memory.mapped import is_in_file
 from resample_volume.media.appearance import Medium
@@ -52,7 +52,7 @@ def require_room(
     volumes = [volume for volume, _ in media]
     if any(is_in_bricks(volume) or is_in_file(volume.values) for volume in volumes):
         return
-    parts = {"libraries": LIBRARIES, "values": sum(_bytes_of(volume) for volume in volumes)}
+    parts = {"libraries": libraries(), "values": sum(_bytes_of(volume) for volume in volumes)}
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.console import say
-from resample.command.session import LIBRARIES
+from resample.command.session import libraries
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, flattened, form_of, read_picture
 from resample.memory import require, require_memory
@@ -194,7 +194,7 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
         The files do not fit each other, hold no depth, or a choice cannot be worked with.
     """
     form, _ = form_of(Path(color))
-    needed = {"libraries": LIBRARIES, "the source": bytes_of_source(form)}
+    needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
     require(f"{color} of {form[1]} x {form[0]} pixels", needed, "take a smaller picture")
     picture = read_names(color) if reader.labels else read_picture(color)
     view = view_of(reader, picture, read_depth(depth), (color, depth), pose)

@@ -11,7 +11,7 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.console import say
-from resample.command.session import LIBRARIES, Session, bytes_written
+from resample.command.session import Session, bytes_written, libraries
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.memory import require
@@ -275,7 +275,7 @@ def check_memory(views: Sequence[DepthView], shape: Shape, output: Path, others:
     height, width = shape
     channels = max((view.picture.data.shape[2] for view in views), default=CHANNELS)
     parts = {
-        "libraries": LIBRARIES,
+        "libraries": libraries(),
         "the sources": sum(bytes_of_source(view.picture.data.shape) for view in views),
         "the result": (channels + 1) * bytes_written(shape, output),
     }
