@@ -9,7 +9,7 @@ from pathlib import Path
 from resample.command.console import Progress, progress_bar
 from resample.memory import require
 
-COMPILER = 125 << 20  # bytes that numba and LLVM hold
+COMPILER = 135 << 20  # bytes that numba and LLVM hold
 OTHERS = 115 << 20  # bytes that Python, and what reads and writes files, hold by themselves
 ENCODED = 27  # bytes per value of a picture that is painted, encoded and written as integers
 AS_FLOATS = 10  # the same of one that is written as it is
