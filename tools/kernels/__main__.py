@@ -18,6 +18,7 @@ from pathlib import Path
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.library import VARIABLE
+from resample.engine.compiled.sources import TOOLS
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
@@ -104,8 +105,8 @@ def edits(files: Iterable[Path]) -> list[str]:
 
 
 def is_of_kernels(module: str) -> bool:
-    """Whether a module holds kernels or what they are made of."""
-    return bool({"engine", "kernels"} & set(module.split(".")[:-1]))
+    """Whether a module holds kernels or what they are made of, and not what compiles them all."""
+    return module not in TOOLS and bool({"engine", "kernels"} & set(module.split(".")[:-1]))
 
 
 def _by_share(item: tuple[str, float]) -> tuple[float, str]:
