@@ -69,8 +69,6 @@ def start(module: str) -> NoReturn:
     finally:
         for number in WORDS:
             signal.signal(number, signal.SIG_IGN)
-        if not status:
-            gc.freeze()  # all that is left goes with the process: it is not looked through for that
     raise SystemExit(status)
 
 

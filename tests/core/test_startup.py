@@ -3,6 +3,8 @@
 How many seconds it takes is measured by `make bench GROUPS=startup`.
 """
 
+import subprocess
+import sys
 from importlib import metadata
 
 import cv2
@@ -14,7 +16,7 @@ from resample import registry
 from resample.command.settings import Choices
 from resample.files.facts.settings import TARGETS, options_of
 from tests.commands import HEAVY, imported
-from tests.processes import python
+from tests.processes import PATIENCE, python
 
 BOX = "checker-box:size=16,block=4"
 COMMANDS = {  # of each application one that paints
@@ -153,3 +155,24 @@ def test_algebra_has_one_thread_unless_the_environment_says_more(given, found):
         "start('told')"
     )
     assert said.split() == [found]
+
+
+CYCLE = """
+import resample_texture.command.cli as cli
+from resample.command.stopping import start
+
+def main():
+    import OpenImageIO
+    holder = [OpenImageIO.ROI()]
+    holder.append(holder)  # freed when garbage is collected at the end, which OpenImageIO looks at
+
+cli.main = main
+start("resample_texture.command.cli")
+"""
+
+
+def test_what_a_command_leaves_in_cycles_is_freed_at_its_end():
+    ended = subprocess.run(
+        [sys.executable, "-c", CYCLE], capture_output=True, text=True, check=True, timeout=PATIENCE
+    )
+    assert "leaked" not in ended.stderr
