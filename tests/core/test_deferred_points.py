@@ -127,7 +127,7 @@ UNFIT = {
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.PAPER])
 @pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
 def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera, primitive):
-    samples = box(rng)
+    samples = box(rng, side=11)
     frame = painter(primitive=primitive)(samples, camera, **SIZE)
     assert deferred_only == [False]
     assert_alike(

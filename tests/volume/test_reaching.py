@@ -22,7 +22,7 @@ LOOK = from_points([(99.0, WHITE, 0.0), (100.0, WHITE, 0.9)])
 UNEVEN = np.array([[1.0, 0.1, 0.0], [0.0, 1.2, 0.2], [0.0, 0.0, 0.8]])
 FAR = 60.0  # cells
 SHORT = 0.05  # cells, a step
-EACH = 13  # one cell of so many is looked at; shares no factor with the sides of a volume
+EACH = 7  # one cell of so many is looked at; shares no factor with the sides of a volume
 WAYS = [(1, 0.5, 0.3), (-0.2, -1, 0.4), (0.3, 0.4, -1), (0, 0, 1), (0, -1, 0), (-1, 1, 1)]
 
 
