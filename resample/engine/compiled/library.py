@@ -77,9 +77,11 @@ def kernel(function: Callable[..., Any]) -> Call | None:
     if found is None:
         return None
 
+    stale: set[int] = set()  # positions of entries of other sources
+
     def call(args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
         result = found(args, kwargs)
-        if result is NotImplemented and _admits(found, function, args, kwargs):
+        if result is NotImplemented and _admits(found, stale, function, args, kwargs):
             result = found(args, kwargs)
         return result
 
@@ -91,7 +93,7 @@ def is_there() -> bool:
     return _native() is not None
 
 
-def _admits(found: Any, function: FunctionType, args: Any, kwargs: Any) -> bool:
+def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwargs: Any) -> bool:
     """Whether the library has code for a first call, of the sources that are there now."""
     name = f"{function.__module__}.{function.__qualname__}"
     match = found.match(args, kwargs)
@@ -99,9 +101,12 @@ def _admits(found: Any, function: FunctionType, args: Any, kwargs: Any) -> bool:
         _say_that_it_is_missing(name, "these types of arguments")
         return False
     position, made_from = match
+    if position in stale:
+        return False
     classes = set(_classes((*args, *kwargs.values())))
     if sources.digest(function.__module__, classes) != made_from:
         _say_that_it_is_missing(name, "the sources as they are now")
+        stale.add(position)
         return False
     found.admit(position)
     return True
