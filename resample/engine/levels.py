@@ -1,4 +1,4 @@
-"""ShortOrLong of integers to numbers and back by tables, on all threads."""
+"""Levels of integers to numbers and back by tables, on all threads."""
 
 from typing import Any, NamedTuple
 
@@ -12,14 +12,14 @@ STRETCH = 1 << 15  # numbers that one thread takes at a time
 
 
 class ShortOrLong(NamedTuple):
-    """ShortOrLong of one of two types; there are none of the other."""
+    """Levels of one of two types; there are none of the other."""
 
     short: NDArray[np.uint8]  # (N,) or (0,)
     long: NDArray[np.uint16]  # (0,) or (N,)
 
 
 def levels_of(given: NDArray[Any]) -> ShortOrLong:
-    """ShortOrLong (N,) of either type, as one kernel takes both."""
+    """Levels (N,) of either type, as one kernel takes both."""
     if given.dtype == np.uint8:
         return ShortOrLong(given, np.empty(0, np.uint16))
     return ShortOrLong(np.empty(0, np.uint8), given)
