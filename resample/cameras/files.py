@@ -207,25 +207,30 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
     OSError
         The file cannot be read.
     """
+    try:  # first: no file that happens to have such a name is opened
+        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
+        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
+    except ValueError:
+        return _viewpoint_in(text, fov)
+    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
+
+
+def _viewpoint_in(text: str, fov: float) -> Viewpoint:
+    """Viewpoint of a file."""
     if text.lower().endswith(".toml"):
         from resample.cameras.tables import read_viewpoint
 
         return read_viewpoint(Path(text))
-    if text and Path(file_and_frame(text)[0]).exists():
-        shot = read_shot(text)
-        if shot.camera is None:
-            return Spot.of(shot.pose, fov)
-        return shot.camera if shot.shape is None else Calibrated(shot.camera, shot.shape)
-    try:
-        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
-        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
-    except ValueError:
+    if not text or not Path(file_and_frame(text)[0]).exists():
         raise ValueError(
             f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5, of which the zoom "
             f"may be left out, or with /right/up of a pan; one of {', '.join(NAMED)}; or a file of "
             "cameras: .toml, or poses of NeRF, COLMAP, TUM, Open3D"
-        ) from None
-    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
+        )
+    shot = read_shot(text)
+    if shot.camera is None:
+        return Spot.of(shot.pose, fov)
+    return shot.camera if shot.shape is None else Calibrated(shot.camera, shot.shape)
 
 
 def _recognised(path: Path) -> str:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from resample.command.about import About
+
 if TYPE_CHECKING:
     from resample.resampler import Resampler
 
@@ -58,7 +60,9 @@ HEADINGS = (  # in the order of a command's help
 )
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
-    int | None, Field(ge=1, description="At most this many; pixels do not depend on it.")
+    int | None,
+    About.RESOURCE,
+    Field(ge=1, description="At most this many; pixels do not depend on it."),
 ]
 MethodsFilter = Annotated[
     str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
@@ -84,6 +88,7 @@ class Choices(BaseModel):
     """What a user chooses. It stays as it was made; names that it does not know are refused."""
 
     heading: ClassVar[str]  # over these options in a command's help
+    about: ClassVar[About]  # of the options that do not say it themselves
 
     # What checks a model is built when it is first given something: most commands need few.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
@@ -98,6 +103,7 @@ class Resampling(Choices):
     """How samples become a picture."""
 
     heading: ClassVar[str] = "Method"
+    about: ClassVar[About] = About.LOOK
 
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
@@ -178,6 +184,7 @@ class PictureFormat(Choices):
     """What kind of picture is written."""
 
     heading: ClassVar[str] = "Picture"
+    about: ClassVar[About] = About.LOOK
 
     size: Annotated[str, Field(description=SIZE)] = "400"
     background: Annotated[
@@ -221,6 +228,7 @@ class Sharing(Choices):
     """Who does the work."""
 
     heading: ClassVar[str] = "Workers"
+    about: ClassVar[About] = About.RESOURCE
 
     workers: Annotated[
         int | None,
@@ -233,6 +241,7 @@ class Sharing(Choices):
     ] = None
     scheduler: Annotated[
         str | None,
+        About.TARGET,
         Field(
             description="Address of a scheduler of dask's whose workers do it, such as "
             "tcp://10.0.0.1:8786; they see the same files under the same names."
@@ -256,6 +265,7 @@ class Serving(Choices):
     """Where a viewer's page is served."""
 
     heading: ClassVar[str] = "Page"
+    about: ClassVar[About] = About.TARGET
 
     host: Annotated[
         str, Field(description="Address to listen at; others than this machine's are warned about.")
@@ -268,6 +278,7 @@ class Written(Choices):
     """How a picture of any kind is written."""
 
     heading: ClassVar[str] = "Picture"
+    about: ClassVar[About] = About.LOOK
 
     background: Annotated[
         str | None,

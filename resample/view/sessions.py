@@ -16,7 +16,15 @@ from resample.measuring.quality import psnr
 from resample.view.exports import exports_of
 from resample.view.files import file_of
 from resample.view.messages import Ask, Draw, Export, MakeFilm, Message, Pick, Save
-from resample.view.views import Comparing, Filming, Knowing, Painting, Settings, Viewable
+from resample.view.views import (
+    Comparing,
+    Filming,
+    Knowing,
+    Painting,
+    Settings,
+    Viewable,
+    check_said,
+)
 from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
 
@@ -46,12 +54,19 @@ class Session:
         Sends a text or bytes to the page.
     shown
         Called when the page has a whole picture.
+    begun
+        Options that were not chosen on the page; the view's first ones.
     """
 
     def __init__(
-        self, view: Viewable, send: Send, shown: Callable[[], object] | None = None
+        self,
+        view: Viewable,
+        send: Send,
+        shown: Callable[[], object] | None = None,
+        begun: Callable[[], Settings] | None = None,
     ) -> None:
         self._view, self._send, self._shown = view, send, shown
+        self._begun = begun or (lambda: view.about["settings"])
         self._painter = view.painter()
         self._wanted: Draw | None = None
         self._job: _Job | None = None
@@ -74,6 +89,11 @@ class Session:
 
     async def told(self, message: Message) -> None:
         """Do what a page says; what goes wrong is said on the page."""
+        try:
+            self._check(message)
+        except ValueError as error:
+            await self._send(_told("error", message.number, text=one_line(error)))
+            return
         if isinstance(message, Draw):
             self._wanted = message
             if self._job is not None and not self._job.draw.moving:
@@ -92,6 +112,13 @@ class Session:
         except Exception as error:
             answer = _told("error", message.number, text=one_line(error))
         await self._send(answer)
+
+    def _check(self, message: Message) -> None:
+        """Refuse what a page must not say."""
+        command, begun = self._view.about["command"], self._begun()
+        check_said(command, message.settings, begun)
+        if isinstance(message, Draw) and message.other is not None:
+            check_said(command, message.other, begun)
 
     def _answer(self, message: Pick | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height

@@ -1,15 +1,18 @@
 """Roles of what applications show in a page, and what all of them have in common."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from cyclopts import App, Group, Parameter
+from cyclopts import App, Group
 from cyclopts.argument import Argument
 from numpy.typing import NDArray
 
+from resample import registry
+from resample.command.about import About, Marks, about, marks_of, name_of
 from resample.command.settings import Choices
 from resample.files.facts.settings import options_of, schema_of
 from resample.watching import Cancel, Progress
@@ -106,7 +109,7 @@ class Viewable(Protocol):
 
 
 def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Options of a command as a page offers them.
+    """Options of a command as a page offers them: those that say how a picture looks.
 
     Parameters
     ----------
@@ -126,6 +129,8 @@ def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[d
         if key not in schema or key in left_out:
             continue
         described = dict(schema[key])
+        if About.LOOK.value not in described.pop("about"):
+            continue
         found.append(
             {
                 "key": key,
@@ -143,6 +148,42 @@ def _heading(option: Argument) -> str:
     given = option.parameter.group
     groups = [given] if isinstance(given, str | Group) else list(given or ())
     return str(getattr(groups[0], "name", groups[0])) if groups else ""
+
+
+@cache
+def marks_in(command: str) -> Marks:
+    """What options of a command, such as `resample-volume render`, are about."""
+    application, _, name = command.partition(" ")
+    home: App = registry.load("apps", application.removeprefix("resample-"))
+    found = home[name].default_command
+    return {} if found is None else marks_of(found)
+
+
+def check_said(command: str, said: Settings, begun: Settings) -> None:
+    """Refuse what a page must not say: anything but how a picture looks.
+
+    Parameters
+    ----------
+    command
+        Whose options these are.
+    said
+        What the page says. Names that the command does not know are for `chosen` to refuse.
+    begun
+        What was chosen on the command line or in Python; a page may say that again.
+
+    Raises
+    ------
+    ValueError
+        It says something else.
+    """
+    marks = marks_in(command)
+    for key, value in said.items():
+        is_known = key in begun and begun[key] == value
+        if key in marks and not is_known and about(marks[key], value) is not About.LOOK:
+            raise ValueError(
+                f"{key} {value!r:.60}: a page says how a picture looks; give what is read or "
+                "written on the command line, or in Python"
+            )
 
 
 def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
@@ -174,15 +215,17 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
         for field in type(model).model_fields:
             value = getattr(model, field)
             if field in model.model_fields_set and value is not None:
-                found[option_of(type(model), field)] = (
-                    list(value) if isinstance(value, tuple) else value
-                )
+                found[option_of(type(model), field)] = _plain(value)
     return found
+
+
+def _plain(value: Any) -> Any:
+    """Value as JSON holds it."""
+    if isinstance(value, tuple):
+        return list(value)
+    return str(value) if isinstance(value, Path) else value
 
 
 def option_of(model: type[Choices], field: str) -> str:
     """Name of the option that fills a field of a model."""
-    for part in model.model_fields[field].metadata:
-        if isinstance(part, Parameter) and part.name:
-            return str(next(iter(part.name))).removeprefix("--")
-    return field.replace("_", "-")
+    return name_of(field, model.model_fields[field].metadata)

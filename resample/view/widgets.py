@@ -17,7 +17,7 @@ from resample.view.messages import message_of
 from resample.view.modules import PAGE, joined
 from resample.view.server import MOST_PAGES
 from resample.view.sessions import Session
-from resample.view.views import Viewable
+from resample.view.views import Viewable, check_said
 
 try:
     import anywidget
@@ -100,6 +100,12 @@ class Viewer(anywidget.AnyWidget):
         self._view.check({key: value for key, value in given.items() if value != ""})
         return given
 
+    def set_state(self, sync_data: Mapping[str, Any]) -> None:
+        """Take what a page has changed, which may be how the picture looks."""
+        if isinstance(said := sync_data.get("settings"), Mapping):
+            check_said(self._view.about["command"], said, self.settings)
+        super().set_state(sync_data)
+
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         """The widget; and a picture, for notebooks that are read without a kernel."""
         found = super()._repr_mimebundle_(**kwargs)
@@ -115,7 +121,7 @@ class Viewer(anywidget.AnyWidget):
         session = self._sessions.get(page)
         if content.get("kind") == "opened" and len(self._sessions) < MOST_PAGES:
             send = partial(self._say, page)
-            self._sessions[page] = Session(self._view, send)
+            self._sessions[page] = Session(self._view, send, begun=lambda: self.settings)
             about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
             await send(json.dumps({"kind": "about", **about}))
         elif content.get("kind") == "closed":

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenImageIO
 import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.files.facts.origin import settings_in
-from resample.files.facts.settings import OWN, as_toml, options_of, read_settings
+from resample.command.about import About, marks_of
+from resample.files.facts.origin import settings_in, state, stating
+from resample.files.facts.settings import as_toml, options_of, read_settings
 from resample.files.images import read_channels
 from tests import commands
 
@@ -78,9 +80,14 @@ def test_pictures_hold_the_settings_they_were_made_with(command, suffix):
 
 
 def test_settings_in_pictures_are_of_any_letters():
-    Path("façade.toml").write_text("azimuth = 40\n")
-    assert ended(*RENDER, "--camera", "façade.toml", "-o", "box.png") == 0
-    assert tomllib.loads(settings_in(Path("box.png")))["camera"] == "façade.toml"
+    spec = OpenImageIO.ImageSpec(2, 2, 3, "uint8")
+    with stating(as_toml("command", {"a": "façade 😀"})):
+        state(spec, Path("box.png"))
+    target = OpenImageIO.ImageOutput.create("box.png")
+    target.open("box.png", spec)
+    target.write_image(np.zeros((2, 2, 3), np.uint8))
+    target.close()
+    assert tomllib.loads(settings_in(Path("box.png")))["a"] == "façade 😀"
 
 
 def test_other_pictures_hold_no_settings(capsys):
@@ -174,7 +181,8 @@ def test_the_schema_of_every_command_knows_its_options(application, capsys):
     for name in [name for name in commands_of if not name.startswith("-")]:
         assert ended("schema", f"resample-{application}", name) == 0
         schema = commands.strict_json(capsys.readouterr().out)
-        known = set(options_of(commands_of[name])) - set(OWN)
+        marks = marks_of(commands_of[name].default_command)
+        known = {key for key in options_of(commands_of[name]) if marks[key] is not About.TRUST}
         assert set(schema["properties"]) == known | {"command"}
 
 
@@ -182,7 +190,9 @@ def test_the_schema_tells_types_limits_defaults_and_what_options_are(capsys):
     assert ended("schema", "resample-volume", "render") == 0
     option = json.loads(capsys.readouterr().out)["properties"]
     specular = {"type": "number", "minimum": 0, "default": 0.2}
-    assert option["specular"] == specular | {"description": "Strength of the white highlights."}
+    described = {"description": "Strength of the white highlights.", "about": "look"}
+    assert option["specular"] == specular | described
+    assert option["scheduler"]["about"] == "target"
     assert option["bits"]["enum"] == [8, 16, 32]
     assert option["command"] == {"const": "resample-volume render"}
 
@@ -196,5 +206,7 @@ def test_the_schema_of_an_unknown_command_lists_the_known_ones(capsys):
 def test_options_read_are_those_of_the_file():
     path = Path("view.toml")
     path.write_text('\ufeffsize = "24"\nfov = 0\n', encoding="utf-8")
-    options = options_of(import_module("resample_volume.command.cli").app["render"])
-    assert read_settings(path, "resample-volume render", options) == {"size": "24", "fov": 0}
+    render = import_module("resample_volume.command.cli").app["render"]
+    options, marks = options_of(render), marks_of(render.default_command)
+    read = read_settings(path, "resample-volume render", options, marks)
+    assert read == {"size": "24", "fov": 0}

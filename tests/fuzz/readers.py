@@ -8,6 +8,7 @@ import numpy as np
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_intrinsics, read_lens
+from resample.command.about import marks_of
 from resample.files.facts.settings import options_of, read_settings
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
@@ -64,6 +65,9 @@ READERS: dict[str, Callable[[Path], object]] = {
     "transfer": read_transfer,
     "keyframes": read_keyframes,
     "settings": lambda path: read_settings(
-        path, "resample-volume render", options_of(app["render"])
+        path,
+        "resample-volume render",
+        options_of(app["render"]),
+        marks_of(app["render"].default_command),
     ),
 }

@@ -113,6 +113,27 @@ def test_settings_that_are_not_allowed_leave_those_that_were() -> None:
         resample_volume.view("checker-box:size=16", transfer="no-such-look")
 
 
+def test_a_page_changes_how_a_picture_looks_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("labels.npy", np.ones((16, 16, 16), np.uint8))
+    widget = resample_volume.view("checker-box:size=16", labels="labels.npy")
+    kept = dict(widget.settings)
+    for foreign in ({"labels": "/dev/zero"}, {"mesh": ["a.ply"]}, {"transfer": "a.toml"}):
+        with pytest.raises(ValueError, match="a page says how a picture looks"):
+            widget.set_state({"settings": kept | foreign})
+        page = CellPage(widget)
+        page.wish("pick", x=24, y=20, settings=kept | foreign)
+        assert "a page says how a picture looks" in page.told("error")["text"]
+        assert widget.settings == kept
+    widget.set_state({"settings": kept | {"camera": "front"}})
+    assert widget.settings == kept | {"camera": "front"}
+    widget.settings = {"camera": "top"}  # in Python all may be said
+    assert widget.settings == {"camera": "top"}
+    widget.close()
+
+
 def test_nonsense_is_answered_and_pages_are_forgotten() -> None:
     widget = resample_volume.view("checker-box:size=16")
     page = CellPage(widget)

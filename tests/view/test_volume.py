@@ -227,7 +227,8 @@ def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
         page.say("pick", settings, x=1, y=1)
         assert page.told("picked")["found"] == {}
         for wrong, said in (
-            ({"transfer": "none.toml"}, "No such file"),
+            ({"transfer": "none.toml"}, "a page says how a picture looks"),
+            ({"labels": "labels.nrrd"}, "a page says how a picture looks"),
             ({"camera": "1/2/3/4"}, "give azimuth/elevation/zoom"),
             ({"projection": "sideways"}, "composite"),
             ({"speed": 3}, "no option 'speed'"),

@@ -50,9 +50,8 @@ FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
-    *("reader", "shape", "dtype", "endian", "spacing", "memory", "level", "units", "time"),
-    *("channel", "also", "channels", "size", "bits", "threads", "color-bar", "deep", "output"),
-    *("stats", "settings", "save-settings"),
+    *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
+    *("channel", "channels", "size", "bits", "color-bar", "deep"),
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256

@@ -1,12 +1,17 @@
-"""Settings files: the options of a command as TOML, kept from one run and given to another."""
+"""Settings files: the options of a command as TOML, kept from one run and given to another.
+
+Such a file may come from anywhere, so it says how a picture looks, and nothing else: what options
+are about is in `resample.command.about`.
+"""
 
 import inspect
 import json
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import partial, wraps
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NoReturn, get_args, get_type_hints
 
 from cyclopts import App, ArgumentCollection, Parameter
 from cyclopts.argument import Argument
@@ -14,6 +19,7 @@ from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
 from resample import memory as memories
+from resample.command.about import About, Marks, about, marks_of, model_in, name_of
 from resample.command.flags import Switch, under
 from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
 from resample.command.threads import at_most
@@ -28,27 +34,36 @@ Command = Callable[..., Any]
 Settings = dict[str, Any]
 
 COMMAND = "command"  # the key that says whose settings they are
-# What a run writes is its own: another run with its settings overwrites nothing.
-TARGETS = {"output", "stats", "holes", "coverage", "depth-output", "export", "resume"}
-# Of this run on this machine: a file that came from anywhere raises no limits.
-LIMITING = ("limit", "allow-outside")
-OWN = ("settings", "save-settings", *LIMITING)
+LOG = logging.getLogger("resample")
+OWN = ("settings", "settings-trusted", "save-settings")
 Given = Annotated[
     Path | None,
+    About.TRUST,
     under(SETTINGS),
     Parameter(
-        help="Options from a file: .toml, or a PNG or EXR that was made with them; those of the "
-        "command line go before them."
+        help="How pictures look, from a file: .toml, or a PNG or EXR that was made so; the command "
+        "line goes before it."
+    ),
+]
+Trusted = Annotated[
+    Path | None,
+    About.TRUST,
+    under(SETTINGS),
+    Parameter(
+        help="As --settings, of a .toml that you wrote yourself: it may also say what is read, "
+        "written and used."
     ),
 ]
 Saved = Annotated[
     Path | None,
+    About.TRUST,
     under(SETTINGS),
-    Parameter(help="Also write the options, but not what is read and written (.toml)."),
+    Parameter(help="Also write how the picture looks, but not what is read and written (.toml)."),
 ]
-Memory = Annotated[str | None, under(LIMITS), Parameter(help=MEMORY + ".")]
+Memory = Annotated[str | None, About.RESOURCE, under(LIMITS), Parameter(help=MEMORY + ".")]
 Limit = Annotated[
     str | None,
+    About.TRUST,
     under(LIMITS),
     Parameter(
         help="How much files may hold: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
@@ -56,15 +71,19 @@ Limit = Annotated[
     ),
 ]
 Outside = Annotated[
-    bool, Switch, under(LIMITS), Parameter(help="Let files name others outside of their folder.")
+    bool,
+    About.TRUST,
+    Switch,
+    under(LIMITS),
+    Parameter(help="Let files name others outside of their folder."),
 ]
 
 
 def with_settings(app: App) -> None:
     """Give every command of an application that has options those that all of them have.
 
-    `--settings` and `--save-settings`, and what raises limits: `--memory`, `--limit` and
-    `--allow-outside`.
+    `--settings`, `--settings-trusted` and `--save-settings`, and what raises limits: `--memory`,
+    `--limit` and `--allow-outside`.
     """
     app.config = (partial(_take, app.name[0]),)
     for name in app:
@@ -74,14 +93,14 @@ def with_settings(app: App) -> None:
 
 
 def _has_options(command: Command) -> bool:
-    """Whether a command has options that settings may hold.
+    """Whether a command has options besides what it writes.
 
     Its signature says so; to assemble all commands as they are parsed would take a tenth of a
     second, and one of them is asked for.
     """
     named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     parts = inspect.signature(command).parameters.values()
-    return any(part.kind in named and part.name.replace("_", "-") not in TARGETS for part in parts)
+    return any(part.kind in named and part.name != "output" for part in parts)
 
 
 def options_of(command: App) -> dict[str, Argument]:
@@ -90,7 +109,7 @@ def options_of(command: App) -> dict[str, Argument]:
 
 
 def schema_of(name: str, command: App) -> dict[str, Any]:
-    """JSON schema of a command's settings.
+    """JSON schema of a command's settings; `about` says which any file may hold: the `look`.
 
     Parameters
     ----------
@@ -100,11 +119,15 @@ def schema_of(name: str, command: App) -> dict[str, Any]:
         It.
     """
     properties: dict[str, Any] = {COMMAND: {"const": name}}
+    assert command.default_command is not None
+    marks = marks_of(command.default_command)
     for key, argument in options_of(command).items():
-        if key in OWN:
+        mark = marks[key]
+        if mark is About.TRUST:
             continue
         adapter: TypeAdapter[Any] = TypeAdapter(argument.field_info.annotation)
         described = adapter.json_schema()
+        described["about"] = mark.value if isinstance(mark, About) else "look, or source"
         default = argument.field_info.default
         if default not in (None, inspect.Parameter.empty):
             described["default"] = adapter.dump_python(default, mode="json")
@@ -120,25 +143,78 @@ def schema_of(name: str, command: App) -> dict[str, Any]:
     }
 
 
-def read_settings(path: Path, name: str, options: Mapping[str, Argument]) -> Settings:
+def read_settings(
+    path: Path,
+    name: str,
+    options: Mapping[str, Argument],
+    marks: Marks,
+    *,
+    is_trusted: bool = False,
+) -> Settings:
     """Options of a command that a file holds, of the right types.
+
+    Those that are about something else than the look are left out, which is said.
+
+    Parameters
+    ----------
+    path
+        A .toml, or a picture that was made by these commands.
+    name
+        Of the application and the command.
+    options, marks
+        Of the command, by name.
+    is_trusted
+        The file's own words are taken about all but what files may do.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It is no TOML, of another command, or an option is unknown or of another type.
+        It is no TOML, of another command, or an option is unknown or of another type; or a picture
+        is to be trusted.
     """
-    text = settings_in(path) if path.suffix.lower() in PICTURES else text_of(path)
+    is_picture = path.suffix.lower() in PICTURES
+    if is_picture and is_trusted:
+        raise ValueError(f"{path} is a picture; trust a .toml that you wrote yourself")
+    text = settings_in(path) if is_picture else text_of(path)
+    left_out: list[str] = []
     with naming(str(path)):
         content = toml_of(text)
         owner = content.pop(COMMAND, name)
         if owner != name:
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
-        for key, value in content.items():
+        for key, value in list(content.items()):
+            _check_name(key, options)
+            if not _may_say(about(marks.get(key), value), is_trusted=is_trusted):
+                left_out.append(key)
+                del content[key]
+                continue
             _check(key, value, options)
+    if left_out:
+        LOG.warning("%s: %s", path, _left_out(left_out, is_picture=is_picture))
     return content
+
+
+def look_of(settings: Settings, marks: Marks) -> Settings:
+    """Those settings that say how a picture looks: what files keep."""
+    return {key: value for key, value in settings.items() if _may_say(about(marks.get(key), value))}
+
+
+def _may_say(subject: About | None, *, is_trusted: bool = False) -> bool:
+    """Whether a file may hold an option about something."""
+    if is_trusted:
+        return subject is not None and subject is not About.TRUST
+    return subject is About.LOOK
+
+
+def _left_out(keys: list[str], *, is_picture: bool) -> str:
+    """Words about options that a file must not say."""
+    instead = "" if is_picture else ", or trust your own file by --settings-trusted"
+    return (
+        f"{', '.join(keys)} left out, as settings say how a picture looks, not what is read, "
+        f"written, used or trusted; give that on the command line{instead}"
+    )
 
 
 def as_toml(name: str, settings: Settings) -> str:
@@ -158,23 +234,37 @@ def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
 def _take(application: str, app: App, commands: tuple[str, ...], given: ArgumentCollection) -> None:
     """Fill what the command line leaves open from the file that `--settings` names, if any."""
     options = _options(given)
-    tokens = options["settings"].tokens if "settings" in options else []
-    if not tokens:
+    named = {key: options[key].tokens for key in OWN[:2] if key in options and options[key].tokens}
+    if not named:
         return
+    if len(named) > 1:
+        raise ValueError("give one of --settings and --settings-trusted, not both")
+    ((key, tokens),) = named.items()
     path = Path(tokens[-1].value)
     known = {key: option for key, option in options.items() if key not in OWN}
-    content: Settings = read_settings(path, " ".join([application, *commands]), known)
-    for command in reversed(commands):
-        content = {command: content}
+    assert app.default_command is not None
+    content: Settings = read_settings(
+        path,
+        " ".join([application, *commands]),
+        known,
+        marks_of(app.default_command),
+        is_trusted=key == "settings-trusted",
+    )
+    for one in reversed(commands):
+        content = {one: content}
     Dict(content, source=str(path))(app, commands, given)
 
 
-def _check(key: str, value: object, options: Mapping[str, Argument]) -> None:
-    """Refuse an unknown option, and a value of another type than the option's."""
+def _check_name(key: str, options: Mapping[str, Argument]) -> None:
+    """Refuse an unknown option."""
     if key not in options:
         near = get_close_matches(key, options, n=1)
         hint = f"did you mean {near[0]}?" if near else "--help lists what there is"
         raise ValueError(f"there is no option {key!r:.60}; {hint}")
+
+
+def _check(key: str, value: object, options: Mapping[str, Argument]) -> None:
+    """Refuse a value of another type than the option's."""
     adapter: TypeAdapter[Any] = TypeAdapter(options[key].field_info.annotation)
     with naming(key):
         adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
@@ -193,14 +283,16 @@ def _keeping(name: str, command: Command) -> Command:
     def run(
         *inputs: Any,
         settings: Path | None = None,
+        settings_trusted: Path | None = None,
         save_settings: Path | None = None,
         memory: str | None = None,
         limit: str | None = None,
         allow_outside: bool = False,
         **options: Any,
     ) -> Any:
-        chosen = dict(_chosen(signature, options))
-        text = as_toml(name, chosen)
+        marks = marks_of(command)
+        chosen = dict(_chosen(command, signature, options))
+        text = as_toml(name, look_of(chosen, marks))
         with (
             memories.allowing(memory),
             at_most(chosen.get("threads")),
@@ -209,21 +301,32 @@ def _keeping(name: str, command: Command) -> Command:
         ):
             if save_settings is None:
                 return command(*inputs, **options)
-            check_targets(save_settings, settings, options.get("output"))
+            check_targets(save_settings, settings or settings_trusted, options.get("output"))
             result = command(*inputs, **options)
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
+        if read := [key for key in chosen if about(marks[key], chosen[key]) is About.SOURCE]:
+            LOG.warning("%s: %s", save_settings, _unsaid(read))
         return result
 
     _sign(run, command, signature)
     return run
 
 
+def _unsaid(keys: list[str]) -> str:
+    """Words about options that the picture was made with, and that are not kept."""
+    return f"{', '.join(keys)} not kept, as settings do not say what is read; give that again"
+
+
 def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
     """Give a command the options of another, and those that all have."""
     hints = get_type_hints(command, include_extras=True)
     kinds = {name: _headed(kind) for name, kind in hints.items()}
-    own: dict[str, tuple[Any, object]] = {"settings": (Given, None), "save_settings": (Saved, None)}
+    own: dict[str, tuple[Any, object]] = {
+        "settings": (Given, None),
+        "settings_trusted": (Trusted, None),
+        "save_settings": (Saved, None),
+    }
     if not any("memory" in _fields_of(kind) for kind in hints.values()):
         own["memory"] = Memory, None
     own |= {"limit": (Limit, None), "allow_outside": (Outside, False)}
@@ -238,32 +341,36 @@ def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
 
 def _fields_of(kind: Any) -> Iterable[str]:
     """Options that a model in a signature stands for."""
-    model = get_origin(kind) is Annotated and get_args(kind)[0]
-    return model.model_fields if isinstance(model, type) and issubclass(model, Choices) else ()
+    model = model_in(kind)
+    return () if model is None else model.model_fields
 
 
 def _headed(kind: Any) -> Any:
     """Kind of an argument; what is of a model has its heading in the help."""
-    model = get_origin(kind) is Annotated and get_args(kind)[0]
-    if isinstance(model, type) and issubclass(model, Choices):
+    model = model_in(kind)
+    if model is not None and issubclass(model, Choices):
         return Annotated[kind, under(model.heading)]
     return kind
 
 
-def _chosen(signature: inspect.Signature, options: Settings) -> Iterator[tuple[str, Any]]:
+def _chosen(
+    command: Command, signature: inspect.Signature, options: Settings
+) -> Iterator[tuple[str, Any]]:
     """Options that differ from what the command does by itself, by name, as TOML has them."""
+    hints = get_type_hints(command, include_extras=True)
     for name, value in options.items():
         default = signature.parameters[name].default
-        values = {name: value}
-        usual = {name: default}
+        values, usual, metadata = {name: value}, {name: default}, {name: get_args(hints[name])[1:]}
         if isinstance(value, BaseModel):  # what was given is set, also where others differ
-            given = [field for field in type(value).model_fields if field in value.model_fields_set]
-            values = {field: getattr(value, field) for field in given}
+            fields = type(value).model_fields
+            values = {
+                field: getattr(value, field) for field in fields if field in value.model_fields_set
+            }
             usual = _usual(type(value), default)
+            metadata = {field: tuple(info.metadata) for field, info in fields.items()}
         for field, chosen in values.items():
-            key = "json" if field == "as_json" else field.replace("_", "-")
-            if key not in TARGETS and chosen is not None and chosen != usual.get(field):
-                yield key, chosen
+            if chosen is not None and chosen != usual.get(field):
+                yield name_of(field, metadata[field]), chosen
 
 
 def _usual(model: type[BaseModel], default: object) -> Settings:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from cyclopts import Parameter
 from pydantic import Field
 
+from resample.command.about import NUMBERS, About
 from resample.command.flags import Hyphen, Switch
 from resample.command.settings import CALIBRATED, SIZE, Choices, height_and_width
 from resample.words import numbers_in
@@ -22,6 +23,7 @@ class NewSize(Choices):
     """How large a picture becomes."""
 
     heading: ClassVar[str] = "Target"
+    about: ClassVar[About] = About.LOOK
 
     size: Annotated[
         str | None,
@@ -77,6 +79,7 @@ class Factor(Choices):
     """By what a picture is scaled."""
 
     heading: ClassVar[str] = "Target"
+    about: ClassVar[About] = About.LOOK
 
     factor: Annotated[
         str, Hyphen, Field(description="Of both sides, such as 0.5; or of x,y, such as 0.5,0.25.")
@@ -113,6 +116,7 @@ class Turn(Choices):
     """How a picture is turned."""
 
     heading: ClassVar[str] = "Target"
+    about: ClassVar[About] = About.LOOK
 
     degrees: Annotated[
         float,
@@ -138,8 +142,11 @@ class Undistortion(Choices):
     """Which lens is taken out, and what is seen then."""
 
     heading: ClassVar[str] = "Target"
+    about: ClassVar[About] = About.LOOK
 
-    lens: Annotated[str, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is taken out.")]
+    lens: Annotated[
+        str, NUMBERS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is taken out.")
+    ]
     fisheye: Annotated[
         bool,
         Switch,
@@ -147,6 +154,7 @@ class Undistortion(Choices):
     ] = False
     new_matrix: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description="Of the pinhole that the picture is rectified for: fx,fy,cx,cy, 9 numbers "
@@ -155,6 +163,7 @@ class Undistortion(Choices):
     ] = None
     rectify: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "

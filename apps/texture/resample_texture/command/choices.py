@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter, Token
 from pydantic import BeforeValidator, Field
 
+from resample.command.about import NUMBERS, About
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
     CALIBRATED,
@@ -46,9 +47,11 @@ class Place(Choices):
     """Where the picture's pixels go: one of matrix, corners, map, flow and lens."""
 
     heading: ClassVar[str] = "Target"
+    about: ClassVar[About] = About.LOOK
 
     matrix: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description="3 x 3 homography or 2 x 3 affine map from source to target: 9 or 6 "
@@ -65,6 +68,7 @@ class Place(Choices):
     ] = None
     map: Annotated[
         Path | None,
+        About.SOURCE,
         Field(
             description="File of the source coordinates of every target pixel: .npy (H, W, 2), "
             ".npz with x and y, or a picture of two channels; pixel centers at + 0.5."
@@ -72,10 +76,12 @@ class Place(Choices):
     ] = None
     flow: Annotated[
         Path | None,
+        About.SOURCE,
         Field(description="File of how far every source pixel moves: .flo, or as of a map."),
     ] = None
     lens: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(description=f"{CALIBRATED}. Its distortion is taken out."),
     ] = None
@@ -119,6 +125,7 @@ class Warping(Choices):
     """How a picture is warped."""
 
     heading: ClassVar[str] = "Method"
+    about: ClassVar[About] = About.LOOK
 
     method: Annotated[
         str,
@@ -176,9 +183,11 @@ class Besides(Choices):
     """What is written of a warp, and besides it."""
 
     heading: ClassVar[str] = "Beside the picture"
+    about: ClassVar[About] = About.TARGET
 
     roi: Annotated[
         str | None,
+        About.LOOK,
         Field(description="Write only this part of the target: left,top,width,height in px."),
     ] = None
     coverage: Annotated[
@@ -194,6 +203,7 @@ class MeshView(Choices):
     """How a mesh is seen."""
 
     heading: ClassVar[str] = "Look"
+    about: ClassVar[About] = About.LOOK
 
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
@@ -224,6 +234,7 @@ class MeshDrawing(Choices):
     """How a mesh is drawn."""
 
     heading: ClassVar[str] = "Method"
+    about: ClassVar[About] = About.LOOK
 
     interpolation: Annotated[
         str,
@@ -256,10 +267,12 @@ class MeshFormat(Choices):
     """What kind of picture of a mesh is written."""
 
     heading: ClassVar[str] = "Picture"
+    about: ClassVar[About] = About.LOOK
 
     size: Annotated[str, Field(description=SIZE)] = "512"
     texture: Annotated[
         Path | None,
+        About.SOURCE,
         Field(description="Picture to use in place of the textures that the file names."),
     ] = None
     background: Annotated[

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App
 
 from resample.command import flags
+from resample.command.about import About, words
 from resample.command.options import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
@@ -39,6 +40,7 @@ BESIDES, SERVING = Besides.usual(), Serving.usual()
 PAGE = Filling.usual()  # a page that reaches the photo's edge does not fade there
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
+SCENES = ("floor", "floor-yaw", "floor-close", "zoom", "shrink")
 FIGURES, DEMO = Path("figures"), Path("demo")
 
 
@@ -124,9 +126,9 @@ def rectify(
     photo: Picture,
     /,
     *,
-    corners: Annotated[str, flags.Hyphen],
+    corners: Annotated[str, About.LOOK, flags.Hyphen],
     output: flags.Output,
-    size: str | None = None,
+    size: flags.Look[str | None] = None,
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
@@ -216,14 +218,14 @@ def compare(
     image: Picture,
     /,
     *,
-    scene: Annotated[str, flags.Hyphen] = "floor",
-    methods: str = COMPARED,
+    scene: Annotated[str, words(*SCENES, or_numbers=True), flags.Hyphen] = "floor",
+    methods: flags.Look[str] = COMPARED,
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
-    truth_filter: Literal["box", "gaussian"] = "box",
-    linear: bool = True,
-    edge: Edges = "transparent",
-    size: str | None = None,
+    truth_filter: flags.Look[Literal["box", "gaussian"]] = "box",
+    linear: flags.Look[bool] = True,
+    edge: flags.Look[Edges] = "transparent",
+    size: flags.Look[str | None] = None,
 ) -> None:
     """Warp a picture by several methods and measure them where texels shrink and where they grow.
 
@@ -290,12 +292,12 @@ def animate(
     /,
     *,
     output: flags.FilmOutput,
-    path: Literal["fly", "turn"] = "fly",
-    frames: int = 48,
+    path: flags.Look[Literal["fly", "turn"]] = "fly",
+    frames: flags.Look[int] = 48,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "426x240",
-    method: str = "hybrid",
-    edge: Edges = "transparent",
+    method: flags.Look[str] = "hybrid",
+    edge: flags.Look[Edges] = "transparent",
     background: flags.FilmBackground = "#9dbbd8",
     resume: flags.Resume = False,
 ) -> None:
@@ -337,7 +339,7 @@ def animate(
 
 
 @app.command
-def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     """Download a public set of files, check it and print where it is; without a name, list them.
 
     Example: resample-texture fetch astronaut
@@ -355,7 +357,9 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 
 
 @app.command
-def figures(*, output: flags.Output = FIGURES, image: Picture | None = None) -> None:
+def figures(
+    *, output: flags.Output = FIGURES, image: Annotated[Picture | None, About.SOURCE] = None
+) -> None:
     """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
 
     Parameters

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 COMMAND = "resample-texture mesh"
 MESHES = (".obj", ".glb", ".gltf")
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # models of options that a page changes
-LEFT_OUT = ("size", "bits", "output", "settings", "save-settings")
+LEFT_OUT = ("size", "bits")
 PER = 2  # px each way of a whole picture that are one of its preview
 
 

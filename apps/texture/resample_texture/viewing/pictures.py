@@ -29,10 +29,7 @@ PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 LITTLE = 16  # px of a side, of pictures that have kernels compiled
 KINDS = ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")  # matrices
-LEFT_OUT = (
-    *("size", "roi", "coverage", "stats", "threads", "bits", "output", "map", "flow", "total"),
-    *("settings", "save-settings"),
-)
+LEFT_OUT = ("size", "roi", "bits", "total")
 
 
 @dataclass

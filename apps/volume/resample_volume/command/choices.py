@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
+from resample.command.about import TRANSFER, About
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
 from resample.command.settings import (
     CAMERA,
@@ -38,6 +39,7 @@ class Source(Choices):
     """What is read, where the file alone does not say it."""
 
     heading: ClassVar[str] = "Input"
+    about: ClassVar[About] = About.LOOK
 
     reader: Annotated[
         str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
@@ -57,6 +59,7 @@ class Source(Choices):
     ] = None
     memory: Annotated[
         str | None,
+        About.RESOURCE,
         Field(
             description=f"{MEMORY}; of a volume in chunks (OME-Zarr, zarr) its voxels may take "
             "that, or half of what is free."
@@ -94,9 +97,11 @@ class Added(Choices):
     """What is shown in the same scene."""
 
     heading: ClassVar[str] = "Also in the scene"
+    about: ClassVar[About] = About.LOOK
 
     also: Annotated[
         tuple[str, ...],
+        About.SOURCE,
         Several,
         Field(
             description="Another volume in the same scene, where its file says it is: pet.nrrd, "
@@ -106,6 +111,7 @@ class Added(Choices):
     ] = ()
     channels: Annotated[
         str | None,
+        TRANSFER,
         Field(
             description="What each channel of the file looks like: red,#00ff80,none or "
             "gray,300..900,auto:opacity=0.2; a color, what transfer takes, or none."
@@ -117,9 +123,11 @@ class Look(Choices):
     """What voxels look like and from where."""
 
     heading: ClassVar[str] = "Look"
+    about: ClassVar[About] = About.LOOK
 
     transfer: Annotated[
         str,
+        TRANSFER,
         Hyphen,
         Field(
             description="Transfer function: auto, which looks at the values; "
@@ -205,7 +213,9 @@ class Look(Choices):
         ),
     ] = "pre"
     labels: Annotated[
-        str | None, Field(description="Volume of whole numbers, a label for each voxel.")
+        str | None,
+        About.SOURCE,
+        Field(description="Volume of whole numbers, a label for each voxel."),
     ] = None
     label: Annotated[
         tuple[str, ...],
@@ -324,6 +334,7 @@ class Beside(Choices):
     """What else is seen in the volume's scene."""
 
     heading: ClassVar[str] = "Beside the volume"
+    about: ClassVar[About] = About.LOOK
 
     axes: Annotated[
         bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
@@ -348,6 +359,7 @@ class Beside(Choices):
     ] = False
     mesh: Annotated[
         tuple[str, ...],
+        About.SOURCE,
         Several,
         Field(
             description="Mesh in the volume's scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, "
@@ -427,6 +439,7 @@ class Projecting(Choices):
     """What a pixel shows."""
 
     heading: ClassVar[str] = "Projection"
+    about: ClassVar[About] = About.LOOK
 
     projection: Shown = "composite"
     iso: Iso = None

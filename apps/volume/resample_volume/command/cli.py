@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
+from resample.command.about import About, words
 from resample.command.options import run
 from resample.command.settings import (
     PictureFormat,
@@ -134,14 +135,14 @@ def compare(
     volume: str,
     /,
     *,
-    methods: str = "points,splats,hybrid",
-    footprints: Annotated[str, Unshown] = "",
-    orders: Annotated[str, Unshown] = "",
-    peer: Annotated[Literal["vtk"] | None, flags.Switch] = None,
-    reference: Literal["splats", "rays"] = "splats",
+    methods: flags.Look[str] = "points,splats,hybrid",
+    footprints: Annotated[str, About.LOOK, Unshown] = "",
+    orders: Annotated[str, About.LOOK, Unshown] = "",
+    peer: Annotated[Literal["vtk"] | None, About.LOOK, flags.Switch] = None,
+    reference: flags.Look[Literal["splats", "rays"]] = "splats",
     output: flags.OptionalOutput = None,
-    difference: Annotated[bool, flags.Switch] = False,
-    rays: int = 8,
+    difference: Annotated[bool, About.LOOK, flags.Switch] = False,
+    rays: flags.Look[int] = 8,
     as_json: flags.Json = False,
     look: Annotated[Look, flags.Flat] = FAR_LOOK,
     projection: Annotated[Projecting, flags.Flat] = PROJECTING,
@@ -223,14 +224,14 @@ def animate(
     /,
     *,
     output: flags.FilmOutput,
-    path: str = "orbit",
-    frames: int | None = None,
+    path: Annotated[str, words("orbit", "zoom", "threshold", "still")] = "orbit",
+    frames: flags.Look[int | None] = None,
     fps: flags.FramesPerSecond = 24.0,
     look: Annotated[Look, flags.Flat] = LOOK,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     size: flags.Size = "400",
     background: flags.FilmBackground = "black",
-    threads: int | None = None,
+    threads: Annotated[int | None, About.RESOURCE] = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
@@ -318,8 +319,8 @@ def info(
     volume: str,
     /,
     *,
-    bins: int = 32,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    bins: flags.Look[int] = 32,
+    as_json: Annotated[bool, About.LOOK, Parameter(name="--json", negative="")] = False,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Print a volume's size, spacing, values, histogram and the thresholds that this suggests.
@@ -372,10 +373,10 @@ def convert(
     output: Path,
     /,
     *,
-    chunk: int = 64,
-    shard: int | None = None,
-    compression: Literal["zstd", "blosc", "none"] = "zstd",
-    levels: bool = True,
+    chunk: flags.Look[int] = 64,
+    shard: flags.Look[int | None] = None,
+    compression: flags.Look[Literal["zstd", "blosc", "none"]] = "zstd",
+    levels: flags.Look[bool] = True,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
@@ -416,7 +417,7 @@ def convert(
 
 
 @app.command
-def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     """Download a public volume, check it and print where it is; without a name, list them.
 
     Example: resample-volume render $(resample-volume fetch engine) -o engine.png
@@ -443,8 +444,8 @@ def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
 def figures(
     *,
     output: flags.Output = FIGURES,
-    figure: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
-    data: Path | None = None,
+    figure: Annotated[tuple[str, ...], About.LOOK, Parameter(negative="", show_default=False)] = (),
+    data: flags.Source = None,
 ) -> None:
     """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.
 

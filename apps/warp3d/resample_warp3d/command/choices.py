@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from resample.command.about import NUMBERS, About, words
 from resample.command.flags import Hyphen, Stats, Switch
 from resample.command.settings import (
     Choices,
@@ -30,6 +31,7 @@ class Depth(Choices):
     """What the numbers of the depth file mean."""
 
     heading: ClassVar[str] = "Input"
+    about: ClassVar[About] = About.LOOK
 
     depth_kind: Annotated[
         Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
@@ -57,6 +59,7 @@ class Depth(Choices):
     ] = None
     depth_intrinsics: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth, or a "
@@ -65,6 +68,7 @@ class Depth(Choices):
     ] = None
     depth_pose: Annotated[
         str | None,
+        About.SOURCE,
         Field(description="And its pose: file or file:frame, as of --pose. The picture's."),
     ] = None
     doffs: Annotated[
@@ -174,6 +178,7 @@ class Parallax(Choices):
     """How two eyes see a picture of any depth."""
 
     heading: ClassVar[str] = "Eyes"
+    about: ClassVar[About] = About.LOOK
 
     eyes: Annotated[
         float | None,
@@ -216,6 +221,7 @@ class Warping(Choices):
     """How pictures are warped."""
 
     heading: ClassVar[str] = "Method"
+    about: ClassVar[About] = About.LOOK
 
     method: Annotated[
         str,
@@ -295,6 +301,7 @@ class Joint(Choices):
     """How several views become one."""
 
     heading: ClassVar[str] = "Several sources"
+    about: ClassVar[About] = About.LOOK
 
     blend: Annotated[
         Literal["feathered", "confident", "best"],
@@ -337,6 +344,7 @@ class Showing(Choices):
     """What of a warped picture is written."""
 
     heading: ClassVar[str] = "Picture"
+    about: ClassVar[About] = About.LOOK
 
     show: Annotated[
         Literal["picture", "holes", "depth", "coverage", "magnification", "confidence"],
@@ -367,6 +375,7 @@ class Extras(Choices):
     """What is written beside the picture."""
 
     heading: ClassVar[str] = "Beside the picture"
+    about: ClassVar[About] = About.TARGET
 
     holes: Annotated[
         Path | None,
@@ -389,7 +398,9 @@ class Extras(Choices):
     export: Annotated[
         Path | None, Field(description="The source as a colored mesh or points (.ply, .glb).")
     ] = None
-    export_as: Annotated[Literal["mesh", "points"], Field(description="What is exported.")] = "mesh"
+    export_as: Annotated[
+        Literal["mesh", "points"], About.LOOK, Field(description="What is exported.")
+    ] = "mesh"
     stats: Stats = None
 
     def paths(self) -> list[Path | None]:
@@ -401,9 +412,11 @@ class Travel(Choices):
     """How the camera of an animation moves."""
 
     heading: ClassVar[str] = "Camera"
+    about: ClassVar[About] = About.LOOK
 
     path: Annotated[
         str,
+        words("sway", "orbit", "dolly"),
         Field(
             description="The camera's way: sway, left and right around what is seen; orbit, in a "
             "circle; dolly, ahead and back; or a file of poses, as of render."

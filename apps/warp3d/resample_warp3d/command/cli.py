@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
+from resample.command.about import About, words
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.files.facts.settings import with_settings
@@ -42,7 +43,7 @@ TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
 CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart.usual(), CloudAim.usual(), CloudFormat.usual()
-VIEWS = ("side", "back4", "in3", "oblique")  # some of the generated scene's
+VIEWS = "side,back4,in3,oblique"  # some of the generated scene's
 SIDE = 512  # px of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
 DEMO, FIGURES = Path("demo"), Path("figures")
@@ -58,7 +59,7 @@ def render(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    view: Annotated[list[str] | None, flags.Switch] = None,
+    view: Annotated[list[str] | None, About.SOURCE, flags.Switch] = None,
     joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
@@ -143,16 +144,16 @@ def stereo(
     /,
     *,
     output: flags.Output,
-    disparity_scale: float | None = None,
+    disparity_scale: flags.Look[float | None] = None,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[PairDepth, flags.Flat] = PAIR_DEPTH,
     parallax: Annotated[Parallax, flags.Flat] = PARALLAX,
-    fraction: Annotated[float, flags.Hyphen] = 1.0,
-    given: Annotated[Literal["left", "right"], Parameter(name="--from")] = "left",
+    fraction: Annotated[float, About.LOOK, flags.Hyphen] = 1.0,
+    given: Annotated[Literal["left", "right"], About.LOOK, Parameter(name="--from")] = "left",
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    holes: Path | None = None,
-    coverage: Path | None = None,
+    holes: flags.Target = None,
+    coverage: flags.Target = None,
 ) -> None:
     """Make the picture of the other eye from a picture and its disparity or depth, or both in one.
 
@@ -235,7 +236,7 @@ def animate(
     target: Annotated[TargetCamera, flags.Flat] = TARGET,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     background: flags.FilmBackground = "black",
-    depth_output: Path | None = None,
+    depth_output: flags.Target = None,
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
@@ -350,7 +351,9 @@ def view(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    further: Annotated[list[str] | None, Parameter(name="--view"), flags.Switch] = None,
+    further: Annotated[
+        list[str] | None, About.SOURCE, Parameter(name="--view"), flags.Switch
+    ] = None,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     page: Annotated[Serving, flags.Flat] = SERVING,
@@ -397,8 +400,8 @@ def animate_cloud(
     /,
     *,
     output: flags.FilmOutput,
-    path: str = "orbit",
-    frames: int | None = None,
+    path: Annotated[str, words("orbit", "sway")] = "orbit",
+    frames: flags.Look[int | None] = None,
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "640x480",
@@ -451,15 +454,15 @@ def compare(
     depth: str | None = None,
     /,
     *,
-    scene: Literal["generated"] | None = None,
-    truth: Path | None = None,
-    mask: Path | None = None,
+    scene: flags.Look[Literal["generated"] | None] = None,
+    truth: flags.Source = None,
+    mask: flags.Source = None,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    views: str = ",".join(VIEWS),
-    methods: str = COMPARED,
-    refine: Refine = "auto",
+    views: flags.Look[str] = VIEWS,
+    methods: flags.Look[str] = COMPARED,
+    refine: flags.Look[Refine] = "auto",
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:
@@ -519,7 +522,7 @@ def compare(
 
 
 @app.command
-def fetch(name: str | None = None, /, *, folder: Path | None = None) -> None:
+def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     """Download a public set of files, check it and print where it is; without a name, list them.
 
     Example: resample-warp3d fetch living-room
@@ -546,9 +549,9 @@ def figures(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    views: str = "oblique",
-    methods: str = "hybrid,mcmillan",
-    refine: Refine = "auto",
+    views: flags.Look[str] = "oblique",
+    methods: flags.Look[str] = "hybrid,mcmillan",
+    refine: flags.Look[Refine] = "auto",
 ) -> None:
     """Remake the paper's Figure 6: a picture, and a view of it by the hybrid and by McMillan.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from cyclopts import Parameter
 from pydantic import BeforeValidator, Field
 
+from resample.command.about import NUMBERS, About
 from resample.command.console import say
 from resample.command.flags import Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
@@ -45,6 +46,7 @@ class CloudLook(Choices):
     """How a cloud is drawn."""
 
     heading: ClassVar[str] = "Look"
+    about: ClassVar[About] = About.LOOK
 
     color_by: Annotated[
         str | None,
@@ -100,6 +102,7 @@ class CloudLook(Choices):
     ] = 0
     no_cache: Annotated[
         bool,
+        About.RESOURCE,
         Switch,
         Field(description="Keep nothing of the cloud's neighbours on disk, and take nothing."),
     ] = False
@@ -138,6 +141,7 @@ class CloudStart(Choices):
     """From where a cloud is seen, around it."""
 
     heading: ClassVar[str] = CAMERA
+    about: ClassVar[About] = About.LOOK
 
     camera: Viewed = "30/20/1"
     up: Up = "z"
@@ -156,10 +160,11 @@ class CloudAim(CloudStart):
 
     pose: Annotated[
         str | None,
+        About.SOURCE,
         Field(description="File or file:frame of a pose: in place of the camera, with intrinsics."),
     ] = None
     intrinsics: Annotated[
-        str | None, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for a pose.")
+        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for a pose.")
     ] = None
 
     def check(self) -> None:
@@ -191,6 +196,7 @@ class CloudFormat(Choices):
     """What kind of picture of a cloud is written."""
 
     heading: ClassVar[str] = "Picture"
+    about: ClassVar[About] = About.LOOK
 
     size: Annotated[str, Field(description=SIZE)] = "640x480"
     background: Annotated[

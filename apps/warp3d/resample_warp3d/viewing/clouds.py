@@ -41,10 +41,7 @@ if TYPE_CHECKING:
 COMMAND, FILM = "resample-warp3d cloud", "resample-warp3d animate-cloud"
 RATE = 24.0  # frames per second, of the command
 SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page changes
-LEFT_OUT = (
-    *("size", "bits", "threads", "no-cache", "color-bar"),
-    *("output", "settings", "save-settings"),
-)
+LEFT_OUT = ("size", "bits", "color-bar")
 OF_FILMS = [  # options of pictures that films have, too
     *(option_of(CloudLook, field) for field in CloudLook.model_fields),
     *("steady", "size", "background"),

@@ -33,10 +33,7 @@ if TYPE_CHECKING:
 
 COMMAND = "resample-warp3d render"
 SHOWN = (SourceCamera, Depth, Aim, Joint, Warping, Written, Showing)  # options that a page changes
-LEFT_OUT = (
-    *("size", "view", "bits", "threads", "coverage", "holes", "depth-output", "export"),
-    *("export-as", "stats", "output", "settings", "save-settings"),
-)
+LEFT_OUT = ("size", "bits", "export-as")
 LITTLE = 16  # px of a side, of pictures that have kernels compiled
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
 PER = 2  # px each way of a whole picture that are one of its preview

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from resample.command.about import NUMBERS, About
 from resample.command.flags import Hyphen
 from resample.command.settings import CALIBRATED, COUNTED, Choices, Convention
 from resample.words import numbers_in
@@ -26,9 +27,11 @@ class SourceCamera(Choices):
     """The camera that took the picture."""
 
     heading: ClassVar[str] = "Source's camera"
+    about: ClassVar[About] = About.LOOK
 
     intrinsics: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(description=f"fx,fy,cx,cy[,skew] in px; fy may be negative; or {FILES}."),
     ] = None
@@ -38,6 +41,7 @@ class SourceCamera(Choices):
     ] = None
     lens: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description=f"{CALIBRATED}, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside them."
@@ -46,6 +50,7 @@ class SourceCamera(Choices):
     convention: Annotated[Convention, Field(description=f"{COUNTED} cx and cy.")] = "corner"
     source_pose: Annotated[
         str | None,
+        About.SOURCE,
         Field(
             description="Pose of the picture's camera: file or file:frame, as of --pose; may "
             "bring the intrinsics. The identity."

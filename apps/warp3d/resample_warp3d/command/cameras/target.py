@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from resample.command.about import NUMBERS, About
 from resample.command.flags import Hyphen
 from resample.command.settings import SIZE, Choices, height_and_width
 from resample.words import numbers_in
@@ -19,9 +20,11 @@ class TargetCamera(Choices):
     """With what the new picture is seen."""
 
     heading: ClassVar[str] = "Camera"
+    about: ClassVar[About] = About.LOOK
 
     target_intrinsics: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
@@ -34,6 +37,7 @@ class TargetCamera(Choices):
     ] = None
     target_lens: Annotated[
         str | None,
+        NUMBERS,
         Hyphen,
         Field(description="Of the new picture, in place of intrinsics, as of --lens. None."),
     ] = None
@@ -142,6 +146,7 @@ class Aim(TargetCamera):
 
     pose: Annotated[
         str | None,
+        About.SOURCE,
         Field(
             description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
             "poses of TUM, Open3D (.log, .json), NeRF (.json), COLMAP (images.txt, images.bin) or "
