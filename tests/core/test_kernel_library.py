@@ -177,6 +177,33 @@ def test_the_library_is_left_alone_where_that_is_asked_for(native, monkeypatch, 
     assert library._native.__wrapped__() is None
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda _: b"",
+        lambda data: data[: len(data) // 2],
+        lambda data: data[:-1],
+        lambda data: data + b"x",
+        *(
+            lambda data, at=at: data[: at % len(data)] + b"\xa5" + data[at % len(data) + 1 :]
+            for at in (0, 100, 5000, -1, -10)
+        ),
+    ],
+)
+def test_a_library_that_is_damaged_is_not_loaded(native, tmp_path, monkeypatch, caplog, damage):
+    for variable in (library.VARIABLE, *(f"NUMBA_{name}" for name in library.OTHER_CODE)):
+        monkeypatch.delenv(variable, raising=False)
+    whole = Path(native.__file__).read_bytes()
+    assert library.is_whole(whole)
+    (tmp_path / "_kernels.abi3.so").write_bytes(damage(whole))
+    monkeypatch.setattr(library, "MODULE", "_kernels")
+    monkeypatch.delitem(sys.modules, "_kernels", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert library._native.__wrapped__() is None
+    assert "the library of kernels is damaged" in caplog.text
+    assert "_kernels" not in sys.modules
+
+
 def test_a_word_that_says_neither_is_refused(monkeypatch):
     monkeypatch.setenv("RESAMPLE_KERNELS", "maybe")
     with pytest.raises(ValueError, match="RESAMPLE_KERNELS is 'maybe': on or off"):

@@ -27,7 +27,7 @@ from numba.np.numpy_support import as_dtype
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.compiling import key_of
-from resample.engine.compiled.library import dtype_name
+from resample.engine.compiled.library import dtype_name, sealed
 
 HERE = Path(__file__).parent
 LEVEL = "x86-64-v3"
@@ -297,4 +297,5 @@ def _link(folder: Path, library: Path) -> None:
     made = library.with_suffix(".new")
     command = [*compiler, *options, *include, *sources, *objects, "-lm", "-o", str(made)]
     subprocess.run(command, check=True)
+    made.write_bytes(sealed(made.read_bytes()))
     made.replace(library)

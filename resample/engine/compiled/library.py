@@ -9,9 +9,12 @@ works as if there were none.
 
 import logging
 import os
+import zlib
 from collections.abc import Callable, Iterator
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -22,6 +25,8 @@ from resample.engine.compiled import sources
 
 LOG = logging.getLogger("resample")
 VARIABLE = "RESAMPLE_KERNELS"
+MODULE = "resample.engine.compiled._kernels"
+SEAL = b"resample crc32 "  # before the checksum that the library's file ends with, 4 bytes
 # Variables of numba's that ask for other machine code than the library's.
 OTHER_CODE = (
     "BOUNDSCHECK",
@@ -135,8 +140,17 @@ def _native() -> ModuleType | None:
     if asked == "off" or any(_is_set(f"NUMBA_{name}") for name in OTHER_CODE):
         return None
     try:
-        _kernels = import_module("resample.engine.compiled._kernels")
-    except ImportError as error:
+        if (found := find_spec(MODULE)) is None or found.origin is None:
+            return None
+        if not is_whole(Path(found.origin).read_bytes()):
+            LOG.warning(
+                "the library of kernels is damaged, so numba compiles them; install this package "
+                "again: %s",
+                found.origin,
+            )
+            return None
+        _kernels = import_module(MODULE)
+    except (ImportError, OSError) as error:
         LOG.debug("no library of kernels: %s", error)
         return None
     missing = lacking(_kernels)
@@ -145,6 +159,21 @@ def _native() -> ModuleType | None:
         return None
     _kernels.set_dtype_name(dtype_name)
     return _kernels
+
+
+def sealed(file: bytes) -> bytes:
+    """Content of a library's file with its checksum at the end, where loaders do not look."""
+    return file + _seal(memoryview(file))
+
+
+def is_whole(file: bytes) -> bool:
+    """Whether the content of a library's file is as `sealed` left it."""
+    end = max(0, len(file) - len(SEAL) - 4)
+    return file[end:] == _seal(memoryview(file)[:end])
+
+
+def _seal(content: memoryview) -> bytes:
+    return SEAL + zlib.crc32(content).to_bytes(4, "little")
 
 
 def lacking(native: ModuleType) -> tuple[str, ...]:
