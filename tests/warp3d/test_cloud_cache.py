@@ -91,12 +91,17 @@ def test_other_sources_measure_again(kept, measured, monkeypatch):
     assert len(list(kept.iterdir())) == 2
 
 
-@pytest.mark.parametrize("content", [b"", b"\x93NUMPY", b"no array", None])
+@pytest.mark.parametrize("content", [b"", b"\x93NUMPY", b"no array", b"flip", None])
 def test_a_damaged_file_is_made_anew(kept, measured, content):
     good = prepare_cloud(_cloud(), cache=True)
     (path,) = kept.iterdir()
     if content is None:
-        np.save(path, np.zeros((3, 9), np.float32))
+        with path.open("wb") as file:
+            np.savez(file, measured=np.zeros((3, 9), np.float32))
+    elif content == b"flip":
+        whole = bytearray(path.read_bytes())
+        whole[len(whole) // 2] ^= 4
+        path.write_bytes(whole)
     else:
         path.write_bytes(content)
     _same(prepare_cloud(_cloud(), cache=True), good)

@@ -17,11 +17,13 @@ import numpy as np
 from resample.files.cached import make_room, note_use
 from resample.files.writing import replacing
 from resample.memory import mapped
+from resample.reading.arrays import read_npz
 from resample.types import Floats
 
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as quickly as they are looked up
 WIDTH = 9  # numbers per point: a normal and two half axes
+NAME = "measured"  # of the array in a file
 
 
 def folder() -> Path:
@@ -50,7 +52,7 @@ def measured_once(
     if len(position) < LEAST_POINTS:
         measure()
         return
-    path = folder() / f"{_name(position, normal, largest)}.npy"
+    path = folder() / f"{_name(position, normal, largest)}.npz"
     found = _read(path, len(position))
     if found is not None:
         normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
@@ -82,8 +84,8 @@ def _code() -> str:
 def _read(path: Path, count: int) -> Floats | None:
     """What a file holds, if it is there and whole."""
     try:
-        found: Floats = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        found: Floats = read_npz(path, NAME)[NAME]  # which looks at its checksum
+    except (OSError, ValueError, LookupError):
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:
         return None
@@ -98,4 +100,4 @@ def _write(path: Path, numbers: Floats) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     make_room(path.parent, numbers.nbytes, MOST_BYTES)
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.save(file, numbers)
+        np.savez(file, **{NAME: numbers})
