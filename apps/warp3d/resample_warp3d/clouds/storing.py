@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.files.cached import make_room, note_use
-from resample.files.writing import replacing
+from resample.files.writing import replacing, save_array
 from resample.memory import mapped
 from resample.types import Floats
 
@@ -97,5 +97,5 @@ def _write(path: Path, numbers: Floats) -> None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     make_room(path.parent, numbers.nbytes, MOST_BYTES)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.save(file, numbers)
+    with replacing(path) as temporary:
+        save_array(temporary, numbers)
