@@ -78,8 +78,8 @@ def _message(error: BaseException) -> str:
         error = cause
     if hasattr(error, "errors") and hasattr(error, "error_count"):  # pydantic.ValidationError
         return "; ".join(map(_field_error, error.errors()))
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     if isinstance(error, MemoryError):
         return " ".join(["not enough memory", *str(error).split()])
     return " ".join(str(error).split()) or type(error).__name__

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,6 +46,7 @@ from resample_warp3d.command.export import write_geometry
 from resample_warp3d.command.writing import write_depth, write_holes
 from tests.warp3d.test_export import camera, plane
 
+resource = pytest.importorskip("resource", reason="limits of Unix")
 RANDOM = np.random.default_rng(5)
 NOISE = RANDOM.random((40, 50, 4), np.float32)
 RGB = Kind(("R", "G", "B"), 8, is_encoded=True)

@@ -12,6 +12,7 @@ from resample.files.sequences import frames_of
 from resample.reading import names
 from resample.reading.names import plain
 from resample.words import visible
+from resample_volume.files.stores.states import state_of_files
 from tests.commands import ended
 from tests.core.test_full_disk import STORES, WRITERS
 from tests.fuzz import corpus
@@ -84,6 +85,13 @@ def test_a_picture_that_is_replaced_is_read_anew_by_the_same_name():
     for name, size in (("a.png", (40, 50)), ("screen.png", (40, 50)), ("holes.png", (30, 40))):
         WRITERS[name](path)
         assert read_picture(path).data.shape[:2] == size
+
+
+def test_a_store_may_hold_files_of_any_name():
+    STORES["volumes"](Path("a.zarr"))
+    before = state_of_files(Path("a.zarr"), "0")
+    (Path("a.zarr") / "0" / ODD).write_text("of others")
+    assert state_of_files(Path("a.zarr"), "0").mark != before.mark
 
 
 def test_names_that_are_text_stay_and_links_go_with_the_process(monkeypatch):
