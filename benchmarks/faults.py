@@ -42,6 +42,11 @@ def limited(kind: int, count: int) -> Callable[[], object]:
     return lambda: resource.setrlimit(kind, (count, count))
 
 
+def without_streams() -> None:
+    """Close what a command reads from, prints to and says."""
+    os.closerange(0, 3)
+
+
 FAULTS = {
     "disk full": Fault(limited(resource.RLIMIT_FSIZE, 64)),
     "addresses": Fault(limited(resource.RLIMIT_AS, 700 << 20), is_refused=False),
@@ -53,6 +58,7 @@ FAULTS = {
     "no home": Fault(variables={"HOME": "/proc/none"}, is_refused=False),
     "two at once": Fault(together=2, is_refused=False),
     "nobody reads": Fault(is_unread=True, is_refused=False),
+    "no streams": Fault(without_streams, is_refused=False),
     "clock back": Fault(ahead=3e7, is_refused=False),
 }
 IS_ROOT = hasattr(os, "getuid") and os.getuid() == 0

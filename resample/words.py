@@ -31,11 +31,15 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
 def visible(text: str) -> str:
     r"""Text whose control characters, which a terminal would obey, are written as codes.
 
+    So are bytes of names that are no letters, which Python keeps as lone surrogates.
+
     Examples
     --------
     >>> from resample.words import visible
     >>> visible("scan\x1b[2J.ply")
     'scan\\x1b[2J.ply'
+    >>> visible("caf\udce9.png")
+    'caf\\xe9.png'
     """
     if text.isprintable():
         return text
@@ -47,6 +51,8 @@ def _is_shown(letter: str) -> bool:
 
 
 def _code(letter: str) -> str:
+    if "\udc80" <= letter <= "\udcff":  # a byte of a name, as `os.fsdecode` keeps it
+        return f"\\x{ord(letter) - 0xDC00:02x}"
     return letter.encode("unicode_escape").decode("ascii")
 
 
@@ -72,8 +78,8 @@ def _message(error: BaseException) -> str:
         error = cause
     if hasattr(error, "errors") and hasattr(error, "error_count"):  # pydantic.ValidationError
         return "; ".join(map(_field_error, error.errors()))
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     if isinstance(error, MemoryError):
         return " ".join(["not enough memory", *str(error).split()])
     return " ".join(str(error).split()) or type(error).__name__

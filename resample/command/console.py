@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from resample.command.streams import told
 from resample.words import visible
 
 Progress = Callable[[float], None]
@@ -16,7 +17,7 @@ LEVELS = ("debug", "info", "warning")
 
 def say(text: str) -> None:
     """One line to the user, beside the results."""
-    sys.stderr.write(f"resample: {visible(text)}\n")
+    told(f"resample: {visible(text)}\n")
 
 
 class _Listener(logging.Handler):
@@ -56,7 +57,7 @@ def progress_bar(what: str, count: int = 0) -> Iterator[Progress | None]:
 
     It says how much time is left and, where work has a `count` of parts, how many are done.
     """
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console

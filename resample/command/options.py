@@ -1,6 +1,5 @@
 """What all command lines share: how they run and how they report a user's mistake."""
 
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.console import listening, say
 from resample.command.stopping import INTERRUPTED, StoppedError
+from resample.command.streams import give_up
 from resample.memory import LOG, amount, held_at_most
 from resample.words import one_line
 
@@ -50,7 +50,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say("interrupted")
         status = INTERRUPTED
     except BrokenPipeError:  # the reader, `head` for one, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        give_up(sys.stdout)
         status = 0
     except ImportError as error:
         if (complaint := _broken_opencv(error)) is None:
@@ -74,6 +74,19 @@ def _broken_opencv(error: ImportError) -> str | None:
     )
 
 
+def _flush() -> None:
+    """Write all that is printed: a full disk must show here, not after the end."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        give_up(sys.stdout)
+        raise OSError(
+            error.errno, f"cannot be written: {error.strerror}", "standard output"
+        ) from None
+
+
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if any("sample:" in word for word in words):
@@ -82,5 +95,5 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
         arguments = expanded(words)
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     LOG.debug("at most %s of memory were held", amount(held_at_most()))
-    sys.stdout.flush()  # a full disk must show here, not after the end
+    _flush()
     return result if isinstance(result, int) else 0

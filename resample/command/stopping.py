@@ -55,8 +55,10 @@ def start(module: str) -> NoReturn:
             signal.signal(number, stop)
     status: Any = 0
     try:
+        from resample.command.streams import open_streams
         from resample.command.threads import leave_algebra_alone
 
+        open_streams()
         leave_algebra_alone()
         _imported(module).main()
     except StoppedError as end:

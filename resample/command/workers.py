@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PACKAGE = "hybrid-resample"
+PATIENCE = 60  # seconds that work waits for workers that are started again
 SHARE = 0.5  # of a worker's memory that the data of its tasks may take
 
 
@@ -61,7 +62,8 @@ def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
     ValueError
         The extra is not installed, both are asked for, or workers have another version of ours.
     OSError
-        The scheduler does not answer, it has no workers, or workers ended again and again.
+        The scheduler does not answer, it has no workers, or workers ended again and again, or as
+        they began.
     """
     check_sharing(sharing)
     if not sharing.is_asked:
@@ -69,6 +71,7 @@ def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
         return
     from distributed import KilledWorker
 
+    nobody_left = _nobody_left()
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
@@ -80,6 +83,19 @@ def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
                 f"a task was given up after {_attempts(error)} workers had ended over it, most "
                 "likely for want of memory; allow less --memory, or take fewer workers"
             ) from None
+        except nobody_left:
+            raise ChildProcessError(
+                f"all workers have ended, and for {PATIENCE} seconds none was ready again; allow "
+                "less --memory, or take fewer workers, or none"
+            ) from None
+
+
+def _nobody_left() -> tuple[type[Exception], ...]:
+    """What tasks fail with that no worker takes; older versions of dask have one word for it."""
+    from distributed import scheduler
+
+    names = ("NoWorkerError", "NoValidWorkerError")
+    return tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
 
 
 def _nobody() -> None:
@@ -118,19 +134,36 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             raise OSError(
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
-    held.enter_context(dask.config.set({"distributed.nanny.pre-spawn-environ": _environment()}))
+    own = {
+        "distributed.nanny.pre-spawn-environ": _environment(),
+        "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
+    }
+    held.enter_context(dask.config.set(own))
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
-    cluster = LocalCluster(
-        n_workers=sharing.workers,
-        threads_per_worker=1,
-        processes=True,
-        host="127.0.0.1",
-        dashboard_address="127.0.0.1:0",  # any port, for nobody else
-        memory_limit=0,  # what tasks may take is reckoned by us
-        local_directory=folder,
-        silence_logs=logging.CRITICAL,
-    )
+    with _starting(sharing.workers):
+        cluster = LocalCluster(
+            n_workers=sharing.workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",  # any port, for nobody else
+            memory_limit=0,  # what tasks may take is reckoned by us
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        )
     return Client(held.enter_context(cluster), set_as_default=False)
+
+
+@contextmanager
+def _starting(count: int | None) -> Iterator[None]:
+    """Say in one line that workers could not be started."""
+    try:
+        yield
+    except (RuntimeError, TimeoutError):  # dask's words are of its own parts
+        raise ChildProcessError(
+            f"--workers {count}: one ended before it was ready, most likely killed for want of "
+            "memory; take fewer workers, or none"
+        ) from None
 
 
 def _environment() -> dict[str, object]:

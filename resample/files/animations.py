@@ -191,9 +191,15 @@ def write_film(
     target = Path(os.path.realpath(path))
     write = None if target.is_dir() else _WRITERS.get(path.suffix.lower())
     kept = target if write is None else target.with_name(f".{target.name}.frames")
+    is_new = not kept.is_dir()
     kept.mkdir(exist_ok=True)
     with _alone(kept, path):
-        _claim(kept, {"frames": shots.total, **shots.job}, resume)
+        try:
+            _claim(kept, {"frames": shots.total, **shots.job}, resume)
+        except OSError:
+            if is_new:
+                kept.rmdir()
+            raise
         with _kept_if_any(kept):
             _make(kept, shots, progress, executor)
             if write is not None:

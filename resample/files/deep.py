@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.writing import replacing
+from resample.files.writing import INCOMPLETE, refused, replacing
+from resample.reading.names import plain
 from resample.reading.pictures import check_picture
 from resample.types import Floats
 
@@ -55,7 +56,11 @@ def write_deep(path: Path, slabs: Iterable[Slab]) -> None:
     with replacing(path) as temporary:
         complaint = _put(temporary, _deep(parts, shape), shape)
         if complaint:
-            raise OSError(f"{path} cannot be written: {complaint}")
+            raise refused(path, temporary, complaint)
+        try:
+            _stored(temporary)
+        except OSError:
+            raise refused(path, temporary, INCOMPLETE) from None
 
 
 def read_deep(path: Path) -> list[list[Floats]]:
@@ -66,17 +71,7 @@ def read_deep(path: Path) -> list[list[Floats]]:
     OSError
         The file is missing or no deep picture.
     """
-    import OpenImageIO
-
-    source = OpenImageIO.ImageInput.open(str(path))
-    if source is None or not source.spec().deep:
-        raise OSError(f"{path} is not a deep picture that can be read")
-    spec = source.spec()
-    check_picture(path, spec)
-    data = source.read_native_deep_image()
-    source.close()
-    if data is None:
-        raise OSError(f"{path} is damaged")
+    spec, data = _stored(path)
     order = [list(spec.channelnames).index(name) for name in CHANNELS]
     pixels = [
         np.array(
@@ -85,6 +80,23 @@ def read_deep(path: Path) -> list[list[Floats]]:
         for n in range(spec.height * spec.width)
     ]
     return [pixels[row * spec.width : (row + 1) * spec.width] for row in range(spec.height)]
+
+
+def _stored(path: Path) -> tuple[Any, Any]:
+    """Header and samples of a deep picture; errors as of `read_deep`."""
+    import OpenImageIO
+
+    source = OpenImageIO.ImageInput.open(plain(path))
+    if source is None or not source.spec().deep:
+        raise OSError(f"{path} is not a deep picture that can be read")
+    spec = source.spec()
+    check_picture(path, spec)
+    data = source.read_native_deep_image()
+    complaint = source.geterror()
+    source.close()
+    if data is None or complaint:
+        raise OSError(f"{path} is damaged")
+    return spec, data
 
 
 def _part(slab: Slab) -> _Part:
@@ -131,14 +143,10 @@ def _put(path: Path, data: Any, shape: tuple[int, ...]) -> str:
     """Write a file; returns why it could not be, nothing if it is whole."""
     import OpenImageIO
 
-    target = OpenImageIO.ImageOutput.create(str(path))
+    name = plain(path)
+    target = OpenImageIO.ImageOutput.create(name)
     if target is None:
         return str(OpenImageIO.geterror()).strip().partition("\n")[0]
-    went_well = [
-        target.open(str(path), _spec(shape)),
-        target.write_deep_image(data),
-        target.close(),
-    ]
-    if not all(went_well):
-        return str(target.geterror()).strip().partition("\n")[0] or "no reason is given"
-    return ""
+    went_well = target.open(name, _spec(shape)) and target.write_deep_image(data) and target.close()
+    complaint = str(target.geterror()).strip().partition("\n")[0]
+    return "" if went_well and not complaint else complaint or "no reason is given"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.writing import check_end, refused
 from resample.reading.limits import check_unpacked
 
 if TYPE_CHECKING:
@@ -86,7 +87,9 @@ def new_film(path: Path) -> Iterator["OutputContainer"]:
         with av.open(str(path), "w", format="mp4", options=CHOICES) as film:
             yield film
     except av.FFmpegError as error:
-        raise OSError(f"{path} cannot be written: {error.strerror}") from None
+        raise refused(path, path, str(error.strerror)) from None
+    if path.is_file():  # nothing is written of a film without pictures
+        check_end(path, path)
 
 
 def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> Any:

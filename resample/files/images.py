@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from resample.colors import Background, from_srgb, over, straight, to_srgb
 from resample.files.facts.origin import state
-from resample.files.writing import replacing
+from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
+from resample.reading.names import plain
 from resample.reading.pictures import check_honest, check_picture
 from resample.types import Floats, Frame
 
@@ -389,7 +390,7 @@ def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
     # A configuration also makes PFM come right side up: without one its lines are not flipped.
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    source = OpenImageIO.ImageInput.open(str(path), as_stored)
+    source = OpenImageIO.ImageInput.open(plain(path), as_stored)
     if source is None:
         raise OSError(
             f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"
@@ -448,30 +449,30 @@ def _write(
     with replacing(path) as temporary:
         complaint = _put(temporary, spec, data)
         if complaint:
-            raise OSError(f"{path} cannot be written: {complaint}")
+            raise refused(path, temporary, complaint)
+        check_end(path, temporary)
+        try:
+            _read(temporary)
+        except OSError:
+            raise refused(path, temporary, INCOMPLETE) from None
 
 
 def _put(path: Path, spec: Any, data: NDArray[Any]) -> str:
-    """Write a file and read it back; returns why it is not whole, nothing if it is.
+    """Write a file; returns why it could not be, nothing if all seems well.
 
     On a full disk the writers may report success: PNG's tells only by its error text, and what is
     flushed when the file is closed, by neither.
     """
     import OpenImageIO
 
-    target = OpenImageIO.ImageOutput.create(str(path))
+    name = plain(path)
+    target = OpenImageIO.ImageOutput.create(name)
     if target is None:
         return _first_line(OpenImageIO.geterror())
     state(spec, path)
-    went_well = [target.open(str(path), spec), target.write_image(data), target.close()]
+    went_well = target.open(name, spec) and target.write_image(data) and target.close()
     complaint = target.geterror()
-    if complaint or not all(went_well):
-        return _first_line(complaint)
-    try:
-        _read(path)
-    except OSError:
-        return "the file came out incomplete; is the disk full?"
-    return ""
+    return "" if went_well and not complaint else _first_line(complaint)
 
 
 def _set(spec: Any, name: str, value: Attribute) -> None:

@@ -48,8 +48,10 @@ from resample.files.stores.pictures import (
     open_picture,
     writing_store,
 )
-from resample.files.writing import replacing
+from resample.files.strips.held import HeldJpeg
+from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory import require_memory
+from resample.reading.names import plain
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
@@ -335,9 +337,9 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
         for picture in pictures:
             page = page_of(path, picture, look)
             target = opened(path, temporary, page, page.data.shape[0], is_next=bool(written))
-            went_well = [target.write_image(page.pixels), target.close()]
-            if not all(went_well) or target.has_error:
-                raise OSError(f"{path} cannot be written: {complaint_of(target)}")
+            went_well = target.write_image(page.pixels) and target.close()
+            if not went_well or target.has_error:
+                raise refused(path, temporary, complaint_of(target))
             written.append(Stored(page.about, page.data.shape, page.data.dtype.name))
         if not written:
             raise ValueError(f"{path}: there is no picture to write")
@@ -352,14 +354,13 @@ def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
     OSError
         It is not whole.
     """
+    check_end(path, temporary)
     complete(temporary, written)
     try:
         for n in range(len(written)):
             check_pixels(temporary, n)
     except OSError:
-        raise OSError(
-            f"{path} cannot be written: the file came out incomplete; is the disk full?"
-        ) from None
+        raise refused(path, temporary, INCOMPLETE) from None
 
 
 class StoredPage(NamedTuple):
@@ -484,13 +485,16 @@ def opened(
     """
     import OpenImageIO
 
-    target = OpenImageIO.ImageOutput.create(str(temporary))
+    suffix, name = path.suffix.lower(), plain(temporary)
+    spec = spec_of(suffix, page, height)
+    if suffix in JPEG:
+        return HeldJpeg(temporary, spec)
+    target = OpenImageIO.ImageOutput.create(name)
     if target is None:
         raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")
-    spec = spec_of(path.suffix.lower(), page, height)
     state(spec, path)
-    if not target.open(str(temporary), spec, "AppendSubimage" if is_next else "Create"):
-        raise OSError(f"{path} cannot be written: {complaint_of(target)}")
+    if not target.open(name, spec, "AppendSubimage" if is_next else "Create"):
+        raise refused(path, temporary, complaint_of(target))
     return target
 
 
@@ -548,7 +552,7 @@ def header_of(path: Place, page: int, *, as_data: bool) -> Header:
         return header_in_store(open_picture(path))
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    source = OpenImageIO.ImageInput.open(str(path))
+    source = OpenImageIO.ImageInput.open(plain(path))
     if source is None or not source.seek_subimage(page, 0):
         reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
         raise OSError(f"{path} is not a picture that can be read: {reason}")

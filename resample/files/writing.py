@@ -2,9 +2,13 @@
 
 What is written beside a target says in its name which process of which machine does so. A process
 that is killed leaves it there; the next one that writes into the folder removes it.
+
+Libraries in C and C++ may lose what a full disk does not take, and say nothing: so what Python can
+write itself, it does, and of what they have written the end is looked at.
 """
 
 import errno
+import io
 import json
 import math
 import os
@@ -17,10 +21,19 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from platform import node
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\.[^.]*)?")
+from resample.words import one_line
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
 MOST = 40  # letters of a target's name, as file systems take few
+NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+PROBE = 1 << 16  # bytes that a disk is asked to take where a library could not write
+INCOMPLETE = "the file came out incomplete; is the disk full?"
+PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _being_written: set[str] = set()  # names, without folders
 _tidied: set[Path] = set()  # folders, once per process
 
@@ -42,7 +55,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     ------
     OSError
         The target cannot be created: its folder is missing or may not be written to, or it is a
-        folder or device.
+        folder or device. Or the disk is full: its number says so, and its name is the target's.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -52,8 +65,110 @@ def replacing(path: str | Path) -> Iterator[Path]:
             temporary.open("xb").close()
         except OSError as error:
             raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
-        yield temporary
-        temporary.replace(target)
+        try:
+            yield temporary
+            _on_disk(temporary)
+            temporary.replace(target)
+        except OSError as error:
+            is_own = error.filename is None or str(error.filename) == str(temporary)
+            if error.errno not in NO_ROOM or not is_own:
+                raise
+            raise unwritten(path, error) from None
+
+
+def unwritten(path: str | Path, error: OSError) -> OSError:
+    """Error of a file that cannot be written, by its own name, not that of what lies beside."""
+    if error.errno is None or error.errno not in NO_ROOM:
+        return OSError(f"{path} cannot be written: {one_line(error)}")
+    return OSError(error.errno, f"cannot be written: {os.strerror(error.errno)}", str(path))
+
+
+def _on_disk(path: Path) -> None:
+    """Wait until a file is on the disk; what that has no room for may show only then."""
+    with path.open("r+b") as file:
+        try:
+            os.fsync(file.fileno())
+        except OSError as error:
+            if error.errno in (*NO_ROOM, errno.EIO):  # others: the file system knows no such wish
+                raise
+
+
+def refused(path: str | Path, temporary: Path, why: str) -> OSError:
+    """Error of a file that a library could not write.
+
+    Parameters
+    ----------
+    path
+        Name of it for the message.
+    temporary
+        What the library has written. If the disk takes no more of it, that is the reason.
+    why
+        What the library says.
+    """
+    try:
+        with temporary.open("ab", buffering=0) as file:
+            left = PROBE
+            while left:
+                left -= file.write(bytes(left)) or 0
+            os.fsync(file.fileno())
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            return unwritten(path, error)
+    return OSError(f"{path} cannot be written: {why}")
+
+
+def check_end(path: str | Path, temporary: Path) -> None:
+    """Refuse a PNG or MP4 file that a library has written and that is cut off.
+
+    Raises
+    ------
+    OSError
+        It is.
+    """
+    kind, size = temporary.suffix.lower(), temporary.stat().st_size
+    with temporary.open("rb") as file:
+        if kind == ".png":
+            file.seek(max(0, size - len(PNG_END)))
+            is_whole = file.read() == PNG_END
+        else:
+            is_whole = kind != ".mp4" or _end_of_boxes(file, size) == size
+    if not is_whole:
+        raise refused(path, temporary, INCOMPLETE)
+
+
+def _end_of_boxes(file: BinaryIO, size: int) -> int:
+    """Where the last box of an MP4 file says that it ends; 0 if there is none."""
+    place = 0
+    while place < size:
+        file.seek(place)
+        head = file.read(16)
+        length = int.from_bytes(head[:4], "big")
+        length = int.from_bytes(head[8:], "big") if length == 1 else length
+        if length < 8:
+            return 0
+        place += length
+    return place
+
+
+class _Plain(io.FileIO):
+    """File without a number, so that nobody writes to it past Python."""
+
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation("what is written goes through Python")
+
+
+def save_array(path: Path, values: "ArrayLike") -> None:
+    """Write an array as NPY; NumPy by itself does not notice that a disk is full.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    import numpy as np
+
+    with io.BufferedWriter(_Plain(path, "wb")) as file:
+        np.save(file, values)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from resample.files.images import read_image
 from resample.files.writing import replacing
 from resample.measuring.quality import measure
 from resample.types import Floats
+from resample.words import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -206,6 +207,7 @@ def _blank(layout: _Layout) -> "Figure":
 def _write_text(figure: "Figure", layout: _Layout, corner: tuple[float, float], text: str) -> None:
     """Put a line of text with its top left corner at a point, shortened to the cell's width."""
     room = max(4, int(layout.cell_width / 6.5))  # characters of 10 px type
+    text = visible(text)
     short = text if len(text) <= room else "…" + text[1 - room :]
     x, y = corner[0] / layout.width, 1 - (corner[1] + 2) / layout.height
     figure.text(x, y, short, fontsize=7.5, va="top", parse_math=False)

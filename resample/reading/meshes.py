@@ -10,6 +10,7 @@ from typing import Any
 from resample.reading.limits import check_items, check_size, check_unpacked
 from resample.reading.neighbours import neighbour
 from resample.reading.texts import json_of
+from resample.words import visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
 PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
@@ -111,6 +112,12 @@ def _values(file: Path, key: str) -> list[str]:
 
 def trimesh_resolver(source: Path) -> Any:
     """What gives trimesh the files that a mesh names, once `check_mesh` has passed them."""
+    resolver = _resolver(source)
+    resolver.file_name = visible(resolver.file_name)  # as parts of the mesh are called
+    return resolver
+
+
+def _resolver(source: Path) -> Any:
     import trimesh
 
     from resample.reading.neighbours import allows_outside

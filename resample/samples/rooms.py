@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.samples.noise import grain, rough
-from resample.samples.writing import Said, SampleFiles, write_png
+from resample.samples.writing import Said, SampleFiles, write_npy, write_png
 from resample.types import Doubles, Floats
 
 FOV = 60.0  # degrees along the shorter side
@@ -38,7 +38,7 @@ class DepthPicture(NamedTuple):
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
         write_png(folder / f"{name}.png", self.color)
-        np.save(folder / f"{name}.npy", self.depth)
+        write_npy(folder / f"{name}.npy", self.depth)
         (folder / f"{name}.json").write_text(json.dumps(self._camera(), indent=1), "utf-8")
         eye = Said(EYED, ["--source-pose", f"FOLDER/{name}.json"], (*EYES, "--settings"))
         aim = ("--pose", "--move", "--turn", "--target", "--truth", "--scene", "--settings")

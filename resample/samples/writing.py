@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -80,6 +81,13 @@ def write_png(path: Path, levels: NDArray[Any]) -> None:
         for kind, data in (*parts, (b"IEND", b"")):
             file.write(struct.pack(">I", len(data)) + kind + data)
             file.write(struct.pack(">I", zlib.crc32(kind + data)))
+
+
+def write_npy(path: Path, values: NDArray[Any]) -> None:
+    """Array as NumPy keeps it, which does not notice a full disk if it writes by itself."""
+    stored = BytesIO()
+    np.save(stored, values)
+    path.write_bytes(stored.getbuffer())
 
 
 def write_nrrd(path: Path, volume: Any) -> None:

@@ -175,7 +175,8 @@ def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
     channels = picture.shape[2] if picture.ndim == 3 else 1
     stored = picture[..., [2, 1, 0, 3][:channels]] if channels > 2 else picture
     path = Path(folder.name) / name
-    cv2.imwrite(str(path), np.ascontiguousarray(stored))
+    _, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(stored))
+    path.write_bytes(encoded.tobytes())  # OpenCV by itself does not notice that a disk is full
     return path, folder
 
 

@@ -75,6 +75,13 @@ def test_a_dead_process_of_the_same_number_is_not_taken_for_this_one():
         assert not left.exists()
 
 
+def test_what_a_dead_process_made_of_a_part_is_removed():
+    left = Path(f".a.tmp-{writing._machine()}-99999999-01234567.png.exif")
+    left.write_text("half")
+    with replacing("b.png"):
+        assert not left.exists()
+
+
 def test_a_half_written_folder_is_removed():
     left = Path(f".a.tmp-{writing._machine()}-99999999-01234567.zarr")
     (left / "chunk").mkdir(parents=True)

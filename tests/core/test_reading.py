@@ -441,6 +441,12 @@ def test_control_characters_are_written_as_codes():
     assert visible("a\x1b[2Jb\r\n\u202ec é") == "a\\x1b[2Jb\\r\\n\\u202ec é"
 
 
+def test_errors_of_the_system_are_said_without_their_numbers():
+    assert one_line(OSError(28, "No space left on device")) == "No space left on device"
+    assert one_line(OSError(2, "No such file", "a.png")) == "a.png: No such file"
+    assert one_line(OSError("a.png is damaged")) == "a.png is damaged"
+
+
 def test_messages_hold_no_control_characters_of_files(tmp_path):
     text = "ply\nformat ascii 1.0\nelement vertex \x1b[2J\nend_header\n"
     assert "\\x1b" in refused(read_cloud, put(tmp_path / "a.ply", text))

@@ -5,12 +5,15 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import cyclopts
 import numpy as np
 import pytest
 
+from resample.command import workers
 from resample.command.settings import Sharing
-from resample.command.workers import at_work, check_sharing
+from resample.command.workers import at_work, check_sharing, hiring
 from resample.files.animations import Shots, write_film
+from tests.commands import ended
 from tests.killing import Killing
 
 
@@ -66,12 +69,12 @@ def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
 
 @pytest.mark.sweep(kept_by="test_a_killed_worker_costs_a_film_its_own_frames_alone")
 @pytest.mark.parametrize(
-    ("workers", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
+    ("count", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
 )
-def test_a_worker_may_be_killed_at_any_time(workers, part, is_late, tmp_path):
+def test_a_worker_may_be_killed_at_any_time(count, part, is_late, tmp_path):
     write_film(tmp_path / "whole", SHOTS, 24)
     (tmp_path / "marks").mkdir()
-    with at_work(Sharing(workers=workers)) as crew:
+    with at_work(Sharing(workers=count)) as crew:
         killing = Killing(crew.executor, tmp_path / "marks", part, is_late)
         write_film(tmp_path / "film", SHOTS, 24, executor=killing)
     killing.redone(0)
@@ -109,6 +112,43 @@ def test_workers_that_cannot_be_are_refused():
         at_work(Sharing(scheduler="nowhere://127.0.0.1:1")),
     ):
         pass
+
+
+def refused_to_start(*_, **__):
+    raise RuntimeError("Nanny failed to start.")
+
+
+def test_workers_that_end_as_they_begin_are_an_error_in_words(monkeypatch):
+    monkeypatch.setattr("distributed.LocalCluster", refused_to_start)
+    ended = pytest.raises(ChildProcessError, match="--workers 2: one ended before it was ready")
+    with ended, at_work(Sharing(workers=2)):
+        pass
+
+
+def test_workers_that_never_come_back_are_waited_for_no_longer():
+    from distributed import scheduler
+
+    gone = pytest.raises(ChildProcessError, match="for 60 seconds none was ready again")
+    with gone, hiring(Sharing(workers=2)):
+        raise scheduler.NoWorkerError("a task", 60)
+
+
+@pytest.mark.slow
+def test_processes_that_are_killed_as_they_begin_are_said_in_one_line(monkeypatch, tmp_path, capfd):
+    (tmp_path / "sitecustomize.py").write_text("import os, signal; os.kill(os.getpid(), 9)\n")
+    monkeypatch.setattr(workers, "_environment", lambda: {"PYTHONPATH": str(tmp_path)})
+    app = cyclopts.App()
+
+    @app.command
+    def work() -> None:
+        with at_work(Sharing(workers=1)):
+            pass
+
+    assert ended(app, "work") == 2
+    assert capfd.readouterr().err == (
+        "resample: error: --workers 1: one ended before it was ready, most likely killed for want "
+        "of memory; take fewer workers, or none\n"
+    )
 
 
 def test_without_dask_workers_say_which_extra_they_need(monkeypatch):

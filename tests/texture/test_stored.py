@@ -187,4 +187,6 @@ def test_an_error_on_the_way_leaves_no_store(monkeypatch, capsys):
         return one(self, first, count)
 
     monkeypatch.setattr(large.Large, "_strip", failing)
-    assert "b.zarr cannot be written" in refused(capsys, *TURN, "a.zarr", "-o", "b.zarr")
+    assert "b.zarr: cannot be written: No space left" in refused(
+        capsys, *TURN, "a.zarr", "-o", "b.zarr"
+    )

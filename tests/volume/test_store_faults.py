@@ -263,6 +263,6 @@ def test_a_disk_that_takes_no_more_leaves_no_store(form, values):
         timeout=PATIENCE,
     )
     assert ended.returncode == 2, ended.stderr
-    assert ended.stderr.startswith("resample: error: b.ome.zarr cannot be written: ")
+    assert ended.stderr.startswith("resample: error: b.ome.zarr: cannot be written: ")
     assert ended.stderr.count("\n") == 1
     assert [path.name for path in Path().iterdir()] == ["a.npy"]

@@ -117,7 +117,7 @@ def _digest(path: Path, like: str) -> str:
 @contextmanager
 def _progress(name: str, size: int) -> Iterator[Advance]:
     """Draw a bar on a terminal, which is told of bytes."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield int
         return
     from rich.console import Console

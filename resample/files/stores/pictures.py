@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from resample.files.stores.addresses import Address, Place
 from resample.files.stores.metadata import layout_of
 from resample.files.stores.opening import ZIPS, is_store, open_node, reading, require_zarr
-from resample.files.writing import beside
+from resample.files.writing import beside, unwritten
 from resample.memory.mapped import array_where_it_fits
-from resample.words import one_line
 
 SUFFIX = ".zarr"
 SIDE = 256  # px of chunks that are written
@@ -193,7 +192,7 @@ def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
             rows.close()
             temporary.rename(path)
     except OSError as error:
-        raise OSError(f"{path} cannot be written: {one_line(error)}") from None
+        raise unwritten(path, error) from None
 
 
 class StoreRows:

@@ -9,7 +9,7 @@ from resample.files.facts.metadata import About, Stored
 from resample.files.pictures import Look, Picture, complaint_of, finish, opened, page_of
 from resample.files.stores.pictures import SUFFIX as STORE
 from resample.files.stores.pictures import writing_store
-from resample.files.writing import replacing
+from resample.files.writing import refused, replacing
 
 Put = Callable[[Picture], None]
 
@@ -78,4 +78,4 @@ class _Rows:
 
     def _check(self, *, is_done: bool) -> None:
         if not is_done or self.target.has_error:
-            raise OSError(f"{self.path} cannot be written: {complaint_of(self.target)}")
+            raise refused(self.path, self.temporary, complaint_of(self.target))

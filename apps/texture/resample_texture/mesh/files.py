@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver
+from resample.reading.names import plain
 from resample.types import Floats
 from resample_texture.mesh.gltf import WHITE, Described, described
 from resample_texture.mesh.shapes import Mesh, checked_array
@@ -88,7 +89,7 @@ def _scene(source: _Source) -> Any:
 
     path = source.path
     if source.gltf is None:
-        return trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
+        return trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
     return trimesh.load_scene(
         BytesIO(source.gltf.content),
         file_type=path.suffix.lower()[1:],

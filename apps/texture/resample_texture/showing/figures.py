@@ -87,7 +87,7 @@ def write_figures(
     ]
     table = plain(rows)
     with replacing(folder / TABLE) as temporary:
-        temporary.write_text(table, encoding="utf-8")
+        temporary.write_text(table, encoding="utf-8", errors="backslashreplace")
     return table
 
 

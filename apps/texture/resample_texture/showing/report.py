@@ -35,7 +35,8 @@ def write_report(comparison: Comparison, path: Path, *, about: Mapping[str, str]
         The file cannot be written.
     """
     with replacing(path) as temporary:
-        temporary.write_text(page(comparison, about=about), encoding="utf-8")
+        html = page(comparison, about=about)
+        temporary.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 
 def page(comparison: Comparison, *, about: Mapping[str, str]) -> str:

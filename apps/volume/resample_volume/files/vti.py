@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from resample.reading.limits import check_unpacked
+from resample.reading.names import plain
 from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
@@ -75,7 +76,7 @@ def _grid(path: Path, reader_name: str) -> Any:
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
-    reader.SetFileName(str(path))
+    reader.SetFileName(plain(path))
     with suppressed_output():
         reader.UpdateInformation()
         _refuse(failures, path.name)

@@ -6,7 +6,7 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.command.settings import Color
-from resample.files.writing import replacing
+from resample.files.writing import replacing, save_array
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Frame
@@ -34,8 +34,7 @@ def write_volume(path: Path, volume: Volume) -> None:
     suffix = check_suffix(path)
     with replacing(path) as temporary:
         if suffix == ".npy":
-            with temporary.open("wb") as file:  # given a name, NumPy may append to it
-                np.save(file, volume.values)
+            save_array(temporary, volume.values)
             return
         if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
             raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")

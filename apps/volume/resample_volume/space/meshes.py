@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
 from resample.reading.meshes import check_mesh, trimesh_resolver
+from resample.reading.names import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
@@ -171,7 +172,7 @@ def _geometries(path: Path) -> list[Any]:
 
     check_mesh(path)
     try:
-        scene = trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
+        scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
     except Exception as error:  # trimesh and its parsers raise anything at all
         raise _unreadable(path, error) from None

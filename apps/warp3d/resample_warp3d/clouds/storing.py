@@ -23,7 +23,6 @@ from resample.types import Floats
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as quickly as they are looked up
 WIDTH = 9  # numbers per point: a normal and two half axes
-NAME = "measured"  # of the array in a file
 
 
 def folder() -> Path:
@@ -84,7 +83,7 @@ def _code() -> str:
 def _read(path: Path, count: int) -> Floats | None:
     """What a file holds, if it is there and whole."""
     try:
-        found: Floats = read_npz(path, NAME)[NAME]  # which looks at its checksum
+        found: Floats = read_npz(path, "measured")["measured"]  # which looks at its checksum
     except (OSError, ValueError, LookupError):
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:
@@ -100,4 +99,4 @@ def _write(path: Path, numbers: Floats) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     make_room(path.parent, numbers.nbytes, MOST_BYTES)
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{NAME: numbers})
+        np.savez(file, measured=numbers)

@@ -16,7 +16,7 @@ from resample.files.pictures import (
     coverage_picture,
     write_picture,
 )
-from resample.files.writing import replacing
+from resample.files.writing import replacing, save_array
 from resample.types import Floats
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Extras, Warping
@@ -183,7 +183,7 @@ def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
     suffix, lost = path.suffix.lower(), 0
     if suffix == ".npy":
         with replacing(path) as temporary:
-            np.save(temporary, np.asarray(depth, np.float32))
+            save_array(temporary, np.asarray(depth, np.float32))
     elif suffix == ".exr":
         plane = np.asarray(depth, np.float32)[..., None]
         write_picture(path, Picture(plane, Kind(("Z",), 32, is_encoded=False)), Look())

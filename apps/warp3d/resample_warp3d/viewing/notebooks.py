@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resample.files.writing import save_array
 from resample.view.views import chosen, controls_of
 from resample_warp3d.viewing import clouds, depths
 
@@ -53,7 +54,7 @@ def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
     if not isinstance(depth, str | Path):
         folder = folder or TemporaryDirectory(prefix="view-")
         array, depth = np.asarray(depth), Path(folder.name) / "depth.npy"
-        np.save(depth, array)
+        save_array(depth, array)
     controls = controls_of(depths.COMMAND, app["render"])
     begin = {key.replace("_", "-"): value for key, value in settings.items()}
     opened = depths.DepthView(str(picture), str(depth), chosen(begin, depths.SHOWN), (), controls)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.names import plain
 from resample.reading.pictures import check_picture
 from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
@@ -99,7 +100,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
     straight = OpenImageIO.ImageSpec()
     straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
-    image = OpenImageIO.ImageInput.open(str(path), straight)
+    image = OpenImageIO.ImageInput.open(plain(path), straight)
     if image is None:
         raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
     try:

@@ -66,7 +66,8 @@ def state_of_files(store: Path, array: str) -> State | None:
         for path in _files(store, array):
             known, name = os.stat(path), os.path.relpath(path, store)
             newest = max(newest, known.st_mtime)
-            digest.update(f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0".encode())
+            told = f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0"
+            digest.update(os.fsencode(told))
         return State(digest.hexdigest(), newest < before)
     return None
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from resample.files.stores.metadata import OWN
 from resample.files.stores.opening import require_zarr
-from resample.files.writing import beside
+from resample.files.writing import beside, unwritten
 from resample.types import Doubles
 from resample.watching import Progress
-from resample.words import one_line
 from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
 from resample_volume.voxels.bricks import Box, Bricks, Step, Values
@@ -137,7 +136,7 @@ def _appearing(path: Path) -> Iterator[Path]:
             yield temporary
             temporary.rename(path)
     except OSError as error:
-        raise OSError(f"{path} cannot be written: {one_line(error)}") from None
+        raise unwritten(path, error) from None
 
 
 def _space(recording: Recording) -> Step:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.writing import save_array
 from resample.memory import amount
 from resample.types import Doubles, Flags, Floats
 from resample_volume.voxels.blocks import Indices, lattice_for
@@ -57,7 +58,7 @@ class Reaching(NamedTuple):
         """
         if folder is None or isinstance(self.share, Path):
             return self
-        np.save(folder / FILE, self.share)
+        save_array(folder / FILE, self.share)
         return self._replace(share=folder / FILE)
 
 
