@@ -1,13 +1,15 @@
 """Commands that are told to stop, at any moment of their life.
 
 A signal ends the work of the main thread by an exception, as Python does for Ctrl-C, so that what
-is being written is tidied up. Four things are added. SIGTERM does so, too. It is caught while
+is being written is tidied up. Five things are added. SIGTERM does so, too. It is caught while
 modules are imported. Where Python cannot raise it, in a finalizer, in what a library calls back or
-while a library in C++ is loaded, it is raised a little later. And when the command has ended,
-signals change nothing any more.
+while a library in C++ is loaded, it is raised a little later. When the command has ended,
+signals change nothing any more. And threads that do not end, Python waits for no longer than
+`AT_LAST`.
 """
 
 import gc
+import os
 import signal
 import sys
 import time
@@ -22,6 +24,7 @@ INTERRUPTED = 128 + signal.SIGINT  # what shells report for Ctrl-C
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 SOON = 0.05  # seconds, after which what could not be raised is raised again
 ONCE = 1.0  # seconds, in which a second signal is taken for the same wish
+AT_LAST = 10.0  # seconds, after which a process ends whatever its threads are doing
 
 
 class StoppedError(SystemExit):
@@ -100,6 +103,7 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             last = -ONCE
             _tell_soon(number)
             return
+        _end_at_last(128 + number)
         raise StoppedError(number)
 
     def again(unraisable: Any) -> None:
@@ -113,6 +117,15 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
 
     sys.unraisablehook = again
     return stop
+
+
+def _end_at_last(status: int) -> None:
+    """End the process after a while, should Python still wait for a thread of it."""
+    from threading import Timer
+
+    timer = Timer(AT_LAST, os._exit, (status,))
+    timer.daemon = True
+    timer.start()
 
 
 def _is_in_native_import(frame: "FrameType | None") -> bool:

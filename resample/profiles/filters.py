@@ -13,6 +13,7 @@ import numpy as np
 from resample.types import Doubles, Floats, Profile, RadialTable
 
 PROFILE_ERROR = 1e-5  # of the peak
+WIDEST = 64.0  # px, radius of a filter
 
 
 class PixelFilter(Protocol):
@@ -178,10 +179,11 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     Raises
     ------
     ValueError
-        There are fewer than 2 steps, or the filter has no mass.
+        There are fewer than 2 steps, or the filter has no mass or is too wide.
     """
     if steps < 2:
         raise ValueError(f"a table needs at least 2 steps, not {steps}")
+    check_reach(pixel_filter)
     rim, peak = np.abs(pixel_filter(np.array([pixel_filter.radius, 0.0])))
     steps_to_rim = steps - 0.5 if rim > 1e-4 * peak else steps
     extent = pixel_filter.radius * (steps / steps_to_rim)
@@ -198,6 +200,7 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
     """Weights (PHASES, count) of the pixels around a point, by its phase; rows sum to 1."""
     from resample.engine.cells.taps import PHASES
 
+    check_reach(pixel_filter)
     if count == 0:
         return np.zeros((1, 1), np.float32)
     phase = (np.arange(PHASES)[:, None] + 0.5) / PHASES
@@ -226,6 +229,20 @@ def profile(values: RadialTable) -> Profile | None:
     if np.abs(powers @ coefficient - wanted).max() > PROFILE_ERROR:
         return None
     return Profile(*coefficient.astype(np.float32))
+
+
+def check_reach(pixel_filter: PixelFilter) -> None:
+    """Refuse a filter so wide that the sum over its pixels would never end.
+
+    Raises
+    ------
+    ValueError
+        Its radius is above `WIDEST`, or is none.
+    """
+    if not 0.0 < pixel_filter.radius <= WIDEST:
+        raise ValueError(
+            f"{pixel_filter} reaches {pixel_filter.radius} px; above 0 to {WIDEST:g} are allowed"
+        )
 
 
 def _positive(name: str, value: float) -> None:

@@ -20,6 +20,7 @@ PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the
 PROFILE_ERROR = 5e-6  # of the peak
 PIECES_ERROR = 1e-5  # likewise
 DENSITY_ERROR = 2e-5  # likewise
+WIDEST = 64.0  # voxels, radius of a kernel
 
 
 class Reconstruction(Protocol):
@@ -244,6 +245,11 @@ def _shells(reconstruction: Reconstruction) -> tuple[Doubles, Doubles]:
 
 def _mass(reconstruction: Reconstruction) -> float:
     """Integral of the kernel over the unit ball."""
+    if not 0 < reconstruction.radius <= WIDEST:
+        raise ValueError(
+            f"{reconstruction} reaches {reconstruction.radius} voxels; above 0 to {WIDEST:g} are "
+            "allowed"
+        )
     mass = float(_shells(reconstruction)[1].sum())
     if not 0 < mass < np.inf:
         raise ValueError(f"the integral of {reconstruction} is {mass}; it must be above 0")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resample.profiles.filters import PixelFilter
+from resample.profiles.filters import PixelFilter, check_reach
 from resample.types import Doubles, Floats
 
 MOST = 4  # per side of a pixel; of filters that fewer do not stand for exactly
@@ -60,8 +60,10 @@ def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixe
     """Parts of pixels under a filter: `count` per side, or as few as stand for it exactly.
 
     One without margin is the mean over the pixel's square if it has one part: nothing is filtered.
-    They are `MOST` per side at most, unless more are asked for.
+    They are `MOST` per side at most, unless more are asked for. Errors are those of `check_reach`
+    and `_weights`.
     """
+    check_reach(pixel_filter)
     margin = max(0, math.ceil(pixel_filter.radius - 0.5 - 1e-9))
     for n in range(1, MOST + 1) if count is None else [count]:
         fine = _weights(pixel_filter, margin, n)

@@ -1,10 +1,21 @@
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
 
 from resample import registry
-from resample.profiles.filters import Box, CatmullRom, Gaussian, Lanczos, Mitchell, Tent, table
+from resample.profiles.filters import (
+    Box,
+    CatmullRom,
+    Gaussian,
+    Lanczos,
+    Mitchell,
+    Tent,
+    profile_table,
+    table,
+)
+from resample.profiles.subpixels import subpixels_of
 from resample.testing import check_filter
 
 CONTINUOUS = [
@@ -183,3 +194,10 @@ def _overwrite(distance):
 def test_check_filter_names_the_fault(faulty, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_filter(faulty)
+
+
+@pytest.mark.parametrize("radius", [65.0, 1e4, 1e9])
+def test_a_filter_that_would_never_end_is_refused(radius):
+    for use in (table, partial(profile_table, count=4), subpixels_of):
+        with pytest.raises(ValueError, match="above 0 to 64 are allowed"):
+            use(Box(radius))

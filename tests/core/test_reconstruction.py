@@ -140,3 +140,10 @@ def test_a_kernel_without_mass_is_refused():
 
     with pytest.raises(ValueError, match="above 0"):
         footprint_table(Nothing())
+
+
+@pytest.mark.parametrize("radius", [65.0, 1e9])
+def test_a_kernel_that_would_never_end_is_refused(radius):
+    for use in (footprint_table, density_table):
+        with pytest.raises(ValueError, match="above 0 to 64 are allowed"):
+            use(BSplineKernel(radius))

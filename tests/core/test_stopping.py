@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,11 @@ def main():
 def told_to_stop(folder: Path, moment: str, *signals: signal.Signals) -> tuple[int, str]:
     """Status and last words of a command that gets signals while it sleeps."""
     (folder / "slow.py").write_text(WORKING + MOMENTS[moment])
+    return ended_by(folder, *signals)
+
+
+def ended_by(folder: Path, *signals: signal.Signals) -> tuple[int, str]:
+    """Status and last words of a command, `slow.py`, that gets signals while it sleeps."""
     with subprocess.Popen(
         [sys.executable, "-c", BEGUN],
         cwd=folder,
@@ -101,6 +107,26 @@ def main():
     )
     assert (ended.returncode, ended.stdout) == (143, "loaded\n")
     assert ended.stderr == "resample: terminated\n"
+
+
+def test_a_thread_that_does_not_end_is_not_waited_for(tmp_path):
+    (tmp_path / "slow.py").write_text(
+        WORKING
+        + """
+from threading import Thread
+
+from resample.command import stopping
+
+stopping.AT_LAST = 0.5
+
+def main():
+    Thread(target=time.sleep, args=(60,)).start()
+    work()
+"""
+    )
+    start = time.monotonic()
+    assert ended_by(tmp_path, signal.SIGTERM) == (143, "resample: terminated\n")
+    assert time.monotonic() - start < 20
 
 
 def test_whoever_presses_twice_is_told_once(tmp_path):
