@@ -2,16 +2,20 @@
 
 import errno
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from resample.reading.limits import check_items, check_size, check_unpacked
+from resample.reading.markup import check_xml_file, check_xml_member
 from resample.reading.neighbours import neighbour
 from resample.reading.texts import json_of
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
+MARKUP = (".dae", ".xaml", ".svg")  # of XML
+MARKUP_MEMBERS = (*MARKUP, ".model", ".rels", ".xml")  # likewise, in archives
 PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
 
 
@@ -35,9 +39,24 @@ def check_mesh(source: Path) -> None:
         check_items(source.name, len(infos), "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
+        _check_members(source, infos)
+    elif kind in MARKUP:
+        check_xml_file(source)
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
+
+
+def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
+    """Refuse an archive with XML that is nested too deep."""
+    members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
+    try:
+        with zipfile.ZipFile(source) as packed:
+            for info in members:
+                with packed.open(info) as member:
+                    check_xml_member(f"{source.name}: {info.filename}", member)
+    except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
+        raise ValueError(f"{source.name} is damaged: {error}") from None
 
 
 def named_textures(source: Path) -> Iterator[Path]:
