@@ -8,10 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from resample.reading.gltf import check_gltf, header_of
 from resample.reading.limits import check_items, check_size, check_unpacked
 from resample.reading.markup import check_xml_file, check_xml_member
 from resample.reading.neighbours import neighbour
 from resample.reading.texts import json_of
+from resample.words import naming, one_line
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
 MARKUP = (".dae", ".xaml", ".svg")  # of XML
@@ -45,6 +47,9 @@ def check_mesh(source: Path) -> None:
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
+    if kind in (".gltf", ".glb"):
+        with naming(f"{source.name} cannot be read as a mesh"):
+            check_gltf(header_of(source))
 
 
 def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
@@ -126,6 +131,17 @@ def _values(file: Path, key: str) -> list[str]:
         split = (line.split(maxsplit=1) for line in lines)
         found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
     return [value.strip().replace("\\", "/") for value in found]
+
+
+def unreadable(what: str, error: Exception) -> ValueError:
+    """Make the error for a mesh that trimesh or a parser of its cannot read.
+
+    They raise anything at all; what says nothing to a user is told by its kind.
+    """
+    line = one_line(error)[:200]
+    if not isinstance(error, ValueError | OSError):
+        line = f"it is damaged, or trimesh does not know its form ({type(error).__name__}: {line})"
+    return ValueError(f"{what} cannot be read as a mesh: {line}")
 
 
 def trimesh_resolver(source: Path) -> Any:

@@ -288,7 +288,8 @@ OBJ = (
 MTL = b"newmtl a\nKd 0.5 0.5 0.5\nmap_Kd a.png\n"
 
 
-def _gltf() -> tuple[dict[str, Any], bytes]:
+def gltf() -> tuple[dict[str, Any], bytes]:
+    """JSON and buffer of a triangle with a texture."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
     data = corner.tobytes() + uv.tobytes() + np.arange(3, dtype=np.uint32).tobytes()
@@ -323,7 +324,7 @@ def _gltf() -> tuple[dict[str, Any], bytes]:
 
 def meshes() -> list[Case]:
     """Clouds and meshes."""
-    tree, data = _gltf()
+    tree, data = gltf()
     png = _picture("a.png", (4, 4, 3))
     bare = {
         key: part for key, part in tree.items() if key not in ("images", "textures", "samplers")

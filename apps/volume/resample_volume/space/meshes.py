@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
-from resample.reading.meshes import check_mesh, trimesh_resolver
+from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
@@ -142,7 +142,7 @@ def read_mesh(text: str) -> SceneMesh:
     try:
         made = [_own(part, choices) for part in parts]
     except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
-        raise _unreadable(path, error) from None
+        raise unreadable(str(path), error) from None
     start = np.cumsum([0, *(len(one.corner) for one in made)])
     face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
     return SceneMesh(
@@ -174,15 +174,10 @@ def _geometries(path: Path) -> list[Any]:
         scene = trimesh.load_scene(path, resolver=trimesh_resolver(path), process=False)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
     except Exception as error:  # trimesh and its parsers raise anything at all
-        raise _unreadable(path, error) from None
+        raise unreadable(str(path), error) from None
     if not found:
         raise ValueError(f"{path} holds no triangles")
     return found
-
-
-def _unreadable(path: Path, error: Exception) -> ValueError:
-    line = " ".join(str(error).split())[:200] or type(error).__name__
-    return ValueError(f"{path} cannot be read as a mesh: {line}")
 
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
