@@ -5,6 +5,7 @@ import pytest
 from resample.reading.texts import json_of, toml_of
 from resample.words import LONGEST, naming, numbers_in, one_line
 from tests.fuzz.corpus import corpus
+from tests.fuzz.files import put
 from tests.fuzz.mutations import IS_NUMBER
 from tests.fuzz.readers import READERS
 
@@ -19,8 +20,7 @@ TEXTS = [
 
 @pytest.mark.parametrize(("case", "name"), TEXTS)
 def test_numbers_of_ten_thousand_digits_are_read_or_refused_in_a_short_line(case, name, tmp_path):
-    for other, content in case.files.items():
-        (tmp_path / other).write_bytes(content)
+    put(tmp_path, case.files)
     content = case.files[name]
     for n, number in enumerate(list(IS_NUMBER.finditer(content[:2000]))[:24]):
         huge = HUGE[n % len(HUGE)]
