@@ -5,6 +5,11 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+LONGEST = 2000  # letters of a message
+DIGITS = re.compile(r"[\d.]{60,}")  # of a number
+TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer string conversion.*")
+TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
+
 
 def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
     """Finite numbers of a text, separated by commas or blanks.
@@ -24,7 +29,7 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
         or len(numbers) != (count or len(numbers))
     ):
         wanted = "numbers" if count is None else f"{count} numbers"
-        raise ValueError(f"{name} {text!r}; give {wanted} separated by commas")
+        raise ValueError(f"{name} {text!r:.60}; give {wanted} separated by commas")
     return numbers
 
 
@@ -68,8 +73,19 @@ def naming(place: str) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """Message of an error without line breaks or control characters, for a user's eyes."""
-    return visible(_message(error))
+    """Message of an error without line breaks or control characters, for a user's eyes.
+
+    What of it is thousands of digits or letters long is cut short.
+
+    Examples
+    --------
+    >>> from resample.words import one_line
+    >>> one_line(ValueError("size " + "1" * 10_000))
+    'size 1111111111...'
+    """
+    text = TOO_MANY_DIGITS.sub(TOO_LARGE, visible(_message(error)))
+    text = DIGITS.sub(lambda found: f"{found[0][:10]}...", text)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
 def _message(error: BaseException) -> str:

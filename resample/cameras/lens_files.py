@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from resample.cameras.calibrations.plain_yaml import plain_yaml
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
-from resample.reading.limits import check_size, limits, refused
+from resample.reading.limits import check_size
+from resample.reading.markup import check_xml_text
 from resample.reading.texts import json_of, text_of, toml_of
 from resample.types import Doubles
 from resample.words import naming, numbers_in
@@ -230,8 +231,7 @@ def _xml_facts(path: Path) -> Mapping[str, Any]:
 
     text = text_of(path)
     check_size("its XML", len(text), "tree")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError(f"{path} defines things of its own, which are not read")
+    check_xml_text(str(path), text)
     try:
         root = ElementTree.fromstring(text)  # noqa: S314  without entities, and of limited length
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
@@ -239,15 +239,13 @@ def _xml_facts(path: Path) -> Mapping[str, Any]:
     if root.tag != "opencv_storage":
         raise ValueError(f"{path} is no file of cv2.FileStorage: it begins with {root.tag!r:.40}")
     with naming(str(path)):
-        return {child.tag: _of_element(child, 0) for child in root}
+        return {child.tag: _of_element(child) for child in root}
 
 
-def _of_element(element: "Element", depth: int) -> Any:
+def _of_element(element: "Element") -> Any:
     """Matrix, text, number or list of numbers."""
-    if depth > limits().depth:
-        raise refused("too deep", "things within each other", "depth")
     if len(element):
-        return {child.tag: _of_element(child, depth + 1) for child in element}
+        return {child.tag: _of_element(child) for child in element}
     text = (element.text or "").strip()
     words = [] if text.startswith('"') else text.split()
     try:

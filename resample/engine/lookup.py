@@ -27,7 +27,7 @@ FALL, RISE = np.exp(-DEPTHS).astype(np.float32), -np.expm1(-DEPTHS).astype(np.fl
 @kernel
 def absorbed(optical_depth: Single) -> Single:
     """Share 1 - exp(-x) of the light that does not pass; exact to 7e-7 of itself when small too."""
-    x = np.float32(optical_depth)
+    x = max(np.float32(0.0), np.float32(optical_depth))  # which is 0 of what is no number
     if x >= np.float32(OPAQUE_DEPTH):
         return np.float32(1.0)
     entry = np.uint32(x * np.float32(STEPS_PER_UNIT))

@@ -89,10 +89,13 @@ def suits_points(scene: Scene, plan: PicturePlan) -> bool:
 
 def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
     """How points are spread; None if filters, rows, sheets or crowds do not fit."""
+    from resample.engine.points.outlines import TOO_WIDE
     from resample.engine.points.runs import MOST_TAPS
 
     style, ellipsoid = scene.style, scene.ellipsoid
-    least, most = plan.least, float(plan.most)
+    least, most = float(plan.least), float(plan.most)
+    if not most < TOO_WIDE:  # nor a number
+        return None
     widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12) if style.variance else finest
     narrowest = math.sqrt(1 / 12) if style.variance else 1.0
     thinnest = np.linalg.svd(ellipsoid.from_unit, compute_uv=False)[-1] / ellipsoid.radius

@@ -2,17 +2,22 @@
 
 import errno
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from resample.reading.gltf import check_gltf, header_of
 from resample.reading.limits import check_items, check_size, check_unpacked
+from resample.reading.markup import check_xml_file, check_xml_member
 from resample.reading.neighbours import neighbour
 from resample.reading.texts import json_of
-from resample.words import visible
+from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
+MARKUP = (".dae", ".xaml", ".svg")  # of XML
+MARKUP_MEMBERS = (*MARKUP, ".model", ".rels", ".xml")  # likewise, in archives
 PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
 
 
@@ -36,9 +41,27 @@ def check_mesh(source: Path) -> None:
         check_items(source.name, len(infos), "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
+        _check_members(source, infos)
+    elif kind in MARKUP:
+        check_xml_file(source)
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
+    if kind in (".gltf", ".glb"):
+        with naming(f"{source.name} cannot be read as a mesh"):
+            check_gltf(header_of(source))
+
+
+def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
+    """Refuse an archive with XML that is nested too deep."""
+    members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
+    try:
+        with zipfile.ZipFile(source) as packed:
+            for info in members:
+                with packed.open(info) as member:
+                    check_xml_member(f"{source.name}: {info.filename}", member)
+    except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
+        raise ValueError(f"{source.name} is damaged: {error}") from None
 
 
 def named_textures(source: Path) -> Iterator[Path]:
@@ -108,6 +131,17 @@ def _values(file: Path, key: str) -> list[str]:
         split = (line.split(maxsplit=1) for line in lines)
         found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
     return [value.strip().replace("\\", "/") for value in found]
+
+
+def unreadable(what: str, error: Exception) -> ValueError:
+    """Make the error for a mesh that trimesh or a parser of its cannot read.
+
+    They raise anything at all; what says nothing to a user is told by its kind.
+    """
+    line = one_line(error)[:200]
+    if not isinstance(error, ValueError | OSError):
+        line = f"it is damaged, or trimesh does not know its form ({type(error).__name__}: {line})"
+    return ValueError(f"{what} cannot be read as a mesh: {line}")
 
 
 def trimesh_resolver(source: Path) -> Any:

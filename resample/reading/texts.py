@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from resample.reading.limits import check_items, check_size, limits, refused
+from resample.words import TOO_LARGE, TOO_MANY_DIGITS
 
 WIDEST = 1 << 63  # whole numbers from here on are none that arrays hold
 # Of dotted keys; each word is looked at once.
@@ -49,6 +50,8 @@ def json_of(text: str) -> Any:
         return _checked(json.loads(text))
     except RecursionError:
         raise _too_deep() from None
+    except ValueError as error:
+        raise _said(error) from None
 
 
 def toml_of(text: str) -> dict[str, Any]:
@@ -69,11 +72,19 @@ def toml_of(text: str) -> dict[str, Any]:
         found: dict[str, Any] = _checked(tomllib.loads(text))
     except RecursionError:
         raise _too_deep() from None
+    except ValueError as error:
+        raise _said(error) from None
     return found
 
 
 def _too_deep() -> ValueError:
     return refused("too deep", "things within each other", "depth")
+
+
+def _said(error: ValueError) -> ValueError:
+    """Give the error of a parser, which for numbers of thousands of digits speaks of Python."""
+    is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
+    return ValueError(TOO_LARGE) if is_own else error
 
 
 def _checked(tree: Any) -> Any:

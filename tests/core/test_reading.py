@@ -155,6 +155,12 @@ def test_raw_data_that_never_end_are_not_unpacked_to_their_end(tmp_path, monkeyp
     refused(Nrrd(), put(tmp_path / "a.nhdr", text), match="or more bytes, 64 are wanted")
 
 
+@pytest.mark.parametrize("count", [65, 6 << 20])
+def test_packed_data_of_the_wrong_size_say_so_however_much_more_they_are(count, tmp_path):
+    path = put(tmp_path / "a_4x4x4_uint8.raw.gz", gzip.compress(bytes(count), 1))
+    refused(Raw(), path, match=f"holds {count} bytes, 64 are wanted")
+
+
 def test_a_nifti_that_goes_on_behind_its_values_is_not_unpacked_to_its_end(tmp_path, monkeypatch):
     monkeypatch.setattr("resample_volume.files.formats.voxels.SLACK", 1 << 16)
     start = bytearray(352)

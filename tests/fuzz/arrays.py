@@ -107,6 +107,15 @@ class Odd:
         np.save(path, made)
         return np.load(path, mmap_mode="r")
 
+    def at_ends(self) -> tuple[tuple[int, ...], Any, tuple[int, int]]:
+        """Shape, spacing and size of a picture at the ends of what is allowed."""
+        shape = tuple(self.rng.choice((1, 2, 7)) for _ in range(3))
+        size = self.rng.choice(((1, 1), (1, 9), (24, 20)))
+        base = 10.0 ** self.rng.choice((-12, 11, self.rng.uniform(-12, 11)))
+        if self.rng.random() < 0.5:
+            return shape, np.full(3, base), size
+        return shape, np.clip(base * 10.0 ** self.values.uniform(-3, 3, 3), 1e-12, 1e12), size
+
     def size(self) -> tuple[Any, Any]:
         """Width and height of a picture."""
         if not self.is_odd():
@@ -147,6 +156,18 @@ def _render(odd: Odd) -> None:
     look = odd.rng.choice(("auto", "auto", "100..200"))
     eye = odd.rng.choice((None, (30, 20), (odd.number(30.0), odd.number(20.0), odd.number(1.0))))
     render(volume, look, eye if odd.rng.random() < 0.7 else _camera(odd), size=odd.size())
+
+
+def _ends(odd: Odd) -> None:
+    from resample_volume import Volume, render
+
+    shape, spacing, size = odd.at_ends()
+    values = odd.values.integers(0, 255, shape, np.uint8)
+    volume = Volume(values, spacing, np.zeros(3), np.eye(3), "ends")
+    zoom = odd.rng.choice((1.0, 0.05, 5.0, 50.0))
+    picture = render(volume, odd.rng.choice(("auto", "100..200")), (30, 20, zoom), size=size).rgba
+    if not np.isfinite(picture).all():
+        raise RuntimeError("a picture of what is not finite")
 
 
 def _taken(odd: Odd) -> None:
@@ -245,7 +266,7 @@ def _transfer(odd: Odd) -> None:
 
 CALLS: tuple[Callable[[Odd], None], ...] = (
     *(_render, _render, _taken, _warp, _everyday, _depth, _disparity, _cloud, _samples),
-    *(particles_of, _scatter, _transfer),
+    *(particles_of, _scatter, _transfer, _ends),
 )
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests.fuzz.stores import SETTINGS, kernel, ome_zarr, png_with, zipped
 from tests.laser import CENTER, copc_of, las_of
 
 RNG = np.random.default_rng(21)
@@ -212,6 +213,30 @@ def volumes() -> list[Case]:
     ]
 
 
+def stores() -> list[Case]:
+    """Volumes in folders and archives of chunks, of both versions; settings in pictures; kernels.
+
+    They come last, so that seeds of the others stand for what they did.
+    """
+    trees = [ome_zarr(version, VALUES) for version in (2, 3)]
+    return [
+        *(Case("store", tree) for tree in trees),
+        *(Case("volume", {"a.ome.zarr.zip": zipped(tree)}) for tree in trees),
+        Case("settings", {"a.png": png_with(SETTINGS)}),
+        Case("kernel", {"a.kernel": kernel()}),
+        *avifs(),
+    ]
+
+
+def avifs() -> list[Case]:
+    """AVIF, where OpenImageIO reads and writes it."""
+    import OpenImageIO
+
+    if "avif" not in OpenImageIO.get_string_attribute("extension_list"):
+        return []
+    return [Case("picture", {"a.avif": _picture("a.avif", (8, 8, 3))})]
+
+
 def pictures() -> list[Case]:
     """Pictures and depth images."""
     names = ("png", "jpg", "tif", "exr", "bmp", "tga", "pnm", "hdr")
@@ -288,7 +313,8 @@ OBJ = (
 MTL = b"newmtl a\nKd 0.5 0.5 0.5\nmap_Kd a.png\n"
 
 
-def _gltf() -> tuple[dict[str, Any], bytes]:
+def gltf() -> tuple[dict[str, Any], bytes]:
+    """JSON and buffer of a triangle with a texture."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     uv = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
     data = corner.tobytes() + uv.tobytes() + np.arange(3, dtype=np.uint32).tobytes()
@@ -323,7 +349,7 @@ def _gltf() -> tuple[dict[str, Any], bytes]:
 
 def meshes() -> list[Case]:
     """Clouds and meshes."""
-    tree, data = _gltf()
+    tree, data = gltf()
     png = _picture("a.png", (4, 4, 3))
     bare = {
         key: part for key, part in tree.items() if key not in ("images", "textures", "samplers")
@@ -455,17 +481,14 @@ def choices() -> list[Case]:
     keyframes = (
         "[[camera]]\ntime = 0\nazimuth = 30\n\n[[camera]]\ntime = 4.5\nazimuth = 120\nzoom = 3\n"
     )
-    settings = (
-        'command = "resample-volume render"\nfov = 30.5\nsubpixels = 4\n'
-        'filter = "gaussian:sigma=0.6"\n'
-    )
     return [
         *_texts("transfer", a_json=json.dumps(points), b_json=json.dumps(region), a_toml=toml),
         *_texts("keyframes", a_toml=keyframes),
-        *_texts("settings", a_toml=settings),
+        *_texts("settings", a_toml=SETTINGS),
     ]
 
 
 def corpus() -> list[Case]:
     """All of them."""
-    return [*volumes(), *dicoms(), *pictures(), *films(), *meshes(), *cameras(), *choices()]
+    every = [*volumes(), *dicoms(), *pictures(), *films(), *meshes(), *cameras(), *choices()]
+    return [*every, *stores()]

@@ -8,6 +8,8 @@ import struct
 import zipfile
 from collections.abc import Callable, Mapping
 
+from tests.fuzz.stores import SIGNATURE, chunks_of, png_of
+
 NUMBERS = (
     *("0", "-0", "-1", "1e38", "-1e38", "1e-38", "1e-45", "5e-324", "1e308", "1e400", "nan", "inf"),
     *(
@@ -79,12 +81,24 @@ def _changed(rng: random.Random, content: bytes) -> bytes:
         return gzip.compress(_changed(rng, gzip.decompress(content)), 1)
     if content[:2] == b"PK" and rng.random() < 0.6:
         return _changed_zip(rng, content)
+    if content.startswith(SIGNATURE) and rng.random() < 0.4:
+        return _changed_png(rng, content)
     made = bytearray(content)
     is_text = _is_text(content)
     for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
         changes = OF_TEXTS if is_text and rng.random() < 0.8 else OF_BYTES
         made = bytearray(rng.choice(changes)(rng, made))
     return bytes(made[: 1 << 20])
+
+
+def _changed_png(rng: random.Random, content: bytes) -> bytes:
+    """A chunk changed, with a checksum that is right; texts as such, behind their key."""
+    chunks = chunks_of(content)
+    texts = [n for n, chunk in enumerate(chunks) if chunk.startswith(b"tEXt")]
+    n = rng.choice(texts or range(len(chunks)))
+    kept = chunks[n].index(b"\0") + 1 if texts else 4
+    chunks[n] = chunks[n][:kept] + _changed(rng, chunks[n][kept:])
+    return png_of(chunks)
 
 
 def _is_text(content: bytes) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_intrinsics, read_lens
 from resample.command.about import marks_of
+from resample.engine.compiled import entries
 from resample.files.facts.settings import options_of, read_settings
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
@@ -31,6 +33,17 @@ def _series(path: Path) -> None:
     _volume(path.parent)
 
 
+def _store(path: Path) -> None:
+    """Read a store whose first file this is: in its folder, or below it."""
+    _volume(next(folder for folder in path.parents if folder.name.endswith(".zarr")))
+
+
+def _kernel(path: Path) -> None:
+    with patch.object(entries.LOG, "disabled", True):
+        if entries.read(path) is None:
+            raise ValueError("the entry is damaged")
+
+
 def _film(path: Path) -> None:
     frames = frames_of(path)
     if frames is None:
@@ -50,6 +63,8 @@ def _lens(path: Path) -> None:
 READERS: dict[str, Callable[[Path], object]] = {
     "volume": _volume,
     "series": _series,
+    "store": _store,
+    "kernel": _kernel,
     "picture": read_picture,
     "film": _film,
     "depth": read_depth,

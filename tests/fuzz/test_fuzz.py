@@ -100,8 +100,7 @@ def test_what_the_fuzzer_is_to_find_it_finds():
     ids=lambda case: f"{case.reader}-{next(iter(case.files))}",
 )
 def test_files_of_the_corpus_are_read(case, tmp_path):
-    for name, content in case.files.items():
-        (tmp_path / name).write_bytes(content)
+    files.put(tmp_path, case.files)
     read = READERS[case.reader]
     first = tmp_path / next(iter(case.files))
     assert attempted(lambda _seed, _folder: read(first), 0, tmp_path, ()) == READ

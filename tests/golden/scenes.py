@@ -25,6 +25,7 @@ from resample.types import Classifier, Field, Lamp, LatticeField, Samples
 RECORD = Path(__file__).with_name("pictures.npz")
 SIDE = 24  # px
 LATTICE = 12  # samples per side
+ALL = slice(None), slice(None)
 LEVELS = 65535  # of a number on record
 SCENES: dict[str, Callable[[], Any]] = {}
 
@@ -131,8 +132,37 @@ def _add_volumes() -> None:
             SCENES[f"field, {projection}"] = volume(field, 16.0, order=slabs, **choices)
         SCENES[f"rays, {projection}"] = volume(lattice_field, 16.0, order=Rays(), **choices)
     SCENES["volume, inside and cut"] = _inside
+    SCENES["volume, default, few"] = _few()
+    SCENES["volume, corrected, few"] = _few(footprint=Footprint.CORRECTED)
     SCENES["particles"] = volume(particles, 16.0)
     SCENES["particles, splats"] = volume(particles, 16.0, primitive=Primitive.SPLATS)
+
+
+def _few(**choices: Any) -> Callable[[], Any]:
+    """One slice, row and sample, of all sizes that scenes may have, and seen by one pixel."""
+
+    def painted() -> Any:
+        found = []
+        for axes in ("z", "zy", "zyx"):
+            whole = samples()
+            is_kept = np.all([whole.position[:, "xyz".index(axis)] == 0.5 for axis in axes], axis=0)
+            for power in (0, -36, 33):
+                size = 2.0**power
+                part = Samples(
+                    (size * whole.position[is_kept]).astype(np.float32),
+                    whole.color[is_kept],
+                    (whole.extinction[is_kept] / size + 0.1 / size).astype(np.float32),
+                    size * np.eye(3),
+                )
+                near = size * np.array([3.6, -3.0, 3.7])
+                for side in (SIDE, 1):
+                    pose = look_at(near, (0, 0, 0))
+                    eye = Camera.from_fov(75.0, height=side, width=side, world_to_camera=pose)
+                    frame = Resampler(**choices)(part, eye, height=side, width=side)
+                    found.append(np.broadcast_to(frame.rgba, (side, side, 4)).reshape(-1, 4))
+        return np.concatenate(found)
+
+    return painted
 
 
 def _inside() -> Any:
@@ -175,6 +205,7 @@ def _add_textures() -> None:
             SCENES[f"texture, {method}, {name}"] = lambda geometry=geometry, method=method: (
                 warp(photograph(64), geometry, size, method=method).image
             )
+    SCENES["texture, hybrid, plane, few"] = lambda: _few_texels(geometries["plane"])
     SCENES["texture, filtered"] = lambda: (
         warp(photograph(64), geometries["plane"], size, filter="gaussian", edge="mirror").image
     )
@@ -182,6 +213,18 @@ def _add_textures() -> None:
         photograph(SIDE), geometries["plane"], (40, 40), Edge.TRANSPARENT, Cells()
     )
     SCENES["texture, mesh"] = _mesh
+
+
+def _few_texels(plane: Any) -> Any:
+    """One texel, row and column, and pictures of one pixel, row and column."""
+    from resample_texture import warp
+
+    found = []
+    for source in (photograph(64)[:1, :1], photograph(64)[:1], photograph(64)[:, :1]):
+        for shape in ((SIDE, SIDE), (1, 1), (1, SIDE), (SIDE, 1)):
+            for edge in ("transparent", "clamp"):
+                found.append(warp(source, plane, shape, edge=edge).image.reshape(-1, 3))
+    return np.concatenate(found)
 
 
 def _mesh() -> Any:
@@ -195,11 +238,13 @@ def _mesh() -> Any:
 def _add_depth_images() -> None:
     for method in registry.names("warps"):
         SCENES[f"depth image, {method}"] = lambda method=method: _warped(method)
+    SCENES["depth image, hybrid, few"] = _few_depths
+    SCENES["cloud, few"] = lambda: np.concatenate([_cloud(40.0, n)[0] for n in (2, 3, 5)])
     SCENES["cloud"] = lambda: _cloud(40.0)
     SCENES["cloud, far"] = lambda: _cloud(12.0)
 
 
-def _warped(method: str) -> Any:
+def _warped(method: str, part: tuple[slice, slice] = ALL, unit: float = 1.0) -> Any:
     from resample.cameras.models import Camera
     from resample_warp3d import warp
     from resample_warp3d.showing.scenes import generated
@@ -207,18 +252,29 @@ def _warped(method: str) -> Any:
     scene = generated(64)
     image = scene.depth_image(4)
     height, width = image.nearness.shape
+    color, depth = image.color[part], unit / image.nearness[part]
     source = Camera.from_intrinsics(55, 55, width / 2, height / 2)
-    pose = look_at((0.3, -0.1, 0.4), (0, 0, 4), (0, -1, 0))
-    return warp(image.color, 1 / image.nearness, source, source.moved(pose), method).image
+    pose = look_at((0.3 * unit, -0.1 * unit, 0.4 * unit), (0, 0, 4 * unit), (0, -1, 0))
+    return warp(color, depth, source, source.moved(pose), method).image
 
 
-def _cloud(scale: float) -> Any:
+def _few_depths() -> Any:
+    """One pixel, row and column of a depth image, near and far away."""
+    found = [
+        _warped("hybrid", (slice(8, 8 + rows), slice(8, 8 + columns)), unit).reshape(-1, 3)
+        for rows, columns in ((1, 1), (1, 8), (8, 1), (2, 2))
+        for unit in (1.0, 2.0**-36, 2.0**33)
+    ]
+    return np.concatenate(found)
+
+
+def _cloud(scale: float, count: int = 600) -> Any:
     from resample.cameras.models import Camera
     from resample_warp3d.clouds.files import Cloud
     from resample_warp3d.clouds.rendering import render_cloud
 
-    n = np.arange(600) + 0.5
-    z, angle = 1 - n / 300, np.pi * (1 + np.sqrt(5)) * n
+    n = np.arange(count) + 0.5
+    z, angle = 1 - 2 * n / count, np.pi * (1 + np.sqrt(5)) * n
     around = np.sqrt(1 - z * z)
     ball = np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
     color = (0.5 + 0.5 * ball).astype(np.float32)

@@ -472,3 +472,12 @@ def test_channels_do_not_mix():
         alone = np.ascontiguousarray(source[..., c : c + 1])
         image = project(alone, MAGNIFIED, FRAME, Edge.TRANSPARENT, Cells()).image
         np.testing.assert_allclose(whole[..., c], image[..., 0], atol=1e-6)
+
+
+def test_a_map_with_a_place_absurdly_far_away_is_refused():
+    x, y = np.meshgrid(np.arange(4) + 0.5, np.arange(3) + 0.5)
+    x[1, 1] = np.inf  # goes nowhere
+    project(np.ones((3, 4, 1), np.float32), ForwardMap(x, y), (3, 4), Edge.TRANSPARENT, Cells())
+    x[1, 1] = 1e13
+    with pytest.raises(ValueError, match=r"leads neighbours 1e\+13 px apart"):
+        project(np.ones((3, 4, 1), np.float32), ForwardMap(x, y), (3, 4), Edge.TRANSPARENT, Cells())

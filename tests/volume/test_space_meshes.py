@@ -304,3 +304,17 @@ def test_what_cannot_be_is_one_line(words, said, tmp_path, monkeypatch, capsys):
     trimesh.creation.icosphere(1).export("ball.ply")
     given = [word.replace("BALL", "ball.ply") for word in words]
     assert said in refused(app, capsys, "render", "checker-box", "-o", "out.png", *given)
+
+
+@pytest.mark.parametrize(
+    ("corner", "face", "match"),
+    [
+        ([[np.inf, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "not finite"),
+        ([[1e13, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "choose another unit"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 3]], "name corners 0 to 3; it has 3"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "name corners -1 to 1; it has 3"),
+    ],
+)
+def test_meshes_of_nowhere_and_of_corners_that_are_not_there_are_refused(corner, face, match):
+    with pytest.raises(ValueError, match=match):
+        scene_mesh(np.array(corner, float), np.array(face))

@@ -172,16 +172,19 @@ def _bound(
     window: Window,
 ) -> None:
     """Write first sub-pixels and those behind the last of what lies around a middle, px."""
-    place, last_row, last_column = window.place, window.height - 1.0, window.width - 1.0
+    place, rows, columns = window.place, float(window.height), float(window.width)
     per_px, is_cut = float(place.subpixels), room[k + CUT] > np.float32(0.0)
-    left = max(0.0, np.ceil((middle[0] - half[0] - place.x) * per_px - 0.5))
-    right = min(last_column, np.floor((middle[0] + half[0] - place.x) * per_px - 0.5))
-    top = max(0.0, np.ceil((middle[1] - half[1] - place.y) * per_px - 0.5))
-    bottom = min(last_row, np.floor((middle[1] + half[1] - place.y) * per_px - 0.5))
+    left = np.ceil((middle[0] - half[0] - place.x) * per_px - 0.5)
+    right = np.floor((middle[0] + half[0] - place.x) * per_px - 0.5) + 1.0
+    top = np.ceil((middle[1] - half[1] - place.y) * per_px - 0.5)
+    bottom = np.floor((middle[1] + half[1] - place.y) * per_px - 0.5) + 1.0
+    # Of bounds that are no numbers the first is behind the last.
+    left, right = max(0.0, min(columns, left)), max(0.0, min(columns, right))
+    top, bottom = max(0.0, min(rows, top)), max(0.0, min(rows, bottom))
     room[k + LEFT] = room[k + LEFT] if is_cut else np.float32(left)
-    room[k + RIGHT] = room[k + RIGHT] if is_cut else np.float32(right + 1.0)
+    room[k + RIGHT] = room[k + RIGHT] if is_cut else np.float32(right)
     room[k + TOP] = room[k + TOP] if is_cut else np.float32(top)
-    room[k + BOTTOM] = room[k + BOTTOM] if is_cut else np.float32(bottom + 1.0)
+    room[k + BOTTOM] = room[k + BOTTOM] if is_cut else np.float32(bottom)
 
 
 @lane_step

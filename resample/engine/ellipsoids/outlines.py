@@ -353,6 +353,7 @@ def form_batch(
     far, per_px = camera.perspective, float(place.subpixels)
     least = reach if far else -np.inf
     last_column, last_row, half = width - 1.0, height - 1.0, 0.5 / place.subpixels
+    columns, rows = float(width), float(height)
     first_x, last_x, first_y, last_y = home
     for n in range(count):
         k = np.uint64(n)
@@ -373,10 +374,10 @@ def form_batch(
         on_x = np.float32(eye.fx * (cx * per_z) + eye.cx)
         on_y = np.float32(eye.fy * (cy * per_z) + eye.cy)
         is_home = (on_x >= first_x) & (on_x < last_x) & (on_y >= first_y) & (on_y < last_y)
-        left = max(0.0, np.ceil((left - place.x) * per_px - 0.5))
-        right = min(last_column, np.floor((right - place.x) * per_px - 0.5))
-        top = max(0.0, np.ceil((top - place.y) * per_px - 0.5))
-        bottom = min(last_row, np.floor((bottom - place.y) * per_px - 0.5))
+        left = max(0.0, min(columns, np.ceil((left - place.x) * per_px - 0.5)))
+        right = max(-1.0, min(last_column, np.floor((right - place.x) * per_px - 0.5)))
+        top = max(0.0, min(rows, np.ceil((top - place.y) * per_px - 0.5)))
+        bottom = max(-1.0, min(last_row, np.floor((bottom - place.y) * per_px - 0.5)))
         left, right = (0.0, last_column) if is_around else (left, right)
         top, bottom = (0.0, last_row) if is_around else (top, bottom)
         room[k + LEFT] = np.float32(left)
@@ -421,7 +422,7 @@ def clip_batch(
             inside += planes[m, 2] * center[2] + planes[m, 3]
             reach = 0.0 if is_point else size * planes[m, 4]
             if inside <= -reach:
-                room[k + LEFT], room[k + RIGHT] = np.inf, -np.inf
+                room[k + LEFT], room[k + RIGHT] = EVERYWHERE, -EVERYWHERE
             nearest = min(nearest, inside - reach)
         if nearest < 0.0 and not is_point:
             unit = multiply(shape.to_unit, seen_alike(center, eye, size)[0])

@@ -147,15 +147,18 @@ def narrowed(
     """First column of a row that a splat may touch, and one past the last.
 
     Where its form a dx² + 2 b dx + rest is below 0; `bounds` are those of all its rows, and
-    `across` is where column 0 lies.
+    `across` is where column 0 lies. Products are those of float64, as scenes may be tiny.
     """
-    inside = b * b - a * rest
-    if inside <= 0.0:
+    steep, slope = np.float64(a), np.float64(b)
+    inside = slope * slope - steep * np.float64(rest)
+    if not inside > 0.0:
         return bounds[1], bounds[0]
-    half, per_column, shift = math.sqrt(inside), 1.0 / (a * step), across / step
-    first = math.floor((-b - half) * per_column - shift)
-    last = math.ceil((-b + half) * per_column - shift) + 1
-    return max(bounds[0], int(first)), min(bounds[1], int(last))
+    half, per_column, shift = math.sqrt(inside), 1.0 / (steep * step), across / step
+    first = np.floor((-slope - half) * per_column - shift)
+    last = np.ceil((-slope + half) * per_column - shift) + 1.0
+    # Of a number and of what is none, the first one is the lesser and the greater.
+    low, high = float(bounds[0]), float(bounds[1])
+    return int(min(high, max(low, first))), int(max(low, min(high, last)))
 
 
 @kernel

@@ -50,23 +50,30 @@ Indices = NDArray[np.int64]
 
 
 @kernel
-def spacing_on_grid(eye: Eye, shape: Shape, n: float) -> tuple[Squares, Mixed]:
+def spacing_on_grid(eye: Eye, shape: Shape, n: float) -> tuple[Squares, Mixed, Single]:
     """Squared spacing in sub-pixels at depth 1, as powers of where a sample is seen.
 
     Its parts xx and yy are quadratic in x and in y, with the middle coefficient negated; xy has the
-    coefficients of 1, -x, -y and xy.
+    coefficients of 1, -x, -y and xy. All are near 1, over the square of a power of two, which comes
+    last: scenes are of any size.
     """
     v = shape.covariance
-    fx, fy = n * eye.fx / shape.radius, n * eye.fy / shape.radius
+    wide = max(eye.fx, eye.fy) * n / shape.radius * math.sqrt(v[0][0] + v[1][1] + v[2][2])
+    unit = math.ldexp(1.0, math.frexp(wide)[1])
+    fx, fy = n * eye.fx / shape.radius / unit, n * eye.fy / shape.radius / unit
     xx, yy, xy = fx * fx, fy * fy, fx * fy
     return (
-        (_three(xx * v[0][0], 2.0 * xx * v[0][2], xx * v[2][2])),
-        (_three(yy * v[1][1], 2.0 * yy * v[1][2], yy * v[2][2])),
-    ), (
-        np.float32(xy * v[0][1]),
-        np.float32(xy * v[1][2]),
-        np.float32(xy * v[0][2]),
-        np.float32(xy * v[2][2]),
+        (
+            (_three(xx * v[0][0], 2.0 * xx * v[0][2], xx * v[2][2])),
+            (_three(yy * v[1][1], 2.0 * yy * v[1][2], yy * v[2][2])),
+        ),
+        (
+            np.float32(xy * v[0][1]),
+            np.float32(xy * v[1][2]),
+            np.float32(xy * v[0][2]),
+            np.float32(xy * v[2][2]),
+        ),
+        np.float32(unit),
     )
 
 
@@ -90,7 +97,7 @@ def projected(
 
 @kernel
 def squared_spacing(
-    center: Vector, per_z: float, eye: Eye, on_grid: tuple[Squares, Mixed]
+    center: Vector, per_z: float, eye: Eye, on_grid: tuple[Squares, Mixed, Single]
 ) -> tuple[Single, Single, Single]:
     """Squared spacing of a sample, and its place at depth 1: 0 where rays are parallel.
 
@@ -103,8 +110,8 @@ def squared_spacing(
     down = np.float32(center[1]) * near if eye.perspective else zero
     xx, yy = x0 - right * (x1 - right * x2), y0 - down * (y1 - down * y2)
     xy = m0 - right * m1 - down * (m2 - right * m3)
-    mean, apart = half * (xx + yy), half * (xx - yy)
-    return near * near * (mean + np.sqrt(apart * apart + xy * xy)), right, down
+    mean, apart, size = half * (xx + yy), half * (xx - yy), near * on_grid[2]
+    return size * size * (mean + np.sqrt(apart * apart + xy * xy)), right, down
 
 
 @kernel

@@ -41,14 +41,14 @@ def value_of(look: SummedLook, place: float) -> float:
 
 @inner_step
 def clamped(look: SummedLook, place: float) -> float:
-    """Column of a value, within the table."""
-    return float(min(max(place, 0.0), look.column.shape[0] - 1.0))
+    """Column of a value, within the table, also of a value that is none."""
+    return float(min(max(0.0, place), look.column.shape[0] - 1.0))
 
 
 @inner_step
 def highlight_of(look: SummedLook, cosine: float) -> float:
     """White highlight, between the nearest two of a table."""
-    place = min(cosine, 1.0) * (look.highlight.size - 1)
+    place = min(1.0, cosine) * (look.highlight.size - 1)
     n = np.uint64(min(int(place), look.highlight.size - 2))
     below = look.highlight[n]
     return float(below + (place - n) * (look.highlight[n + np.uint64(1)] - below))
@@ -108,7 +108,7 @@ def _between_rows(
 def look_of(look: SummedLook, place: float, slope: float) -> Light:
     """Color and extinction of a value and the length of its gradient."""
     last = look.table.shape[0] - 1
-    row = min(slope * look.per_slope, float(last))
+    row = min(float(last), slope * look.per_slope)
     r = min(int(row), max(0, last - 1))
     rows, down = (r, min(r + 1, last)), row - r
     return (

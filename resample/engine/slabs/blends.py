@@ -25,6 +25,8 @@ from resample.engine.slabs.shapes import Shape
 from resample.engine.slabs.sums import Matter
 from resample.types import Classifier, Floats, Place, Single
 
+MANY = 1e5  # sub-pixels in a quarter of the box around a splat, whose sum is its mass
+
 
 class Colors(NamedTuple):
     """Samples that have their colors already."""
@@ -147,15 +149,21 @@ def _share_of_mass(
     integral: Integral,
     mass: float,
 ) -> Single:
-    """Factor by which the sub-pixels' line integrals along parallel rays sum to a splat's mass."""
+    """Factor by which the sub-pixels' line integrals along parallel rays sum to a splat's mass.
+
+    It is 1 where they are so many that their sum is the mass, or where there is no ellipse.
+    """
     n, zero, two = place.subpixels, np.float32(0.0), np.float32(2.0)
     a, b, c, half = shape.a, room[s + B], room[s + C], np.float32(0.5 / place.subpixels)
     x = np.float32(place.x) + half - room[s + ACROSS]
     y = np.float32(place.y) + half - room[s + DOWN]
     ray, chord = rows[RAY], chord_of(shape.bend, rows[CHORD])  # all parallel rays have the same
-    bounded = float(a * c - b * b) * ray
-    left, right = _between(x, np.sqrt(c / bounded), place.x, n)
-    top, bottom = _between(y, np.sqrt(a / bounded), place.y, n)
+    bounded = (np.float64(a) * c - np.float64(b) * b) * ray
+    wide, high = n * np.sqrt(c / bounded), n * np.sqrt(a / bounded)
+    if not (1.0 + wide) * (1.0 + high) < MANY:  # nor a number
+        return np.float32(1.0)
+    left, right = _between(x, wide / n, place.x, n)
+    top, bottom = _between(y, high / n, place.y, n)
     total = 0.0
     for row in range(top, bottom + 1):
         dy = np.float32(place.y + (row + 0.5) / n - y)

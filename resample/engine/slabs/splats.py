@@ -340,7 +340,8 @@ def _slabs_of(span: Span, depth: float, is_cutting: bool) -> tuple[int, int]:
     if not is_cutting:
         return span.front, span.front
     first = math.floor((depth - span.reach) / span.thickness)
-    return first, math.floor((depth + span.reach) / span.thickness)
+    last = math.floor((depth + span.reach) / span.thickness)
+    return first, min(last, first + span.ring.slots - 1)  # far away numbers lie apart
 
 
 @kernel

@@ -110,8 +110,8 @@ def weights(
     First sample, and how many. Weights after these, to a whole eight of them, are 0.
     """
     table, stride, taps, before, shift = integral
-    extent = min(max(side[1], SHORTEST), LONGEST)
-    low = max(side[0] - 0.5 * extent - shift, float(before))
+    extent = min(max(SHORTEST, side[1]), LONGEST)  # numbers come first, as what follows may be none
+    low = max(float(before), side[0] - 0.5 * extent - shift)
     low = min(low, float(size - taps) + before - extent - 1.0)
     at_low: Whole = np.int32(low)
     f = np.float32(low - at_low)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.images import read_image
-from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver
+from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import Floats
 from resample_texture.mesh.gltf import WHITE, Described, described
@@ -67,7 +67,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     try:
         opened = _Source(source, named, given, described(source))
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        raise ValueError(f"{source.name} cannot be read as a mesh: {_line(error)}") from None
+        raise unreadable(source.name, error) from None
     geometries = _geometries(opened)
     try:
         if given is not None and all(_uv(one) is None for one in geometries):
@@ -76,12 +76,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
     except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
-        raise ValueError(f"{source.name} cannot be read as a mesh: {_line(error)}") from None
-
-
-def _line(error: Exception) -> str:
-    """What an error says, in one line."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
+        raise unreadable(source.name, error) from None
 
 
 def _scene(source: _Source) -> Any:
@@ -109,7 +104,7 @@ def _geometries(source: _Source) -> list[Any]:
     except Exception as error:  # trimesh and its parsers raise anything at all
         for file in source.named:
             read_image(file)  # says which one cannot be read
-        raise ValueError(f"{name} cannot be read as a mesh: {_line(error)}") from None
+        raise unreadable(name, error) from None
     if not found:
         raise ValueError(f"{name} holds no triangles; a mesh with texture is needed")
     return found

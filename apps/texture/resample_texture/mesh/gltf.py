@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.reading.texts import json_of
+from resample.reading.gltf import JSON, header_of
 from resample.types import Floats
 from resample_texture.mesh.covers import Alpha, Cover
 from resample_texture.types import Edge
 
-MAGIC, JSON = b"glTF", 0x4E4F534A  # first bytes of a binary file, and its first chunk's type
+MAGIC = b"glTF"  # first bytes of a binary file
 EDGES = {33071: Edge.CLAMP, 33648: Edge.MIRROR, 10497: Edge.WRAP}
 ALPHAS = {"OPAQUE": Alpha.OPAQUE, "MASK": Alpha.MASK, "BLEND": Alpha.BLEND}
 
@@ -50,8 +50,8 @@ def described(file: Path) -> Described | None:
     if kind not in (".glb", ".gltf"):
         return None
     content = file.read_bytes()
-    start, end = (20, 20 + _length(content)) if kind == ".glb" else (0, len(content))
-    header = json_of(content[start:end].decode("utf-8"))
+    end = 20 + struct.unpack_from("<I", content, 12)[0] if kind == ".glb" else len(content)
+    header = header_of(file)
     materials = [_material(one, header) for one in header.get("materials", [])]
     for number, material in enumerate(header.get("materials", [])):
         material["name"] = str(number)
@@ -64,24 +64,14 @@ def described(file: Path) -> Described | None:
     return Described(head + text + rest, materials)
 
 
-def _length(content: bytes) -> int:
-    """Bytes of the JSON in a binary file."""
-    if content[:4] != MAGIC or len(content) < 20:
-        raise ValueError("it is no binary glTF")
-    length, kind = struct.unpack_from("<II", content, 12)
-    if kind != JSON:
-        raise ValueError("its first chunk is not JSON")
-    return int(length)
-
-
 def _material(given: dict[str, Any], header: dict[str, Any]) -> Material:
     look = given.get("pbrMetallicRoughness", {})
     factor = np.array(look.get("baseColorFactor", (1, 1, 1, 1)), np.float32)
     if factor.shape != (4,):
         raise ValueError(f"a baseColorFactor of {factor.size} numbers; it has 4")
     mode = given.get("alphaMode", "OPAQUE")
-    if mode not in ALPHAS:
-        raise ValueError(f"an alphaMode {mode!r}; there are {', '.join(ALPHAS)}")
+    if not isinstance(mode, str) or mode not in ALPHAS:
+        raise ValueError(f"an alphaMode {mode!r:.40}; there are {', '.join(ALPHAS)}")
     texture = look.get("baseColorTexture")
     along_u, along_v = _edges(texture, header)
     cover = Cover(along_u, along_v, ALPHAS[mode], float(given.get("alphaCutoff", 0.5)))
@@ -96,6 +86,8 @@ def _edges(texture: dict[str, Any] | None, header: dict[str, Any]) -> tuple[Edge
     sampler = {} if number is None else header["samplers"][number]
     codes = sampler.get("wrapS", 10497), sampler.get("wrapT", 10497)
     for code in codes:
-        if code not in EDGES:
-            raise ValueError(f"a sampler wraps by {code}; there are {', '.join(map(str, EDGES))}")
+        if not isinstance(code, int) or code not in EDGES:
+            raise ValueError(
+                f"a sampler wraps by {code!r:.40}; there are {', '.join(map(str, EDGES))}"
+            )
     return EDGES[codes[0]], EDGES[codes[1]]

@@ -40,6 +40,7 @@ FINER = 2.0  # cells per px where one would do for a smooth filter
 JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 1
 FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
 MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
+MOST_APART = 1e5  # px, neighbours of a forward map
 FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond its edges
 NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are not known
 EDGES = {
@@ -197,6 +198,7 @@ def blocks_of(
     if isinstance(geometry, ForwardMap):
         if geometry.x.shape != source_shape:
             raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
+        _check_apart(geometry)
         axes, bounds = split_map(geometry.x, geometry.y, shape, cells.reach, cells.cut_quality)
         x, y = with_margins(geometry.x, geometry.y)
         return Blocks(axes, bounds, np.eye(3), x, y)
@@ -206,6 +208,21 @@ def blocks_of(
     roots = _roots(matrix, source_shape, shape, edge, cells)
     axes, bounds = split_plane(matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest)
     return Blocks(axes, bounds, matrix, NOTHING, NOTHING)
+
+
+def _check_apart(geometry: ForwardMap) -> None:
+    """Refuse texels that are drawn out so far that it takes for ever to draw them."""
+    for places in (geometry.x, geometry.y):
+        if np.abs(places).max(initial=0.0, where=np.isfinite(places)) <= MOST_APART / 2:
+            continue
+        with np.errstate(invalid="ignore", over="ignore"):
+            steps = [np.abs(np.diff(places, axis=axis)) for axis in (0, 1)]
+        apart = max(step.max(initial=0.0, where=np.isfinite(step)) for step in steps)
+        if apart > MOST_APART:
+            raise ValueError(
+                f"a forward map leads neighbours {apart:.3g} px apart, at most {MOST_APART:g} are "
+                "drawn; give NaN for texels that go nowhere"
+            )
 
 
 def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from resample.reading.limits import check_unpacked
+from resample.reading.markup import check_xml_file
 from resample.reading.names import plain
 from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
@@ -72,6 +73,7 @@ def _grid(path: Path, reader_name: str) -> Any:
             f"{path.name}: {path.suffix} is read by VTK; pip install 'hybrid-resample[vtk]'"
         ) from None
     _check_end(path)
+    check_xml_file(path, "AppendedData")
     check_blocks(path)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()

@@ -227,9 +227,19 @@ def tabulated(
     return Looks(
         np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),
         low,
-        high if high > low else low + 1.0,
+        _above(low, high),
         end if end > 0 else 1.0,
     )
+
+
+def _above(low: float, high: float) -> float:
+    """End of a range that begins at `low`, at least so far behind it that float32 tells them apart.
+
+    >>> _above(3.0, 3.0), _above(1e30, 1e30) > 1e30
+    (4.0, True)
+    """
+    least = max(1e-37, 1e-7 * abs(low))
+    return low + max(least, high - low) if high > low else low + max(1.0, least)
 
 
 def evaluated(

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
-from resample.reading.meshes import check_mesh, trimesh_resolver
+from resample.painting.scene import check_places
+from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
@@ -77,10 +78,16 @@ def scene_mesh(
     """
     import trimesh
 
+    corner, face = np.asarray(corner, np.float64), np.asarray(face, np.int64)
+    check_places(corner, "a mesh's corner")
+    if face.size and not 0 <= face.min() <= face.max() < len(corner):
+        raise ValueError(
+            f"a mesh's triangles name corners {face.min()} to {face.max()}; it has {len(corner)}"
+        )
     colors = np.broadcast_to(np.asarray(color, np.float64), (len(corner), 3))
     whole = trimesh.Trimesh(corner, face, process=False)
     whole.vertex_attributes["color"] = colors
-    first = _same(np.asarray(corner, np.float64))
+    first = _same(corner)
     joined = trimesh.Trimesh(corner, first[face], process=False)
     parts = trimesh.graph.connected_components(
         joined.face_adjacency[joined.face_adjacency_angles <= np.radians(smooth)],
@@ -91,7 +98,7 @@ def scene_mesh(
     for number, part in enumerate(parts):
         group[part] = number
     normal = _normals(joined, first[face], group)
-    corners = np.asarray(corner, np.float64)[face].reshape(-1, 3)
+    corners = corner[face].reshape(-1, 3)
     count = np.arange(len(corners)).reshape(-1, 3)
     return SceneMesh(corners, normal, colors[face].reshape(-1, 3), count, opacity)
 
@@ -143,7 +150,7 @@ def read_mesh(text: str) -> SceneMesh:
     try:
         made = [_own(part, choices) for part in parts]
     except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
-        raise _unreadable(path, error) from None
+        raise unreadable(str(path), error) from None
     start = np.cumsum([0, *(len(one.corner) for one in made)])
     face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
     return SceneMesh(
@@ -175,15 +182,10 @@ def _geometries(path: Path) -> list[Any]:
         scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
     except Exception as error:  # trimesh and its parsers raise anything at all
-        raise _unreadable(path, error) from None
+        raise unreadable(str(path), error) from None
     if not found:
         raise ValueError(f"{path} holds no triangles")
     return found
-
-
-def _unreadable(path: Path, error: Exception) -> ValueError:
-    line = " ".join(str(error).split())[:200] or type(error).__name__
-    return ValueError(f"{path} cannot be read as a mesh: {line}")
 
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
@@ -209,7 +211,8 @@ def _colors(part: Any) -> Doubles:
     """Linear colors (V, 3) of a mesh's corners."""
     from resample.colors import from_srgb
 
-    visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
+    with np.errstate(invalid="ignore"):  # of places on a texture that are no numbers
+        visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
     levels = np.asarray(visual.vertex_colors)[:, :3]
     return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
 

@@ -98,8 +98,8 @@ def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
         seen = voxels.value >= iso
     elif resampler.projection in SEEN:
         last = looks.table.shape[1] - 1
-        place = (voxels.value - looks.low) * (last / (looks.high - looks.low))
-        column = np.clip(np.rint(place), 0, last).astype(np.int64)
+        place = (voxels.value.astype(np.float64) - looks.low) / (looks.high - looks.low)
+        column = np.rint(np.clip(place, 0, 1) * last).astype(np.int64)
         seen = (looks.table[..., 3].max(axis=0) > 0)[column]
     else:
         return voxels

@@ -168,6 +168,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
             index = np.arange(first, first + chunk.size)
             slope = np.linalg.norm(gradients_at(volume, index, "central"), axis=1)
             of_row = slope.reshape(chunk.shape) * ((len(looks.table) - 1) / looks.steep)
+            of_row = np.nan_to_num(of_row, nan=0.0)
             row = np.minimum(np.rint(of_row), len(looks.table) - 1).astype(np.int64)
         known = np.isfinite(chunk)
         yield np.where(known, looks.table[row, column, 3], np.float32(0))

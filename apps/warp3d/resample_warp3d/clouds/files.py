@@ -20,6 +20,7 @@ from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud
 from resample_warp3d.clouds.las import read_las
 from resample_warp3d.clouds.parts import STEP, Gathering, storage_for
 
+MOST_DIGITS = 30  # of a count
 LONGEST_HEADER = 1000  # lines
 COMMENTS = ("#", "//")  # what lines that are no numbers begin with
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
@@ -237,10 +238,19 @@ def _refuse_gaussians(names: set[str]) -> None:
         )
 
 
+def _within(column: NDArray[Any], kind: np.dtype[Any], name: str) -> NDArray[Any]:
+    """Numbers as a type that holds all of them."""
+    if kind.kind in "iu" and column.size:
+        ends = np.iinfo(kind)
+        if not (ends.min <= column.min() and column.max() <= ends.max):  # nor NaN
+            raise ValueError(f"holds numbers of {name} that are none of {kind}")
+    return column.astype(kind)
+
+
 def _length(words: list[str]) -> int:
     """How many of an element there are, by its line."""
-    if len(words) != 3 or not words[2].isdecimal():
-        raise ValueError(f"has a PLY header with '{' '.join(words)}'")
+    if len(words) != 3 or not words[2].isdecimal() or len(words[2]) > MOST_DIGITS:
+        raise ValueError(f"has a PLY header with {' '.join(words)!r:.60}; a whole number is wanted")
     return int(words[2])
 
 
@@ -270,7 +280,7 @@ def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) ->
     for name in kind.names or ():
         if first >= table.shape[1]:
             raise ValueError(f"has {table.shape[1]} numbers in a line and no {name}")
-        fields[name] = table[:, first].astype(kind[name].base)
+        fields[name] = _within(table[:, first], kind[name].base, name)
         first += int(np.prod(kind[name].shape))
     return fields
 

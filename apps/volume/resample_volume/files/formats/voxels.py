@@ -114,7 +114,7 @@ def _unpack(target: memoryview, path: Path, stored: VoxelData) -> None:
         for piece in _pieces(file, stored.packing):
             first = max(0, count - stored.skip)
             begin = max(0, stored.skip - count)
-            kept = piece[begin : begin + len(target) - first]
+            kept = piece[begin : begin + max(0, len(target) - first)]
             target[first : first + len(kept)] = kept
             count += len(piece)
             if count > wanted + SLACK:

@@ -15,6 +15,7 @@ from resample.types import Doubles
 from resample_volume.files.headers import check_alone, header, volume
 from resample_volume.files.memory import require_memory
 from resample_volume.files.stacks.slices import natural
+from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
 from resample_volume.files.suppression import suppressed_output
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
@@ -100,7 +101,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         slices = _sorted(slices)
         first = slices[0].told
         parts, kind, units = _parts(first), _kind(slices), _units(first)
-        sizes = (int(first.Columns), int(first.Rows), len(slices))
+        sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
@@ -152,6 +153,7 @@ def _told(path: Path, *, is_whole: bool = False) -> Any:
         read = pydicom.dcmread(path, stop_before_pixels=not is_whole, force=not is_dicom(path))
         if not len(read):
             raise ValueError("it holds nothing")
+        check_lengths(read)
         return read
 
 
@@ -168,17 +170,19 @@ def _slices(path: Path) -> list[_Slice]:
     if "Rows" not in told or "Columns" not in told:
         raise ValueError(f"{path.name} is a damaged DICOM file, or holds no picture")
     with _quiet(path):
-        count = int(told.get("NumberOfFrames", 1) or 1)
+        count = whole(told, "NumberOfFrames", 1)
         if not 1 <= count <= path.stat().st_size:
-            raise ValueError(f"{count} frames")
+            raise ValueError(f"its NumberOfFrames is {count}, more than its bytes, or below 1")
         return [_slice(path, told, frame) for frame in range(count)]
 
 
 def _slice(path: Path, told: Any, frame: int) -> _Slice:
     place = _numbers(told, frame, POSITION, (math.nan,) * 3)
     axes = _numbers(told, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
-    if told.get("GridFrameOffsetVector"):  # doses
-        place = place + float(told.GridFrameOffsetVector[frame]) * np.cross(*axes)
+    count, offsets = whole(told, "NumberOfFrames", 1), told.get("GridFrameOffsetVector")
+    if offsets not in (None, "", []):  # doses
+        away = numbers(offsets, "GridFrameOffsetVector", count)
+        place = place + away[frame] * np.cross(*axes)
     elif frame and not any("PlanePositionSequence" in each for each in _groups(told, frame)):
         place = place + frame * _between(told, frame) * np.cross(*axes)
     slope = float(_numbers(told, frame, SLOPE, (1,))[0])
@@ -202,8 +206,9 @@ def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> D
     homes = [each[group][0] for each in _groups(told, frame) if each.get(group)]
     for home in (*homes, told):
         found = home.get(key)
-        if found not in (None, ""):
-            return np.atleast_1d(np.array(found, np.float64))
+        if found not in (None, "", []):
+            least = 1 if key == PIXELS[1] else len(otherwise)
+            return numbers(found, key, least, len(otherwise))
     return np.array(otherwise, np.float64)
 
 
@@ -225,15 +230,16 @@ def _sorted(slices: list[_Slice]) -> list[_Slice]:
             return sorted(slices, key=lambda each: float(normal @ each.place))
     numbers = [each.told.get("InstanceNumber") for each in slices]
     if len(slices) == len({each.path for each in slices}) and None not in numbers:
-        return sorted(slices, key=lambda each: int(each.told.InstanceNumber))
+        return sorted(slices, key=lambda each: whole(each.told, "InstanceNumber"))
     return sorted(slices, key=lambda each: (natural(each.path), each.frame))
 
 
 def _parts(told: Any) -> int:
     """Numbers of a voxel."""
-    if told.get("PhotometricInterpretation") == "PALETTE COLOR":
+    check_text(told, "PhotometricInterpretation")
+    if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
         return 3
-    return int(told.get("SamplesPerPixel", 1) or 1)
+    return whole(told, "SamplesPerPixel", 1)
 
 
 def _units(told: Any) -> str:
@@ -241,24 +247,29 @@ def _units(told: Any) -> str:
 
     (US is "unspecified".)
     """
-    if str(told.get("Modality", "")) != "CT":
+    if text(told, "Modality") != "CT":
         return ""
-    return "hu" if str(told.get("RescaleType", "") or "") in ("", "HU", "US") else ""
+    return "hu" if text(told, "RescaleType") in ("", "HU", "US") else ""
 
 
 def _kind(slices: list[_Slice]) -> np.dtype[Any]:
     """Smallest type of integers that holds all values that may be; floats where they are none."""
     first = slices[0].told
-    if first.get("PhotometricInterpretation") == "PALETTE COLOR":
-        entries = first.get("RedPaletteColorLookupTableDescriptor", (0, 0, 16))
-        return np.dtype("uint8" if int(entries[2]) <= 8 else "uint16")
-    bits, signed = int(first.get("BitsAllocated", 16)), int(first.get("PixelRepresentation", 0))
+    if text(first, "PhotometricInterpretation") == "PALETTE COLOR":
+        key = "RedPaletteColorLookupTableDescriptor"
+        entries = numbers(first.get(key, (0, 0, 16)), key, 3)
+        return np.dtype("uint8" if entries[2] <= 8 else "uint16")
+    bits, signed = whole(first, "BitsAllocated", 16), whole(first, "PixelRepresentation", 0)
+    if bits not in (1, 8, 16, 32, 64):
+        raise ValueError(f"its BitsAllocated is {bits}, where 1, 8, 16, 32 or 64 is")
     if all((each.slope, each.intercept) == (1, 0) for each in slices):
         return np.dtype(f"{'int' if signed else 'uint'}{max(8, bits)}")
     scales = {(each.slope, each.intercept) for each in slices}
     if not all(number.is_integer() for scale in scales for number in scale):
         return np.dtype(np.float64)
-    stored = int(first.get("BitsStored", bits))
+    stored = whole(first, "BitsStored", bits)
+    if not 1 <= stored <= bits:
+        raise ValueError(f"its BitsStored is {stored}, where 1 to {bits} is")
     ends = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if signed else (0, 2**stored - 1)
     reached = [slope * end + intercept for slope, intercept in scales for end in ends]
     for name in FITTING if min(reached) >= 0 else FITTING[3:]:
@@ -276,7 +287,7 @@ def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -
         if each.path != path:
             path = each.path
             pixels = _pixels(path)
-        frames = 1 if "NumberOfFrames" not in each.told else int(each.told.NumberOfFrames or 1)
+        frames = whole(each.told, "NumberOfFrames", 1)
         if pixels.size != frames * math.prod(shape[1:]):
             raise ValueError(f"{path.name} is unlike the other slices: {pixels.shape} values")
         plane = pixels.reshape(frames, *shape[1:])[each.frame]
@@ -298,9 +309,9 @@ def _pixels(path: Path) -> NDArray[Any]:
     with _quiet(path), suppressed_output():
         told.pixel_array_options(decoding_plugin=plugin)
         pixels = np.asarray(told.pixel_array)
-        if told.get("PhotometricInterpretation") == "PALETTE COLOR":
+        if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
             return np.asarray(apply_color_lut(pixels, told))
-        if told.get("PhotometricInterpretation") == "MONOCHROME1":  # the lowest are white
+        if text(told, "PhotometricInterpretation") == "MONOCHROME1":  # the lowest are white
             most = -1 if told.PixelRepresentation else 2**told.BitsStored - 1
             return (most - pixels.astype(np.int64)).astype(pixels.dtype)
         return pixels
@@ -337,8 +348,9 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
     return np.array([across, down, step]), np.column_stack([row, column, normal])
 
 
-def _imager(told: Any) -> Any:
-    return told.get("ImagerPixelSpacing") or (1.0, 1.0)
+def _imager(told: Any) -> Doubles:
+    given = told.get("ImagerPixelSpacing")
+    return np.ones(2) if given in (None, "", []) else numbers(given, "ImagerPixelSpacing", 2)
 
 
 def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
