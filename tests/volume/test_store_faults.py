@@ -165,7 +165,7 @@ class DyingHandler(SimpleHTTPRequestHandler):
             super().do_GET()
             return
         self.server.socket.close()
-        self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 9999\r\n\r\nhalf")
+        self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 999\r\n\r\nhalf")
         self.close_connection = True
 
     def log_message(self, *_):
