@@ -10,6 +10,7 @@ from typing import Any
 from resample.reading.limits import check_items, check_size, check_unpacked
 from resample.reading.neighbours import neighbour
 from resample.reading.texts import json_of
+from resample.reading.unpacking import check_members
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
 PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
@@ -32,7 +33,7 @@ def check_mesh(source: Path) -> None:
     if kind in ARCHIVES and zipfile.is_zipfile(source):
         with zipfile.ZipFile(source) as packed:
             infos = packed.infolist()
-        check_items(source.name, len(infos), "members")
+        check_members(source.name, infos, "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
     with suppress(FileNotFoundError):  # which matters to who wants the textures

@@ -8,14 +8,16 @@ import lzma
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 from resample.memory import amount
-from resample.reading.limits import check_items
+from resample.reading.limits import check_free, check_items, check_ratio
 
 Buffer = bytes | bytearray | memoryview
 PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others unpack to their end, whatever they say
 ANY, RAW = 47, -15  # zlib's numbers for its own form or gzip's, and for neither
+PIECE = 1 << 20  # bytes that are unpacked at a time
 JOINED = (b"\x1f\x8b", b"BZ", b"\xfd7")  # first bytes of streams behind which others may follow
 
 
@@ -54,6 +56,30 @@ def bunzipped(data: Buffer, most: int) -> bytes:
 def unlzma(data: Buffer, most: int, form: int, filters: Any = None) -> bytes:
     """What LZMA has packed in one of its forms; parameters and errors as of `deflated`."""
     return _unpacked(data, most, lambda: lzma.LZMADecompressor(form, None, filters))
+
+
+def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
+    """Refuse what zlib has packed if it becomes far too much; it is unpacked piece by piece.
+
+    Parameters
+    ----------
+    what
+        Name for the message.
+    data, form
+        As of `deflated`. What is damaged, or cut off, is counted up to there.
+
+    Raises
+    ------
+    ValueError
+        It is more than so many bytes can honestly hold, or than the memory that is free.
+    """
+    unpacker, rest, count = zlib.decompressobj(wbits=form), bytes(data), 0
+    with suppress(zlib.error):
+        while rest:
+            count += len(unpacker.decompress(rest, PIECE))
+            check_ratio(what, len(data), count)
+            rest = unpacker.unconsumed_tail
+    check_free(what, count)
 
 
 def check_becomes(count: int, most: int) -> None:

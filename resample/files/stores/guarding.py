@@ -12,17 +12,13 @@ from zarr.storage import WrapperStore
 
 from resample.files.stores.codecs import bound
 from resample.memory import amount
-from resample.reading.limits import check_free, check_size
+from resample.reading.limits import LimitError, check_free, check_size
 from resample.reading.neighbours import allows_outside, neighbour
 from resample.reading.unpacking import check_member
 
 PER_VALUE, BESIDE = 2, 4096  # what packed data may take, by what their values do, and besides
 LEAST = 1 << 20  # bytes that a codec may make, however small a chunk is
 METADATA = ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata")
-
-
-class RefusalError(ValueError):
-    """What is not read, though it may be whole."""
 
 
 class Listing(Protocol):
@@ -158,7 +154,7 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
             try:
                 size = self.listing.size(key)
             except ValueError as error:
-                raise RefusalError(str(error)) from None
+                raise LimitError(str(error)) from None
             if size is None:
                 return None
             self._check(key, size)
@@ -195,12 +191,9 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
     def _check(self, key: str, size: int) -> None:
         """Refuse what is too large, before it is read."""
         if key.rpartition("/")[2] in METADATA:
-            try:
-                check_size(key, size, "tree")
-            except ValueError as error:
-                raise RefusalError(str(error)) from None
+            check_size(key, size, "tree")
         elif self.most is not None and size > self.most:
-            raise RefusalError(
+            raise LimitError(
                 f"its chunk {key} takes {amount(size)}, where its values take "
                 f"{amount((self.most - BESIDE) // PER_VALUE)}"
             )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from resample.files.stores.addresses import Address, Place
+from resample.reading.limits import LimitError
 from resample.words import one_line, visible
 
 MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
@@ -95,7 +96,7 @@ def reading(what: str) -> Iterator[None]:
         raise ValueError(f"{what}: its metadata are no JSON: {one_line(error)}") from None
     except Exception as error:
         _settle()
-        if type(error).__name__ == "RefusalError":
+        if isinstance(error, LimitError):
             raise ValueError(f"{what}: {one_line(error):.300}") from None
         if type(error).__module__.startswith("obstore"):
             raise ConnectionError(f"{what} cannot be fetched: {_reason(error)}") from None

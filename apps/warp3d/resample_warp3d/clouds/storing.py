@@ -17,6 +17,7 @@ import numpy as np
 from resample.files.cached import make_room, note_use
 from resample.files.writing import replacing
 from resample.memory import mapped
+from resample.reading.arrays import read_npy
 from resample.types import Floats
 
 MOST_BYTES = 1 << 30
@@ -82,8 +83,8 @@ def _code() -> str:
 def _read(path: Path, count: int) -> Floats | None:
     """What a file holds, if it is there and whole."""
     try:
-        found: Floats = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        found: Floats = read_npy(path)
+    except OSError:
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:
         return None
