@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from resample.reading.codestreams import size_at_once
 from resample.reading.limits import check_free, check_size, check_unpacked
 from resample.reading.unpacking import PIECE
 from resample.words import one_line
@@ -57,10 +58,10 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     return count, stored
 
 
-def check_texts(path: str | Path) -> None:
-    """Refuse a PNG whose packed texts and color profile become more than a tree may have.
+def check_unopened(path: str | Path) -> None:
+    """Refuse a picture that becomes far too much as soon as it is opened, whoever asks for it.
 
-    They are unpacked as soon as it is opened, whoever asks for them.
+    So are packed texts and color profiles of PNG, and all pixels of JPEG 2000 and JPEG XL.
 
     Raises
     ------
@@ -69,17 +70,20 @@ def check_texts(path: str | Path) -> None:
     OSError
         It cannot be read.
     """
+    size = size_at_once(Path(path))
+    if size is not None:  # and a byte for each pixel, at the least
+        check_unpacked(str(path), Path(path).stat().st_size, math.prod(size))
     total = 0
     with Path(path).open("rb") as file:
         if file.read(len(PNG)) != PNG:
             return
         while len(head := file.read(8)) == 8 and head[4:] != b"IDAT":
-            size, name = struct.unpack(">I4s", head)
+            length, name = struct.unpack(">I4s", head)
             if name in (b"zTXt", b"iTXt", b"iCCP"):
-                total = _grown(path, file.read(size), name, total)
+                total = _grown(path, file.read(length), name, total)
                 file.seek(4, 1)
             else:
-                file.seek(size + 4, 1)
+                file.seek(length + 4, 1)
 
 
 def _grown(path: str | Path, content: bytes, name: bytes, total: int) -> int:

@@ -19,12 +19,12 @@ from resample.files.facts.tags import read_tags
 from resample.files.pictures import read_picture
 from resample.files.tiles import NAME, kept_tile
 from resample.reading.arrays import read_npz
+from resample.reading.codestreams import size_at_once, size_of
 from resample.reading.meshes import check_mesh
 from resample.reading.unpacking import bunzipped, deflated, unlzma
 from resample.words import one_line
 from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
-from resample_volume.files.stacks.codestreams import size_of
 from resample_volume.files.vtk_blocks import check_blocks
 from resample_warp3d.clouds import storing
 from resample_warp3d.depth.files import read_depth
@@ -243,6 +243,28 @@ TEXTS = {
     b"iTXt": b"resample:settings\0\1\0\0\0" + LONG,
     b"iCCP": b"profile\0\0" + LONG,
 }
+
+
+@pytest.mark.usefixtures("tight")
+@pytest.mark.parametrize("suffix", ["jxl", "jp2", "j2k"])
+def test_pictures_that_are_unpacked_as_they_are_opened_are_looked_at_before(suffix, tmp_path):
+    sized = b"\xff\x4f\xff\x51" + struct.pack(">2H4I", 41, 0, 3000, 2000, 0, 0)
+    boxed = b"\0\0\0\x0cjP  \r\n\x87\n" + bytes(60)
+    bits = 2 << 1 | 1999 << 3 | 0 << 21 | 2 << 24 | 2999 << 26
+    content = {"j2k": sized, "jp2": boxed + sized, "jxl": b"\xff\x0a" + bits.to_bytes(12, "little")}
+    (tmp_path / f"a.{suffix}").write_bytes(content[suffix] + bytes(40))
+    refused(read_picture, tmp_path / f"a.{suffix}", match=r"that unpack to 5\.72 MiB or more")
+
+
+@pytest.mark.parametrize("shape", [(16, 24), (17, 300), (9, 9), (30, 40), (5000, 3)])
+def test_pictures_of_jpeg_xl_tell_their_sizes(shape, tmp_path):
+    import OpenImageIO
+
+    target = OpenImageIO.ImageOutput.create(str(tmp_path / "a.jxl"))
+    target.open(str(tmp_path / "a.jxl"), OpenImageIO.ImageSpec(*shape[::-1], 1, "uint8"))
+    target.write_image(np.zeros((*shape, 1), np.uint8))
+    target.close()
+    assert size_at_once(tmp_path / "a.jxl") == shape
 
 
 @pytest.mark.usefixtures("tight")

@@ -16,7 +16,7 @@ from resample.reading.unpacking import RAW, check_deflated
 from resample.types import Doubles
 from resample_volume.files.headers import check_alone, header, volume
 from resample_volume.files.memory import require_memory
-from resample_volume.files.stacks.codestreams import check_frames
+from resample_volume.files.stacks.frames import check_frames
 from resample_volume.files.stacks.slices import natural
 from resample_volume.files.suppression import suppressed_output
 from resample_volume.media.rectilinear import rectilinear

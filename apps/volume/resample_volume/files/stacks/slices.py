@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, check_unpacked
-from resample.reading.pictures import check_picture, check_texts
+from resample.reading.pictures import check_picture, check_unopened
 from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
@@ -104,7 +104,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
-    check_texts(path)
+    check_unopened(path)
     straight = OpenImageIO.ImageSpec()
     straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
     image = OpenImageIO.ImageInput.open(str(path), straight)
