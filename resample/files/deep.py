@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.writing import replacing
-from resample.reading.pictures import check_picture
+from resample.reading.limits import check_unpacked
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
@@ -72,7 +72,8 @@ def read_deep(path: Path) -> list[list[Floats]]:
     if source is None or not source.spec().deep:
         raise OSError(f"{path} is not a deep picture that can be read")
     spec = source.spec()
-    check_picture(path, spec)
+    samples = spec.width * spec.height * spec.nchannels * 4  # of one at each pixel; or more
+    check_unpacked(str(path), path.stat().st_size, samples)
     data = source.read_native_deep_image()
     source.close()
     if data is None:

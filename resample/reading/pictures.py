@@ -50,6 +50,8 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     ValueError
         So it does.
     """
+    if spec.deep:
+        raise ValueError(f"{path} is a deep picture, of samples at several depths; flatten it")
     shape = (spec.width, spec.height, max(1, spec.depth), spec.nchannels)
     if min(shape) < 1:
         raise ValueError(f"{path} has {spec.width} x {spec.height} pixels; get the file again")

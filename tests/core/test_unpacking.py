@@ -14,9 +14,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from resample.files.deep import Slab, read_deep, write_deep
 from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
+from resample.files.films import film_picture, new_film, new_stream
+from resample.files.images import read_image, read_rows
 from resample.files.pictures import read_picture
+from resample.files.sequences import frames_of
 from resample.files.tiles import NAME, kept_tile
 from resample.reading.arrays import read_npz
 from resample.reading.codestreams import size_at_once, size_of
@@ -27,6 +31,7 @@ from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
 from resample_volume.files.vtk_blocks import check_blocks
 from resample_warp3d.clouds import storing
+from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
 
 DATA = b"abcdefgh" * 100
@@ -280,6 +285,90 @@ def test_packed_texts_of_a_png_are_counted_together(tmp_path):
     each = (b"zTXt", b"a\0\0" + zlib.compress(b"a" * 2000))
     assert read_picture(png(tmp_path / "a.png", each, each)).data.shape == (1, 1, 3)
     refused(read_picture, png(tmp_path / "b.png", *[each] * 6), match="over the limit of")
+
+
+def shaded(path, side=300, **told):
+    import OpenImageIO
+
+    form = "float" if path.suffix in (".exr", ".hdr") else "uint8"
+    spec = OpenImageIO.ImageSpec(side, side, 3, form)
+    for name, value in told.items():
+        spec.attribute(name, value)
+    target = OpenImageIO.ImageOutput.create(str(path))
+    assert target.open(str(path), spec)
+    assert target.write_image(np.zeros((side, side, 3), np.float32))
+    assert target.close()
+    return path
+
+
+PICTURES = ["png", "jpg", "webp", "gif", "hdr", "jxl", "jp2"]
+PACKED = [
+    ("tga", "rle"),
+    *((one, "") for one in PICTURES),
+    *(("tif", one) for one in ("zip", "lzw", "packbits")),
+]
+PACKED += [("exr", one) for one in ("rle", "zips", "zip", "piz", "pxr24", "dwaa")]
+
+
+@pytest.mark.parametrize(("suffix", "packing"), PACKED)
+def test_pictures_that_become_far_too_much_are_refused(suffix, packing, tmp_path, monkeypatch):
+    told = {"compression": packing} if packing else {}
+    path = shaded(tmp_path / f"a.{suffix}", 64 if suffix in ("jxl", "jp2") else 300, **told)
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
+    for read in (read_picture, read_image, read_rows):
+        refused(read, path, match=r"a\.\w+: .* that unpack to")
+
+
+@pytest.mark.parametrize("suffix", ["apng", "webp", "gif"])
+def test_animations_that_become_far_too_much_are_refused(suffix, tmp_path, monkeypatch):
+    from PIL import Image
+
+    frames, path = [Image.new("RGB", (64, 64), (n, n, n)) for n in (0, 200)], tmp_path / "a"
+    form = {"apng": "PNG"}.get(suffix, suffix.upper())
+    path = path.with_suffix(f".{suffix}")
+    frames[0].save(path, form, save_all=True, append_images=frames[1:])
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
+    refused(frames_of, path, match="that unpack to")
+
+
+def test_films_that_become_far_too_much_are_refused(tmp_path, monkeypatch):
+    pytest.importorskip("av", reason="the extra film is not installed")
+    shade = np.zeros((64, 64, 3), np.uint8)
+    with new_film(tmp_path / "a.mp4") as film:
+        stream = new_stream(film, 5.0, (64, 64))
+        film.mux(stream.encode(film_picture(shade, stream)))
+        film.mux(stream.encode(None))
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
+    refused(frames_of, tmp_path / "a.mp4", match="that unpack to")
+
+
+def test_deep_pictures_are_refused(tmp_path):
+    rgba = np.ones((3, 4, 4), np.float32)
+    write_deep(tmp_path / "a.exr", [Slab(1.0, 2.0, rgba)])
+    assert len(read_deep(tmp_path / "a.exr")) == 3
+    for read in (read_picture, read_depth):
+        name = "a.exr" if read is read_picture else "a.exr:Z"
+        refused(read, tmp_path / name, match=r"a\.exr is a deep picture")
+
+
+# Clouds
+
+
+@pytest.mark.usefixtures("tight")
+def test_packed_clouds_that_become_far_too_much_are_refused(tmp_path):
+    head = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 100000\nDATA binary_compressed\n"
+    content = head.encode() + struct.pack("<2I", 100, 1_200_000) + bytes(100)
+    (tmp_path / "a.pcd").write_bytes(content)
+    refused(read_cloud, tmp_path / "a.pcd", match="that unpack to")
+
+
+def test_clouds_of_lasers_that_become_far_too_much_are_refused(tmp_path, monkeypatch):
+    laspy = pytest.importorskip("laspy", reason="the extra las is not installed")
+    scan = laspy.create(point_format=0)
+    scan.x = scan.y = scan.z = np.zeros(2000)
+    scan.write(str(tmp_path / "a.laz"))
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
+    refused(read_cloud, tmp_path / "a.laz", match="that unpack to")
 
 
 # Meshes
