@@ -13,6 +13,8 @@ from resample.reading.texts import json_of
 from resample.reading.unpacking import check_members
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
+COMPONENTS = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of glTF's numbers
+PARTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
 
 
@@ -36,6 +38,8 @@ def check_mesh(source: Path) -> None:
         check_members(source.name, infos, "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
+    if kind in (".gltf", ".glb"):
+        _check_parts(source)
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
@@ -75,12 +79,52 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
         yield from _named_in_gltf(source)
 
 
+def _check_parts(source: Path) -> None:
+    """Refuse a glTF whose nodes have far more numbers than its files can honestly hold.
+
+    Numbers need not be in a file, and many nodes may show one mesh.
+    """
+    unpacked = 0
+    with suppress(ValueError, LookupError, AttributeError, TypeError):  # who reads it says of them
+        told = _gltf(source)
+        sizes = [_bytes_of(each) for each in told.get("accessors", [])]
+        meshes = [
+            sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
+            for mesh in told.get("meshes", [])
+        ]
+        shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+        unpacked = max(sum(shown), sum(meshes))
+    files = [source, *(file for file, _ in _named(source) if file.is_file())]
+    check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
+
+
+def _bytes_of(accessor: dict[str, Any]) -> int:
+    """Bytes of the numbers that an accessor speaks of."""
+    width = COMPONENTS[accessor["componentType"]] * PARTS[accessor["type"]]
+    return int(accessor["count"]) * width
+
+
+def _numbers_of(part: dict[str, Any]) -> list[int]:
+    """Accessors of a part of a mesh."""
+    return [*part["attributes"].values(), *([part["indices"]] if "indices" in part else [])]
+
+
+def _gltf(source: Path) -> Any:
+    """What a glTF file says in JSON, bare or in a binary file."""
+    if source.suffix.lower() == ".gltf":
+        return json_of(source.read_text(encoding="utf-8"))
+    with source.open("rb") as file:
+        length = int.from_bytes(file.read(20)[12:16], "little")
+        check_size(source.name, length, "tree")
+        return json_of(file.read(length).decode("utf-8"))
+
+
 def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
     """Buffers and pictures of a glTF file in JSON."""
     from urllib.parse import unquote
 
     try:
-        content = json_of(source.read_text(encoding="utf-8"))
+        content = _gltf(source)
         told = [
             (one.get("uri", "data:"), key == "images")
             for key in ("buffers", "images")

@@ -30,6 +30,7 @@ from resample.words import one_line
 from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
 from resample_volume.files.vtk_blocks import check_blocks
+from resample_volume.space.meshes import read_mesh
 from resample_warp3d.clouds import storing
 from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
@@ -422,6 +423,31 @@ def test_parts_of_a_mesh_share_one_texture(tmp_path):
     mesh = load_mesh(glb(tmp_path / "a.glb", 5, picture(8)))
     assert len(mesh.textures) == 1
     assert mesh.texture.tolist() == [0] * 5
+
+
+@pytest.mark.usefixtures("tight")
+@pytest.mark.parametrize("suffix", ["gltf", "glb"])
+def test_numbers_that_no_file_holds_are_counted(suffix, tmp_path):
+    accessor = {"componentType": 5126, "count": 1_000_000, "type": "VEC3"}
+    told = {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "accessors": [accessor]}
+    told["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
+    text = json.dumps(told).encode()
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(head + text if suffix == "glb" else text)
+    for read in (load_mesh, *([read_mesh] if suffix == "glb" else [])):
+        given = path if read is load_mesh else f"{path}"
+        refused(read, given, match=r"that unpack to 11\.44 MiB or more")
+
+
+def test_a_mesh_that_very_many_nodes_show_is_counted_for_each(tmp_path, monkeypatch):
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
+    path = glb(tmp_path / "a.glb", 1, picture(8))
+    content = path.read_bytes()
+    told = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])
+    told["nodes"] = [{"mesh": 0}] * 5000
+    (tmp_path / "a.gltf").write_text(json.dumps(told))
+    refused(check_mesh, tmp_path / "a.gltf", match=r"that unpack to 0\.31 MiB or more")
 
 
 @pytest.mark.usefixtures("tight")
