@@ -1,6 +1,5 @@
 """Stores of zarr, opened: what is in them, and what is wrong with them."""
 
-import asyncio
 import json
 import warnings
 from collections.abc import Iterable, Iterator
@@ -113,6 +112,8 @@ def reading_metadata(what: str) -> Iterator[None]:
 
 def _settle() -> None:
     """Wait for what zarr has begun beside a read that failed; it would be said of it at the end."""
+    import asyncio
+
     from zarr.core import sync
 
     async def ended() -> None:
