@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.writing import INCOMPLETE, refused, replacing
+from resample.reading.limits import check_unpacked
 from resample.reading.names import plain
-from resample.reading.pictures import check_picture
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
@@ -90,7 +90,8 @@ def _stored(path: Path) -> tuple[Any, Any]:
     if source is None or not source.spec().deep:
         raise OSError(f"{path} is not a deep picture that can be read")
     spec = source.spec()
-    check_picture(path, spec)
+    samples = spec.width * spec.height * spec.nchannels * 4  # of one at each pixel; or more
+    check_unpacked(str(path), path.stat().st_size, samples)
     data = source.read_native_deep_image()
     complaint = source.geterror()
     source.close()

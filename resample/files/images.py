@@ -18,7 +18,7 @@ from resample.files.facts.origin import state
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.names import plain
-from resample.reading.pictures import check_honest, check_picture
+from resample.reading.pictures import check_honest, check_picture, check_unopened
 from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")
@@ -387,6 +387,7 @@ def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
 
     if not Path(path).is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    check_unopened(path)
     # A configuration also makes PFM come right side up: without one its lines are not flipped.
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from resample.files.writing import replacing
 from resample.painting.plans import Window
+from resample.reading.arrays import read_npz
 from resample.types import Film
 
 NAME = "window-{}-{}-{}-{}.npz"
@@ -48,6 +49,6 @@ def kept_tile(folder: Path, window: Window) -> tuple[Film, dict[str, int]] | Non
     path = folder / NAME.format(*window)
     if not path.is_file():
         return None
-    with np.load(path, allow_pickle=False) as parts:
-        film = Film(*(parts[name] for name in Film._fields))
-        return film, {name[3:]: int(parts[name]) for name in parts if name.startswith("of_")}
+    parts = read_npz(path)
+    film = Film(*(parts[name] for name in Film._fields))
+    return film, {name[3:]: int(part) for name, part in parts.items() if name.startswith("of_")}

@@ -10,7 +10,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import check_items, check_unpacked
+from resample.reading.limits import check_unpacked
+from resample.reading.packed.unpacking import check_members
 from resample.words import one_line
 
 MAGIC = b"\x93NUMPY"  # what an array's file begins with
@@ -106,7 +107,7 @@ def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
         packed = zipfile.ZipFile(path)
     with packed:
         members = {_name(info.filename): info for info in packed.infolist()}
-        check_items(str(path), len(packed.infolist()), "arrays")
+        check_members(str(path), packed.infolist(), "arrays")
         wanted = names or tuple(members)
         _check_sizes(path, members, wanted)
         for name in wanted:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import limits, refused
+from resample.reading.limits import check_size, limits, refused
 from resample.reading.texts import json_of
 
 JSON = 0x4E4F534A  # type of a binary file's first chunk
@@ -37,14 +37,18 @@ def header_of(path: Path) -> Tree:
     ValueError
         There is none.
     """
-    content = path.read_bytes()
-    if path.suffix.lower() == ".glb":
-        if content[:4] != b"glTF" or len(content) < 20:
-            raise ValueError("it is no binary glTF")
-        length, kind = struct.unpack_from("<II", content, 12)
-        if kind != JSON or length > len(content) - 20:
-            raise ValueError("its first chunk is not JSON, or cut off")
-        content = content[20 : 20 + length]
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if path.suffix.lower() == ".glb":
+            first = file.read(20)
+            if first[:4] != b"glTF" or len(first) < 20:
+                raise ValueError("it is no binary glTF")
+            length, kind = struct.unpack_from("<II", first, 12)
+            if kind != JSON or length > size - 20:
+                raise ValueError("its first chunk is not JSON, or cut off")
+            size = length
+        check_size(path.name, size, "tree")
+        content = file.read(size)
     tree = json_of(content.decode("utf-8"))
     if not isinstance(tree, dict):
         raise ValueError("its JSON is no object")

@@ -13,6 +13,10 @@ from resample.memory import amount, available_memory, bytes_of
 SETTING = "RESAMPLE_LIMIT"  # name of an environment variable
 
 
+class LimitError(ValueError):
+    """A file that holds more than is let in; it may be whole."""
+
+
 class FileLimits(NamedTuple):
     """What is let in."""
 
@@ -64,11 +68,11 @@ def _changed(part: str) -> tuple[str, int]:
     return name, number
 
 
-def refused(what: str, found: str, name: str) -> ValueError:
+def refused(what: str, found: str, name: str) -> LimitError:
     """Make the error for what is over the limit of a name."""
     most = getattr(limits(), name)
     told = amount(most) if name in BYTES else str(most)
-    return ValueError(
+    return LimitError(
         f"{what}: {found}, over the limit of {told}; raise it by --limit {name}=..., or {SETTING}"
     )
 
@@ -181,7 +185,7 @@ def check_free(what: str, count: int) -> None:
     """
     free = available_memory()
     if free is not None and count > free:
-        raise ValueError(
+        raise LimitError(
             f"{what} needs {amount(count)} of memory and {amount(free)} are free; take a smaller "
             "one, or free some"
         )

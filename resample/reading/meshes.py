@@ -8,11 +8,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from resample.reading.gltf import check_gltf, header_of
+from resample.reading.gltf import PARTS, SIZES, check_gltf, header_of
 from resample.reading.limits import check_items, check_size, check_unpacked
 from resample.reading.markup import check_xml_file, check_xml_member
 from resample.reading.neighbours import neighbour
-from resample.reading.texts import json_of
+from resample.reading.packed.unpacking import check_members
 from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
@@ -38,12 +38,14 @@ def check_mesh(source: Path) -> None:
     if kind in ARCHIVES and zipfile.is_zipfile(source):
         with zipfile.ZipFile(source) as packed:
             infos = packed.infolist()
-        check_items(source.name, len(infos), "members")
+        check_members(source.name, infos, "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
         _check_members(source, infos)
     elif kind in MARKUP:
         check_xml_file(source)
+    elif kind in (".gltf", ".glb"):
+        _check_parts(source)
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
@@ -98,12 +100,42 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
         yield from _named_in_gltf(source)
 
 
+def _check_parts(source: Path) -> None:
+    """Refuse a glTF whose nodes have far more numbers than its files can honestly hold.
+
+    Numbers need not be in a file, and many nodes may show one mesh.
+    """
+    unpacked = 0
+    with suppress(ValueError, LookupError, AttributeError, TypeError):  # who reads it says of them
+        told = header_of(source)
+        sizes = [_bytes_of(each) for each in told.get("accessors", [])]
+        meshes = [
+            sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
+            for mesh in told.get("meshes", [])
+        ]
+        shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+        unpacked = max(sum(shown), sum(meshes))
+    files = [source, *(file for file, _ in _named(source) if file.is_file())]
+    check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
+
+
+def _bytes_of(accessor: dict[str, Any]) -> int:
+    """Bytes of the numbers that an accessor speaks of."""
+    width = SIZES[accessor["componentType"]] * PARTS[accessor["type"]]
+    return int(accessor["count"]) * width
+
+
+def _numbers_of(part: dict[str, Any]) -> list[int]:
+    """Accessors of a part of a mesh."""
+    return [*part["attributes"].values(), *([part["indices"]] if "indices" in part else [])]
+
+
 def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
     """Buffers and pictures of a glTF file in JSON."""
     from urllib.parse import unquote
 
     try:
-        content = json_of(source.read_text(encoding="utf-8"))
+        content = header_of(source)
         told = [
             (one.get("uri", "data:"), key == "images")
             for key in ("buffers", "images")

@@ -1,14 +1,19 @@
 """Sizes of pictures, looked at before their pixels are decoded."""
 
 import math
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import check_free, check_unpacked
+from resample.reading.limits import check_free, check_size, check_unpacked
+from resample.reading.packed.codestreams import size_at_once
+from resample.reading.packed.unpacking import PIECE
 from resample.words import one_line
 
+PNG = b"\x89PNG\r\n\x1a\n"
 FORMS = {"uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "half": 2, "double": 8}  # others have 4
 
 
@@ -45,12 +50,60 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     ValueError
         So it does.
     """
+    if spec.deep:
+        raise ValueError(f"{path} is a deep picture, of samples at several depths; flatten it")
     shape = (spec.width, spec.height, max(1, spec.depth), spec.nchannels)
     if min(shape) < 1:
         raise ValueError(f"{path} has {spec.width} x {spec.height} pixels; get the file again")
     count, stored = math.prod(shape), FORMS.get(str(spec.format), 4)
     check_unpacked(str(path), Path(path).stat().st_size, count * stored)
     return count, stored
+
+
+def check_unopened(path: str | Path) -> None:
+    """Refuse a picture that becomes far too much as soon as it is opened, whoever asks for it.
+
+    So are packed texts and color profiles of PNG, and all pixels of JPEG 2000 and JPEG XL.
+
+    Raises
+    ------
+    ValueError
+        They do.
+    OSError
+        It cannot be read.
+    """
+    size = size_at_once(Path(path))
+    if size is not None:  # and a byte for each pixel, at the least
+        check_unpacked(str(path), Path(path).stat().st_size, math.prod(size))
+    total = 0
+    with Path(path).open("rb") as file:
+        if file.read(len(PNG)) != PNG:
+            return
+        while len(head := file.read(8)) == 8 and head[4:] != b"IDAT":
+            length, name = struct.unpack(">I4s", head)
+            if name in (b"zTXt", b"iTXt", b"iCCP"):
+                total = _grown(path, file.read(length), name, total)
+                file.seek(4, 1)
+            else:
+                file.seek(length + 4, 1)
+
+
+def _grown(path: str | Path, content: bytes, name: bytes, total: int) -> int:
+    """Bytes of all texts so far, with one more."""
+    keyword, _, rest = content.partition(b"\0")
+    if name == b"iTXt":
+        if rest[:1] != b"\1":  # as it is
+            return total + len(rest)
+        rest = b"".join(rest[2:].split(b"\0", 2)[2:])
+    rest, unpacker = rest[name != b"iTXt" :], zlib.decompressobj()
+    try:
+        while rest:
+            total += len(unpacker.decompress(rest, PIECE))
+            check_size(f"{path}, its text {keyword.decode('latin-1')!r:.40}", total, "tree")
+            rest = unpacker.unconsumed_tail
+    except zlib.error:  # which its reader leaves out
+        pass
+    return total
 
 
 @contextmanager

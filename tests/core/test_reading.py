@@ -1,6 +1,7 @@
 """Files that nobody vouches for: refused in one line, and without reading what they name."""
 
 import base64
+import bz2
 import gzip
 import io
 import json
@@ -128,21 +129,24 @@ def test_an_archive_of_very_many_arrays_is_refused(tmp_path):
 
 
 @pytest.mark.usefixtures("tight")
-@pytest.mark.parametrize("kind", ["nhdr", "mhd", "raw.gz"])
+@pytest.mark.parametrize("kind", ["nhdr", "bzip2", "mhd", "raw.gz"])
 def test_a_bomb_of_raw_data_is_refused(kind, tmp_path):
     put(tmp_path / "a_64x64x64_uint8.raw.gz", gzip.compress(bytes(64**3)))
+    put(tmp_path / "a.bz2", bz2.compress(bytes(64**3)))
     put(tmp_path / "a.zraw", zlib.compress(bytes(64**3)))
     headers = {
         "nhdr": "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 64 64 64\nencoding: gzip\n"
         "data file: a_64x64x64_uint8.raw.gz\n",
         "mhd": "ObjectType = Image\nNDims = 3\nDimSize = 64 64 64\nElementType = MET_UCHAR\n"
         "CompressedData = True\nElementDataFile = a.zraw\n",
+        "bzip2": "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 64 64 64\nencoding: bzip2\n"
+        "data file: a.bz2\n",
         "raw.gz": "",
     }
-    reader = {"nhdr": Nrrd(), "mhd": MetaImage(), "raw.gz": Raw()}[kind]
+    reader = {"nhdr": Nrrd(), "bzip2": Nrrd(), "mhd": MetaImage(), "raw.gz": Raw()}[kind]
     path = tmp_path / "a_64x64x64_uint8.raw.gz"
     if headers[kind]:
-        path = put(tmp_path / f"a.{kind}", headers[kind])
+        path = put(tmp_path / f"a.{kind.replace('bzip2', 'nhdr')}", headers[kind])
     refused(reader, path, match="unpack to")
 
 
@@ -172,6 +176,10 @@ def test_a_nifti_that_goes_on_behind_its_values_is_not_unpacked_to_its_end(tmp_p
     start[344:348] = b"n+1\0"
     path = put(tmp_path / "a.nii.gz", gzip.compress(bytes(start) + bytes(1 << 20), 1))
     refused(Nifti(), path, match="or more bytes")
+    monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=64KB,ratio=10")
+    struct.pack_into("<8h", start, 40, 3, 64, 64, 64, 1, 1, 1, 1)
+    path = put(tmp_path / "b.nii.gz", gzip.compress(bytes(start) + bytes(64**3), 1))
+    refused(Nifti(), path, match="that unpack to")
 
 
 @pytest.mark.usefixtures("tight")

@@ -115,4 +115,5 @@ def test_directories_in_a_circle_end(tmp_path):
     data = bytearray(path.read_bytes())
     data[-4:] = (8).to_bytes(4, "little")
     path.write_bytes(data)
-    assert len(read_tags(path, (256,), {})) <= 65536
+    with pytest.raises(OSError, match="its tags are damaged: they overlap, or go in circles"):
+        read_tags(path, (256,), {})

@@ -114,6 +114,14 @@ def test_a_wrong_checksum_is_damage(name, part, values, server, capsys):
     assert "hecksum" in error
 
 
+def test_a_chunk_of_a_server_that_is_far_too_large_is_refused(values, server):
+    path = store(server, values)
+    (path / "c/0/0/0").write_bytes(bytes(1 << 16))
+    held = open_streamed(f"{server.place}/a.zarr")
+    with pytest.raises(ValueError, match=r"its chunk c/0/0/0 takes 0\.06 MiB, where its values"):
+        held.values[0, 0].read((slice(0, 8),) * 3)
+
+
 def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
     path = store(server, values)
     (path / "c/0/1/2").unlink()
@@ -165,7 +173,7 @@ class DyingHandler(SimpleHTTPRequestHandler):
             super().do_GET()
             return
         self.server.socket.close()
-        self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 9999\r\n\r\nhalf")
+        self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 999\r\n\r\nhalf")
         self.close_connection = True
 
     def log_message(self, *_):

@@ -11,6 +11,7 @@ from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
 from resample.cameras.trajectories import Entry, Refused, Shot, entry_of
 from resample.reading.names import plain
+from resample.reading.pictures import check_unopened
 from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
 from resample.words import naming
@@ -97,7 +98,10 @@ def _size(path: Path) -> tuple[int, int] | None:
     import OpenImageIO
 
     for file in (path, path.with_name(path.name + ".png")):
-        source = OpenImageIO.ImageInput.open(plain(file)) if file.is_file() else None
+        if not file.is_file():
+            continue
+        check_unopened(file)
+        source = OpenImageIO.ImageInput.open(plain(file))
         if source is not None:
             spec = source.spec()
             source.close()

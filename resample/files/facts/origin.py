@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from resample.reading.names import plain
+from resample.reading.pictures import check_unopened
 
 KEY = "resample:settings"  # of the text in PNG and EXR
 SUFFIXES = (".png", ".exr")  # of files that have room for it
@@ -45,6 +46,7 @@ def settings_in(path: Path) -> str:
 
     if not path.is_file():
         raise FileNotFoundError(2, "there is no such file", str(path))
+    check_unopened(path)
     source = OpenImageIO.ImageInput.open(plain(path))
     if source is None:
         reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"

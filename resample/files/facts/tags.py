@@ -22,6 +22,7 @@ TYPES = {
 }  # fmt: skip
 FRACTIONS = (5, 10)
 MOST_DIRECTORIES = 65536  # a file with more points in circles
+PER_BYTE, BESIDE = 4, 1 << 20  # bytes that are read of directories, by those that a file has
 LARGEST_VALUE = 1 << 26  # bytes of one tag
 
 
@@ -64,6 +65,27 @@ class _Entry(NamedTuple):
     field: bytes  # the values, or their offset
 
 
+class _Counted(BytesIO):
+    """A file of which little more is read than it has: directories may overlap, or go round."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        super().__init__()
+        self._file = file
+        self._left = PER_BYTE * file.seek(0, 2) + BESIDE
+
+    def seek(self, place: int, whence: int = 0) -> int:
+        """Go to a place."""
+        return self._file.seek(place, whence)
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Bytes from there."""
+        found = self._file.read(-1 if size is None else size)
+        self._left -= len(found)
+        if self._left < 0:
+            raise ValueError("they overlap, or go in circles")
+        return found
+
+
 def text(tag: "Tag | Directory | None") -> str:
     """What a tag says, of a tag of text; nothing if there is none."""
     if not isinstance(tag, Tag):
@@ -97,7 +119,7 @@ def read_tags(
     """
     with Path(path).open("rb") as file:
         try:
-            return _directories(file, wanted, nested)
+            return _directories(_Counted(file), wanted, nested)
         except (struct.error, ValueError) as error:
             raise OSError(f"{path}: its tags are damaged: {error}") from None
 
@@ -107,7 +129,7 @@ def block_tags(
 ) -> dict[int, "Tag | Directory"]:
     """Some tags of an Exif block; none if it is damaged."""
     try:
-        found = _directories(BytesIO(block), wanted, nested, 1)
+        found = _directories(_Counted(BytesIO(block)), wanted, nested, 1)
     except (struct.error, ValueError):
         return {}
     return found[0] if found else {}

@@ -16,6 +16,7 @@ CONNECTING, SILENCE = 10.0, 30.0  # seconds that a server may take to answer, an
 SLOWEST = 10_000  # bytes per second in the mean, from a minute on
 PATIENCE = 60.0  # seconds
 CHUNK = 1 << 16  # bytes
+BARE = {"Accept-Encoding": "identity"}  # files are not packed on their way
 
 Advance = Callable[[int], object]
 
@@ -71,15 +72,16 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
 def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
     """Write what a server sends, which is `size` bytes or refused."""
     import requests
+    from urllib3.exceptions import HTTPError
 
     begin, count = time.monotonic(), 0
     try:
         with (
-            requests.get(url, stream=True, timeout=(CONNECTING, SILENCE)) as answer,
+            requests.get(url, headers=BARE, stream=True, timeout=(CONNECTING, SILENCE)) as answer,
             target.open("wb") as file,
         ):
             answer.raise_for_status()
-            for chunk in answer.iter_content(CHUNK):
+            for chunk in answer.raw.stream(CHUNK, decode_content=False):  # as it is sent
                 count += len(chunk)
                 if count > size:
                     break
@@ -94,7 +96,7 @@ def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
     except requests.HTTPError as error:
         status = error.response.status_code if error.response is not None else "nothing"
         raise ConnectionError(f"{url}: the server answers {status}; try again later") from None
-    except requests.RequestException as error:
+    except (requests.RequestException, HTTPError) as error:
         raise ConnectionError(
             f"{url} cannot be reached ({type(error).__name__}); put the file into {target.parent} "
             "by hand, or try again"

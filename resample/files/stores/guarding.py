@@ -1,20 +1,124 @@
-"""Chunks of zarr that hold far more than their values are refused before they are unpacked."""
+"""Stores whose files are looked at before they are read: where they lie, and how large they are."""
 
-from collections.abc import Iterable
+import os
+import zipfile
+from collections.abc import AsyncIterator, Iterable, Iterator
 from math import prod
-from typing import Any
+from pathlib import Path
+from stat import S_ISDIR, S_ISLNK, S_ISREG
+from typing import Any, Protocol
 
 from zarr.storage import WrapperStore
 
+from resample.files.stores.codecs import bound
 from resample.memory import amount
-from resample.reading.limits import check_free
+from resample.reading.limits import LimitError, check_free, check_size
+from resample.reading.neighbours import allows_outside, neighbour
+from resample.reading.packed.unpacking import check_member
 
 PER_VALUE, BESIDE = 2, 4096  # what packed data may take, by what their values do, and besides
+LEAST = 1 << 20  # bytes that a codec may make, however small a chunk is
 METADATA = ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata")
 
 
+class Listing(Protocol):
+    """What is told of files before they are read."""
+
+    def size(self, key: str) -> int | None:
+        """Bytes of a file; None where there is none.
+
+        Raises
+        ------
+        ValueError
+            It must not be read.
+        """
+        ...
+
+    def names(self, path: str, depth: int) -> Iterator[str] | None:
+        """Names from a path on, of so many parts at most; None where they are not told."""
+        ...
+
+
+class Folder:
+    """Files of a folder: plain ones, that lie in it or below."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._within: set[str] = set()  # folders that are known to lie in it
+
+    def size(self, key: str) -> int | None:
+        """Bytes of a file, see `Listing`."""
+        path = os.path.join(self.root, key)
+        try:
+            told = os.lstat(path)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        parent = os.path.dirname(path)
+        if S_ISLNK(told.st_mode) or parent not in self._within:
+            file = neighbour(self.root / self.root.name, key)
+            self._within.add(parent)
+            try:
+                told = os.stat(file)
+            except FileNotFoundError:
+                return None
+        if S_ISDIR(told.st_mode):
+            return None
+        if not S_ISREG(told.st_mode):
+            raise ValueError(f"{self.root.name} names {key!r:.100}, a device or a pipe, not a file")
+        return told.st_size
+
+    def names(self, path: str, depth: int) -> Iterator[str]:
+        """Names of files below a path, see `Listing`; links to folders are followed if they may."""
+        return _below(os.path.join(self.root, path), "", depth)
+
+
+def _below(folder: str, before: str, depth: int) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if depth > 1 and entry.is_dir(follow_symlinks=allows_outside()):
+                yield from _below(entry.path, f"{before}{entry.name}/", depth - 1)
+            else:
+                yield before + entry.name
+
+
+class Zip:
+    """Members of a zip file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._members: dict[str, zipfile.ZipInfo] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"path": self.path, "_members": None}
+
+    @property
+    def members(self) -> dict[str, zipfile.ZipInfo]:
+        """By their names."""
+        if self._members is None:
+            with zipfile.ZipFile(self.path) as packed:
+                self._members = {info.filename: info for info in packed.infolist()}
+        return self._members
+
+    def size(self, key: str) -> int | None:
+        """Bytes of a member, unpacked, see `Listing`."""
+        found = self.members.get(key)
+        if found is None:
+            return None
+        check_member(self.path.name, found)
+        return found.file_size
+
+    def names(self, path: str, depth: int) -> Iterator[str]:
+        """Names of members below a path, see `Listing`."""
+        before = f"{path}/" if path else ""
+        return (
+            name.removeprefix(before)
+            for name in self.members
+            if name.startswith(before) and name.count("/") - before.count("/") < depth
+        )
+
+
 class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
-    """A store of which no chunk is read that is much larger than all of its values.
+    """A store of which nothing is read that lies elsewhere, or is much larger than it should be.
 
     Honest packing makes values smaller, or hardly larger; what unpacks to gigabytes does not fit
     behind a small chunk then.
@@ -22,43 +126,91 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
 
     most: int | None = None  # bytes that a chunk may take as it is stored; None: not known yet
 
+    def __init__(self, store: Any, listing: Listing | None = None) -> None:
+        super().__init__(store)
+        self.listing = listing
+
+    def _with_store(self, store: Any) -> "GuardedStore":
+        made = type(self)(store, self.listing)
+        made.most = self.most
+        return made
+
     @property
     def within(self) -> Any:
         """The store that is guarded."""
         return self._store
 
+    def size(self, key: str) -> int | None:
+        """Bytes of what a key stands for; None where it is not there, or not known."""
+        return None if self.listing is None else self.listing.size(key)
+
+    def names(self, path: str, depth: int) -> Iterator[str] | None:
+        """Names below a path, of so many parts at most; None where nobody can list them."""
+        return None if self.listing is None else self.listing.names(path, depth)
+
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """Chunk or metadata of a key, see zarr."""
-        return self._checked(key, await self._store.get(key, prototype, byte_range))
+        if self.listing is not None:
+            try:
+                size = self.listing.size(key)
+            except ValueError as error:
+                raise LimitError(str(error)) from None
+            if size is None:
+                return None
+            self._check(key, size)
+        found = await self._got(key, prototype, byte_range)
+        if found is not None:
+            self._check(key, len(found))
+        return found
+
+    async def _got(self, key: str, prototype: Any, byte_range: Any) -> Any:
+        if self.listing is not None or byte_range is not None:
+            self._check(key, getattr(byte_range, "end", 0) - getattr(byte_range, "start", 0))
+            return await self._store.get(key, prototype, byte_range)
+        import obstore
+
+        try:
+            answer = await obstore.get_async(self._store.store, key)
+        except FileNotFoundError:
+            return None
+        self._check(key, int(answer.meta["size"]))
+        return prototype.buffer.from_bytes(await answer.bytes_async())
 
     async def get_partial_values(
         self, prototype: Any, key_ranges: Iterable[tuple[str, Any]]
     ) -> list[Any]:
         """Parts of chunks, see zarr."""
-        asked = list(key_ranges)
-        found = await self._store.get_partial_values(prototype, asked)
-        return [self._checked(key, part) for (key, _), part in zip(asked, found, strict=True)]
+        return [await self.get(key, prototype, part) for key, part in key_ranges]
 
-    def _checked(self, key: str, found: Any) -> Any:
-        is_chunk = found is not None and key.rpartition("/")[2] not in METADATA
-        if is_chunk and self.most is not None and len(found) > self.most:
-            raise ValueError(
-                f"its chunk {key} takes {amount(len(found))}, where its values take "
+    async def _get_many(
+        self, requests: Iterable[tuple[str, Any, Any]]
+    ) -> AsyncIterator[tuple[str, Any]]:
+        for key, prototype, part in requests:
+            yield key, await self.get(key, prototype, part)
+
+    def _check(self, key: str, size: int) -> None:
+        """Refuse what is too large, before it is read."""
+        if key.rpartition("/")[2] in METADATA:
+            check_size(key, size, "tree")
+        elif self.most is not None and size > self.most:
+            raise LimitError(
+                f"its chunk {key} takes {amount(size)}, where its values take "
                 f"{amount((self.most - BESIDE) // PER_VALUE)}"
             )
-        return found
 
 
 def guard(array: Any, name: str) -> None:
-    """Let no chunk of an array be read that cannot be one of its.
+    """Let no chunk of an array be read that cannot be one of its, nor become more than that.
 
     Raises
     ------
     ValueError
-        Values of one chunk take more memory than is free.
+        Values of one chunk take more memory than is free; or a codec makes objects of Python.
     """
+    alone = prod(array.chunks) * array.dtype.itemsize
     size = prod(getattr(array, "shards", None) or array.chunks) * array.dtype.itemsize
-    check_free(f"a chunk of {name}", prod(array.chunks) * array.dtype.itemsize)
+    check_free(f"a chunk of {name}", alone)
+    bound(array, alone, max(LEAST, PER_VALUE * alone + BESIDE))
     store = array.store
     if isinstance(store, GuardedStore):
         store.most = max(store.most or 0, PER_VALUE * size + BESIDE)

@@ -1,17 +1,19 @@
 """Stores of zarr, opened: what is in them, and what is wrong with them."""
 
 import json
-import zipfile
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from resample.files.stores.addresses import Address, Place
+from resample.reading.limits import LimitError
 from resample.words import one_line, visible
 
 MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
 ZIPS = (".zip", ".ozx")
+SETTLING = 5.0  # seconds
 
 
 def is_store(path: Path) -> bool:
@@ -48,30 +50,32 @@ def open_node(path: Place) -> Any:
         There is nothing of that name, or it must not be read.
     """
     zarr = require_zarr(path.name)
-    from resample.files.stores.guarding import GuardedStore
+    from resample.files.stores.guarding import Folder, GuardedStore, Zip
 
     if isinstance(path, Address):
         distant = GuardedStore(path.store())
-        with reading(path.url):
+        with reading_metadata(path.url):
             return zarr.open(distant, mode="r")
     if not path.exists():
         raise FileNotFoundError(f"{path}: there is no such file or folder")
-    with reading(path.name):
+    with reading_metadata(path.name):
+        place = path.resolve()
         if path.is_dir():
-            store: Any = zarr.storage.LocalStore(path.resolve(), read_only=True)
+            store: Any = zarr.storage.LocalStore(place, read_only=True)
+            listing: Folder | Zip = Folder(place)
             root = "" if is_store(path) else None
         else:
-            root = _root_of_zip(path)
-            store = zarr.storage.ZipStore(path.resolve(), mode="r")
+            listing = packed = Zip(place)
+            root = _root_of_zip(packed.members)
+            store = zarr.storage.ZipStore(place, mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
-        return zarr.open(GuardedStore(store), path=root, mode="r")
+        # What is consolidated may speak of any number of arrays; here each is asked for itself.
+        return zarr.open(GuardedStore(store, listing), path=root, mode="r", use_consolidated=False)
 
 
-def _root_of_zip(path: Path) -> str | None:
+def _root_of_zip(names: Iterable[str]) -> str | None:
     """Where in a zip file the metadata are that lie above all others; None: nowhere."""
-    with zipfile.ZipFile(path) as packed:
-        names = packed.namelist()
     found = [name for name in names if name.rpartition("/")[2] in MARKS]
     return min(found, key=len).rpartition("/")[0] if found else None
 
@@ -90,9 +94,39 @@ def reading(what: str) -> Iterator[None]:
     except json.JSONDecodeError as error:
         raise ValueError(f"{what}: its metadata are no JSON: {one_line(error)}") from None
     except Exception as error:
+        _settle()
+        if isinstance(error, LimitError):
+            raise ValueError(f"{what}: {one_line(error):.300}") from None
         if type(error).__module__.startswith("obstore"):
             raise ConnectionError(f"{what} cannot be fetched: {_reason(error)}") from None
         raise ValueError(f"{what} is no zarr, or damaged: {one_line(error):.300}") from None
+
+
+@contextmanager
+def reading_metadata(what: str) -> Iterator[None]:
+    """The same of metadata, at which zarr warns of codecs that not all programs have."""
+    with reading(what), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _settle() -> None:
+    """Wait for what zarr has begun beside a read that failed; it would be said of it at the end."""
+    import asyncio
+
+    from zarr.core import sync
+
+    async def ended() -> None:
+        begun = [
+            task
+            for task in asyncio.all_tasks()
+            if getattr(task.get_coro(), "__name__", "") != "_runner"  # which wait for these
+        ]
+        if begun:
+            await asyncio.wait(begun, timeout=SETTLING)
+
+    if sync.loop[0] is not None:
+        sync.sync(ended())
 
 
 def _reason(error: Exception) -> str:

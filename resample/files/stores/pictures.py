@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.stores.addresses import Address, Place
+from resample.files.stores.holes import Holes, holes_of, values_of, warned
 from resample.files.stores.metadata import layout_of
-from resample.files.stores.opening import ZIPS, is_store, open_node, reading, require_zarr
+from resample.files.stores.opening import (
+    ZIPS,
+    is_store,
+    open_node,
+    reading,
+    reading_metadata,
+    require_zarr,
+)
 from resample.files.writing import beside, unwritten
 from resample.memory.mapped import array_where_it_fits
 
@@ -31,6 +39,7 @@ class StoredPicture(NamedTuple):
     array: Any  # of zarr
     axes: str  # letters of y, x, and perhaps c, z and t, in the order of the array
     name: str
+    holes: Holes | None = None  # what is missing of it
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -56,12 +65,11 @@ class StoredPicture(NamedTuple):
         ValueError, OSError
             They cannot be read.
         """
-        where = tuple(
-            {"y": slice(first, last), "x": across, "c": slice(None)}.get(letter, 0)
-            for letter in self.axes
-        )
+        _, width, channels = self.shape
+        part = {"y": slice(first, last), "x": slice(*across.indices(width)[:2])}
+        part["c"] = slice(0, channels)
         with reading(self.name):
-            found = np.asarray(self.array[where])
+            found = values_of(self.array, self.holes, [part.get(axis, 0) for axis in self.axes])
         left = [letter for letter in self.axes if letter in "yxc"]
         found = found.reshape(*found.shape, 1) if "c" not in left else found
         order = [[*left, *("c" * ("c" not in left))].index(letter) for letter in "yxc"]
@@ -125,7 +133,7 @@ def open_picture(path: Place) -> StoredPicture:
         if layout is None:
             raise ValueError(f"{name} is a group without multiscales; name one of its arrays")
         axes, held = layout.axes, layout.levels[0].path
-        with reading(f"{name}/{held}"):
+        with reading_metadata(f"{name}/{held}"):
             array = node.get(held)
         if not isinstance(array, zarr.Array):
             raise ValueError(f"{name} names a level {held!r}, which is not there; is it whole?")
@@ -136,7 +144,7 @@ def _checked(found: StoredPicture) -> StoredPicture:
     """Picture in chunks that can be one."""
     from resample.files.stores.guarding import guard
 
-    array, axes, name = found
+    array, axes, name, _ = found
     sizes = " x ".join(map(str, array.shape))
     if len(axes) != array.ndim or len(set(axes)) < len(axes) or not set(axes) <= set("yxczt"):
         raise ValueError(f"{name} is an array {sizes}; a picture is (y, x), or (y, x, channels)")
@@ -153,7 +161,10 @@ def _checked(found: StoredPicture) -> StoredPicture:
     if array.dtype.name not in DEPTHS:
         raise ValueError(f"{name} is of {array.dtype}; read are {', '.join(DEPTHS)}")
     guard(array, name)
-    return found
+    holes = holes_of(array, name)
+    if line := holes.told(array.fill_value):
+        warned(f"{name}: {line}")
+    return found._replace(holes=holes)
 
 
 def check_store(path: Path) -> None:

@@ -5,6 +5,9 @@ here, so that a mesh is never gray for want of a file.
 """
 
 import errno
+import math
+import warnings
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +17,15 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.images import read_image
+from resample.reading.limits import check_unpacked
 from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import Floats
+from resample_texture.mesh.covers import Alpha, Cover
 from resample_texture.mesh.gltf import WHITE, Described, described
 from resample_texture.mesh.shapes import Mesh, checked_array
+
+BYTES_PER_TEXEL = 16  # of a texture in memory: four floats
 
 
 class _Source(NamedTuple):
@@ -28,6 +35,7 @@ class _Source(NamedTuple):
     named: list[Path]  # files that it names as its textures
     given: Floats | None  # texture to use in their place
     gltf: Described | None
+    kept: dict[Any, Floats]  # pictures of materials, which parts may share
 
 
 def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> Mesh:
@@ -65,7 +73,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
             message = f"is missing; {source.name} names it as its texture, or give another"
             raise FileNotFoundError(errno.ENOENT, message, str(file))
     try:
-        opened = _Source(source, named, given, described(source))
+        opened = _Source(source, named, given, described(source), {})
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise unreadable(source.name, error) from None
     geometries = _geometries(opened)
@@ -97,7 +105,11 @@ def _geometries(source: _Source) -> list[Any]:
     """All of a file's meshes in their places, as trimesh has them."""
     name = source.path.name
     try:
-        scene = _scene(source)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pillow's, of large pictures: see `_check_texture`
+            scene = _scene(source)
+        for one in scene.geometry.values():
+            _share_pictures(one)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
         for one in found:
             _keep_colors(one, scene.geometry[one.metadata["name"]])
@@ -108,6 +120,20 @@ def _geometries(source: _Source) -> list[Any]:
     if not found:
         raise ValueError(f"{name} holds no triangles; a mesh with texture is needed")
     return found
+
+
+def _share_pictures(geometry: Any) -> None:
+    """Let copies of a mesh have its pictures, of which each would be decoded and held anew."""
+    material: Any = getattr(geometry.visual, "material", None)
+    held = [*vars(material).values(), *getattr(material, "_data", {}).values()] if material else []
+    for picture in held:
+        if hasattr(picture, "convert"):
+            picture.copy = partial(_itself, picture)
+            picture.__deepcopy__ = partial(_itself, picture)
+
+
+def _itself(picture: Any, *_: Any) -> Any:
+    return picture
 
 
 def _keep_colors(copied: Any, original: Any) -> None:
@@ -169,8 +195,9 @@ def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mes
     if visual.kind == "texture":
         look = gltf.materials[int(visual.material.name)]
     if look.has_texture and uv is not None:
-        texture = _material_picture(visual.material, source)
-        return Mesh(position, triangle, uv, (texture * look.factor,), covers=(look.cover,))
+        count = 3 if look.cover.alpha is Alpha.OPAQUE else 4
+        texture = _material_picture(visual.material, source, look.factor[:count])
+        return Mesh(position, triangle, uv, (texture,), covers=(look.cover,))
     colors: Any = getattr(visual, "vertex_attributes", {}).get("color")
     if colors is not None:
         return Mesh(position, triangle, color=_levels(colors)[:, :3] * look.factor[:3])
@@ -194,7 +221,7 @@ def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
         raise ValueError("names no texture for its texture coordinates; give one")
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is not None and uv is not None:
-        return _material_picture(material, source)[..., :3]
+        return _material_picture(material, source)
     if source.path.suffix.lower() == ".ply" and source.named:
         return _three_channels(read_image(source.named[0]), str(source.named[0]))
     for file in source.named:
@@ -202,18 +229,31 @@ def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
     return _linear(np.asarray(material.main_color)[None, None])
 
 
-def _material_picture(material: Any, source: _Source) -> Floats:
-    """Linear red, green, blue and alpha of a material's texture (H, W, 4)."""
+def _material_picture(material: Any, source: _Source, factor: Floats = WHITE.factor[:3]) -> Floats:
+    """Linear red, green, blue and alpha of a material's texture, as many as there are factors."""
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is None:
         for file in source.named:
             read_image(file)  # says which one cannot be read
         raise OSError(f"a texture of {source.path.name} is missing or damaged")
-    try:
-        picture = np.asarray(image.convert("RGBA"))
-    except (OSError, ValueError, SyntaxError) as error:
-        raise OSError(f"a texture of {source.path.name} is damaged: {error}") from None
-    return np.concatenate([_linear(picture), _levels(picture)[..., 3:]], axis=2)
+    key = (id(image), factor.tobytes())
+    if key not in source.kept:
+        _check_texture(image.size, source)
+        try:
+            picture = np.asarray(image.convert("RGBA"))
+        except (OSError, ValueError, SyntaxError) as error:
+            raise OSError(f"a texture of {source.path.name} is damaged: {error}") from None
+        linear = np.concatenate([_linear(picture), _levels(picture)[..., 3:]], axis=2)
+        source.kept[key] = linear[..., : len(factor)] * factor
+    return source.kept[key]
+
+
+def _check_texture(size: tuple[int, int], source: _Source) -> None:
+    """Refuse textures that unpack to far more than their files can honestly hold."""
+    files = {source.path, *source.named}
+    pixels = [one.shape[0] * one.shape[1] for one in source.kept.values()]
+    unpacked = BYTES_PER_TEXEL * (sum(pixels) + math.prod(size))
+    check_unpacked("its textures", sum(file.stat().st_size for file in files), unpacked)
 
 
 def _linear(levels: NDArray[Any]) -> Floats:
@@ -231,18 +271,22 @@ def _levels(numbers: Any) -> Floats:
 def _joined(pieces: list[Mesh]) -> Mesh:
     """One mesh of several."""
     vertices = np.cumsum([0, *(len(piece.position) for piece in pieces)])
-    textures = np.cumsum([0, *(len(piece.textures) for piece in pieces)])
-    shifted = zip(pieces, vertices, textures, strict=False)
     triangle, texture = [], []
-    for piece, first_vertex, first_texture in shifted:
+    known: dict[Any, tuple[int, Floats, Cover]] = {}  # textures, each once
+    for piece, first_vertex in zip(pieces, vertices, strict=False):
         triangle.append(piece.triangle + first_vertex)
-        texture.append(np.where(piece.texture < 0, -1, piece.texture + first_texture))
+        numbers = [-1]
+        for one, cover in zip(piece.textures, piece.covers, strict=True):
+            place = one.__array_interface__["data"][0], one.shape  # parts may share one
+            entry = known.setdefault((place, cover), (len(known), one, cover))
+            numbers.insert(-1, entry[0])
+        texture.append(np.array(numbers)[piece.texture])
     return Mesh(
         np.concatenate([piece.position for piece in pieces]),
         np.concatenate(triangle),
         np.concatenate([piece.uv for piece in pieces]),
-        tuple(one for piece in pieces for one in piece.textures),
+        tuple(one for _, one, _ in known.values()),
         np.concatenate(texture),
         np.concatenate([piece.color for piece in pieces]),
-        tuple(one for piece in pieces for one in piece.covers),
+        tuple(cover for _, _, cover in known.values()),
     )

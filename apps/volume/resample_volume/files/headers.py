@@ -169,6 +169,8 @@ def existing_file(path: Path) -> Path:
         raise IsADirectoryError(f"{path} is a folder; name one of its files")
     if not path.exists():
         raise FileNotFoundError(f"{path}: there is no such file")
+    if not path.is_file():
+        raise OSError(f"{path} is a device or a pipe, not a file")
     try:
         path.open("rb").close()
     except OSError as error:

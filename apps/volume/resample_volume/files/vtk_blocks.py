@@ -34,12 +34,14 @@ def _check(path: Path, content: mmap) -> None:
     is_packed = b"compressor=" in content[:1000]
     if content.find(b"<AppendedData") >= 0 and not APPENDED.search(content):
         raise ValueError(f"{path.name} is damaged: its data do not begin with an underscore")
+    unpacked = 0
     for begin in _begins(content):
         numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
         if numbers and numbers[0] > size:
             raise ValueError(f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there")
         if is_packed and len(numbers) > 1:
-            check_unpacked(path.name, size, numbers[0] * numbers[1])
+            unpacked += numbers[0] * numbers[1]
+            check_unpacked(path.name, size, unpacked)
 
 
 def _begins(content: mmap) -> Iterator[bytes]:

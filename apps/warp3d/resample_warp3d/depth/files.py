@@ -9,7 +9,7 @@ import numpy as np
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
 from resample.reading.names import plain
-from resample.reading.pictures import check_picture
+from resample.reading.pictures import check_picture, check_unopened
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
@@ -132,6 +132,7 @@ def _read_channel(path: Path, name: str) -> Raw:
     """Channel of a picture, in its own type."""
     import OpenImageIO
 
+    check_unopened(path)
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)  # numbers, which no alpha multiplies
     source = OpenImageIO.ImageInput.open(plain(path), as_stored)

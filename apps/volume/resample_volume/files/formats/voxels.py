@@ -16,6 +16,7 @@ from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
 
 BLOCK = 1 << 20  # bytes unpacked at a time
+TEXTS = ("text", "hex")
 SLACK = 16 * BLOCK  # bytes beyond what is wanted that are still counted
 
 
@@ -40,6 +41,9 @@ def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
     require_memory(known.size, known.name)
     if len(stored.paths) == 1 and stored.packing == "raw":
         return _bare(stored.paths[0], stored, known.dtype, known.size)
+    if stored.packing not in TEXTS:
+        packed = sum(path.stat().st_size for path in set(stored.paths))
+        check_unpacked(known.name, packed, known.size)  # files may be named several times
     values = np.empty(known.size // known.dtype.itemsize, known.dtype)
     target = values.view(np.uint8).data
     count, rest = divmod(known.size, len(stored.paths))
@@ -82,7 +86,7 @@ def _bare(path: Path, stored: VoxelData, dtype: np.dtype[Any], size: int) -> NDA
 
 
 def _fill(target: memoryview, path: Path, stored: VoxelData, dtype: np.dtype[Any]) -> None:
-    if stored.packing in ("text", "hex"):
+    if stored.packing in TEXTS:
         numbers = _of_text(path, stored, dtype)
         if len(numbers) != len(target):
             raise wrong_size(path.name, len(numbers), len(target))

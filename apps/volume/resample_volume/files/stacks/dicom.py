@@ -4,16 +4,19 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import check_unpacked
+from resample.reading.limits import LimitError, check_items, check_unpacked
+from resample.reading.packed.unpacking import RAW, check_deflated
 from resample.types import Doubles
 from resample_volume.files.headers import check_alone, header, volume
 from resample_volume.files.memory import require_memory
+from resample_volume.files.stacks.frames import check_frames
 from resample_volume.files.stacks.slices import natural
 from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
 from resample_volume.files.suppression import suppressed_output
@@ -136,7 +139,7 @@ def _quiet(path: Path) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except MemoryError:
+    except (MemoryError, LimitError):
         raise
     except Exception as error:  # of any kind: AttributeError, KeyError, struct.error
         reason = (str(error) or type(error).__name__).strip().splitlines()[0]
@@ -149,12 +152,30 @@ def _told(path: Path, *, is_whole: bool = False) -> Any:
     """Header of a file, or all of it."""
     import pydicom
 
-    with _quiet(path):
-        read = pydicom.dcmread(path, stop_before_pixels=not is_whole, force=not is_dicom(path))
+    if not path.is_file():
+        raise ValueError(f"{path.name} is a device or a pipe, not a file")
+    with _quiet(path), _Watched(path) as file:
+        read: Any = pydicom.dcmread(file, stop_before_pixels=not is_whole, force=not is_dicom(path))
+        read.buffer = None  # else all that a deflated file became would be held
         if not len(read):
             raise ValueError("it holds nothing")
         check_lengths(read)
         return read
+
+
+class _Watched(BufferedReader):
+    """A file of which all that is left is asked for only where it is deflated."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(FileIO(path))
+        self.path = path
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Bytes of the file, which do not become far too many."""
+        found = super().read(size)
+        if size is None or size < 0:
+            check_deflated(self.path.name, found, RAW)
+        return found
 
 
 def _is_picture(told: Any) -> bool:
@@ -173,6 +194,7 @@ def _slices(path: Path) -> list[_Slice]:
         count = whole(told, "NumberOfFrames", 1)
         if not 1 <= count <= path.stat().st_size:
             raise ValueError(f"its NumberOfFrames is {count}, more than its bytes, or below 1")
+        check_items(path.name, count, "frames")
         return [_slice(path, told, frame) for frame in range(count)]
 
 
@@ -307,6 +329,8 @@ def _pixels(path: Path) -> NDArray[Any]:
         syntax: Any = told.file_meta.get("TransferSyntaxUID") if "file_meta" in vars(told) else None
     plugin = _decoder(path, syntax) if syntax and syntax.is_encapsulated else ""
     with _quiet(path), suppressed_output():
+        if plugin:
+            check_frames(told, path.name)
         told.pixel_array_options(decoding_plugin=plugin)
         pixels = np.asarray(told.pixel_array)
         if text(told, "PhotometricInterpretation") == "PALETTE COLOR":

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.limits import check_items, check_unpacked
 from resample.reading.names import plain
-from resample.reading.pictures import check_picture
+from resample.reading.pictures import check_picture, check_unopened
 from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
 from resample_volume.files.suppression import suppressed_output
@@ -49,8 +50,11 @@ def stack_pages(paths: list[Path]) -> list[Page]:
     ValueError
         A file is no picture, has several channels, or differs from the first.
     """
+    pages = []
     with suppressed_output():
-        pages = [page for path in paths for page, _ in _walk(path)]
+        for page in (page for path in paths for page, _ in _walk(path)):
+            pages.append(page)
+            check_items(paths[0].name, len(pages), "slices")
     first = pages[0]
     for page in pages:
         if page.channels not in (1, 3, 4):
@@ -69,6 +73,7 @@ def stack_pages(paths: list[Path]) -> list[Page]:
 def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
     """Values (Z, Y, X), or of colors (Z, Y, X, C), of picture files."""
     require_memory(known.size, known.name)
+    check_unpacked(known.name, sum(path.stat().st_size for path in paths), known.size)
     values = np.empty((*known.shape[::-1], known.parts), known.dtype)
     with suppressed_output():
         pages = ((path, image) for path in paths for _, image in _walk(path))
@@ -98,6 +103,9 @@ def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
 def _opened(path: Path) -> Iterator[Any]:
     import OpenImageIO
 
+    if not path.is_file():
+        raise ValueError(f"{path.name} is a device or a pipe, not a file")
+    check_unopened(path)
     straight = OpenImageIO.ImageSpec()
     straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
     image = OpenImageIO.ImageInput.open(plain(path), straight)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.stores.addresses import Place
+from resample.files.stores.holes import Holes, values_of
 from resample.files.stores.opening import reading
 from resample_volume.files.headers import WIDENED
 from resample_volume.files.stores.kept import Kept
@@ -49,13 +50,20 @@ class Boxes:
     axes: str  # its letters
     at: tuple[tuple[str, int], ...]  # time and channel
     dtype: np.dtype[Any]  # that voxels get
+    holes: Holes | None = None  # what is missing of the array
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        from resample.files.stores.guarding import guard
+
+        self.__dict__.update(state)
+        guard(self.array, self.array.name)  # shards forget it on their way
 
     def __call__(self, box: Box) -> NDArray[Any]:
         """Values (Z, Y, X) of a box."""
         space = [letter for letter in self.axes if letter in "zyx"]
         part = dict(self.at) | dict(zip("zyx", box, strict=True))
         with reading(self.array.name.strip("/") or "the array"):
-            found = np.asarray(self.array[tuple(part[letter] for letter in self.axes)])
+            found = values_of(self.array, self.holes, [part[letter] for letter in self.axes])
         turned = found.transpose([space.index(letter) for letter in "zyx"])
         return np.ascontiguousarray(turned, self.dtype)
 
@@ -88,6 +96,7 @@ class Chunked:
     brick: Step | None = None  # voxels that are read together; None: as chunks lie
     store: Place | None = None  # folder, zip file or address, of which findings are to be kept
     alone: tuple[str, int] | None = None  # time or channel beside which there is no other
+    holes: Holes | None = None  # what is missing of the array
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -149,7 +158,7 @@ class Chunked:
         """Volume of one time and channel."""
         shape = (self._along("z"), self._along("y"), self._along("x"))
         at |= {} if self.alone is None else dict([self.alone])
-        boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype)
+        boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype, self.holes)
         part = Portion(self.array, self.axes, boxes.at)
         keeper = None if self.store is None else Kept(self.store, part)
         side = self.brick or self._side(shape)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from resample.files.stores.addresses import Place
+from resample.files.stores.holes import holes_of
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
-from resample.files.stores.opening import open_node, reading
+from resample.files.stores.opening import open_node, reading_metadata
 from resample.reading.limits import check_free
 from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
 from resample_volume.files.memory import require_memory
@@ -91,14 +92,18 @@ class Zarr:
         known = self._header(layout, level, array, name)
         check(known)
         guard(array, name)
-        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve())
+        holes = holes_of(array, name)
+        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
+        missing = holes.told(array.fill_value)
         if not number:
-            return told
+            return told._replace(note=missing)
         finest = _lengths(layout.levels[0], layout.axes)[0]
-        note = _coarser(layout, number, level, known.shape)
-        return told._replace(note=note, thickness=float(np.cbrt(abs(finest.prod()))))
+        notes = [_coarser(layout, number, level, known.shape), missing]
+        return told._replace(
+            note="; ".join(filter(None, notes)), thickness=float(np.cbrt(abs(finest.prod())))
+        )
 
     def levels(self, path: Place) -> list[dict[str, Any]]:
         """Levels with their `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
@@ -166,7 +171,7 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
     attributes = dict(node.attrs)
     told = attributes.get("ome", attributes)
     if isinstance(told, dict) and SERIES in told and "multiscales" not in told:
-        with reading(name):
+        with reading_metadata(name):
             keys = sorted(key for key, _ in node.groups() if key.isdigit())
             node = node[keys[0]] if len(keys) == 1 else node
         if len(keys) != 1:
@@ -177,7 +182,7 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
         attributes = dict(node.attrs)
     layout = layout_of(attributes, name)
     if layout is None:
-        with reading(name):
+        with reading_metadata(name):
             held = ", ".join(sorted(node.keys()))
         raise ValueError(
             f"{name} is a group without multiscales, so no image of OME-Zarr; name one of what it "
@@ -207,7 +212,7 @@ def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "za
 
     if isinstance(node, zarr.Array):
         return node
-    with reading(f"{name}/{level.path}"):
+    with reading_metadata(f"{name}/{level.path}"):
         found = node.get(level.path)
     if found is None:
         raise ValueError(f"{name} names a level {level.path!r}, which is not there; is it whole?")

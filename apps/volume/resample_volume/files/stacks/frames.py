@@ -1,0 +1,34 @@
+"""Packed pictures within DICOM files, looked at before they are unpacked."""
+
+from typing import Any
+
+from resample.reading.limits import LimitError
+from resample.reading.packed.codestreams import size_of
+
+
+def check_frames(told: Any, name: str) -> None:
+    """Refuse packed pictures of another size than their file says: it is they that are unpacked.
+
+    Parameters
+    ----------
+    told
+        All of a file, by pydicom.
+    name
+        Of it, for the message.
+
+    Raises
+    ------
+    ValueError
+        One is of another size.
+    """
+    from pydicom.encaps import generate_frames
+
+    wanted = (int(told.Rows), int(told.Columns))
+    count = int(told.get("NumberOfFrames", 1) or 1)
+    for frame in generate_frames(told.PixelData, number_of_frames=count):
+        size = size_of(frame)
+        if size is not None and size != wanted:
+            raise LimitError(
+                f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
+                f"{wanted[1]} x {wanted[0]}; get it again"
+            )

@@ -1,0 +1,213 @@
+"""Codecs of zarr that unpack no more than a chunk may hold."""
+
+import asyncio
+import lzma
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from zarr.abc.codec import BytesBytesCodec
+from zarr.codecs import ShardingCodec
+from zarr.codecs._v2 import V2Codec
+from zarr.core.buffer.cpu import as_numpy_array_wrapper
+
+from resample.memory import amount
+from resample.reading.packed.unpacking import bunzipped, check_becomes, deflated, unlzma
+
+ZSTD = 0xFD2FB528  # first number of a frame
+ZSTD_BLOCK = 1 << 17  # bytes that one of its blocks becomes, at most
+OF_OBJECTS = ("pickle", "json2", "msgpack2", "vlen-utf8", "vlen-bytes", "vlen-array")
+
+Decode = Callable[..., Any]  # of packed data, and `most` bytes that they may become
+
+
+def bound(array: Any, size: int, most: int) -> None:
+    """Let codecs of an array make no more of a chunk than it may hold.
+
+    Parameters
+    ----------
+    array
+        Of zarr; an array that is bound stays so.
+    size, most
+        Bytes that a chunk's values take, and that its codecs may make of it.
+
+    Raises
+    ------
+    ValueError
+        One of them makes objects of Python.
+    """
+    inner = array.async_array
+    pipeline = inner.codec_pipeline
+    codecs = [_bound(codec, size, most) for codec in pipeline]
+    object.__setattr__(inner, "codec_pipeline", type(pipeline).from_codecs(codecs))
+
+
+def _bound(codec: Any, size: int, most: int) -> Any:
+    """A codec of either form of zarr, within bounds."""
+    if isinstance(codec, ShardingCodec):
+        return replace(codec, codecs=tuple(_bound(each, size, most) for each in codec.codecs))
+    if isinstance(codec, V2Codec):
+        filters = tuple(_of_numcodecs(each, size, most) for each in codec.filters or ())
+        packing = codec.compressor and _of_numcodecs(codec.compressor, size, most)
+        return V2Codec(filters=filters or None, compressor=packing)
+    if not isinstance(codec, BytesBytesCodec) or isinstance(codec, BoundCodec):
+        return codec
+    return BoundCodec(codec, size, most) if _decoder(*_told(codec), size) else codec
+
+
+@dataclass(frozen=True)
+class BoundCodec(BytesBytesCodec):  # type: ignore[misc]
+    """A codec of zarr 3 whose output is bounded."""
+
+    codec: BytesBytesCodec
+    size: int  # bytes of a chunk's values
+    most: int  # that it may make
+
+    @property
+    def is_fixed_size(self) -> bool:
+        """Whether what it makes has one size."""
+        return bool(self.codec.is_fixed_size)
+
+    def to_dict(self) -> Any:
+        """What metadata say of it."""
+        return self.codec.to_dict()
+
+    def evolve_from_array_spec(self, array_spec: Any) -> "BoundCodec":
+        """Codec for an array, see zarr."""
+        return replace(self, codec=self.codec.evolve_from_array_spec(array_spec))
+
+    def compute_encoded_size(self, input_byte_length: int, chunk_spec: Any) -> int:
+        """Bytes of a packed chunk, see zarr."""
+        return int(self.codec.compute_encoded_size(input_byte_length, chunk_spec))
+
+    def _decode_sync(self, chunk: Any, spec: Any) -> Any:
+        decode = _decoder(*_told(self.codec), self.size)
+        assert decode is not None
+        with _chunk(self.size):
+            return as_numpy_array_wrapper(partial(decode, most=self.most), chunk, spec.prototype)
+
+    async def _decode_single(self, chunk: Any, spec: Any) -> Any:
+        return await asyncio.to_thread(self._decode_sync, chunk, spec)
+
+
+@dataclass(frozen=True)
+class BoundPacking:
+    """A codec of zarr 2 whose output is bounded."""
+
+    codec: Any
+    size: int  # bytes of a chunk's values
+    most: int  # that it may make
+
+    def decode(self, data: Any) -> Any:
+        """Unpacked data."""
+        decode = _decoder(*_told(self.codec), self.size)
+        assert decode is not None
+        with _chunk(self.size):
+            return decode(data, most=self.most)
+
+
+@contextmanager
+def _chunk(size: int) -> Iterator[None]:
+    """Say what is wrong with a chunk, and how large it should be."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"a chunk, whose values take {amount(size)}: {error}") from None
+
+
+def _of_numcodecs(codec: Any, size: int, most: int) -> Any:
+    if isinstance(codec, BoundPacking):
+        return codec
+    name, told = _told(codec)
+    if name in OF_OBJECTS:
+        raise ValueError(f"its codec {name} makes objects, which are not read")
+    return BoundPacking(codec, size, most) if _decoder(name, told, size) else codec
+
+
+def _told(codec: Any) -> tuple[str, dict[str, Any]]:
+    """Name of a codec of either form, and what metadata say of it."""
+    if not isinstance(codec, BytesBytesCodec):
+        told = codec.get_config()
+        return str(told["id"]), told
+    described: Any = codec.to_dict()
+    name = str(described["name"]).removeprefix("numcodecs.")
+    return name, described.get("configuration") or {}
+
+
+def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
+    """How a codec unpacks within bounds; None of those that make nothing larger, or are others'."""
+    if name in ("zlib", "gzip"):
+        return deflated
+    if name == "bz2":
+        return bunzipped
+    if name == "lzma":
+        form = int(told.get("format") or lzma.FORMAT_XZ)
+        is_raw = form == lzma.FORMAT_RAW
+        return partial(unlzma, form=form, filters=told.get("filters") if is_raw else None)
+    if name == "zstd":
+        return partial(_of_zstd, size=size)
+    return partial(_of_told_size, name=name) if name in ("blosc", "lz4") else None
+
+
+def _of_told_size(data: Any, most: int, name: str) -> Any:
+    """What packing becomes whose size stands before it."""
+    import numcodecs
+
+    data, place = bytes(data), 4 if name == "blosc" else 0
+    if len(data) < place + 4:
+        raise ValueError("it is cut off")
+    check_becomes(struct.unpack_from("<I", data, place)[0], most)
+    return numcodecs.get_codec({"id": name}).decode(data)
+
+
+def _of_zstd(data: Any, most: int, size: int) -> Any:
+    """What Zstandard has packed, which tells its size, or whose blocks tell a bound of it.
+
+    Where the bound is more than it may become, it has to be as large as a chunk.
+    """
+    from numcodecs import Zstd
+
+    data = bytes(data)
+    told, first = _zstd_head(data)
+    if told is not None:
+        check_becomes(told, most)
+        return Zstd().decode(data)
+    if _zstd_bound(data, first, most) <= most:
+        return Zstd().decode(data)
+    try:
+        return Zstd().decode(data, np.empty(size, np.uint8))
+    except RuntimeError as error:
+        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
+
+
+def _zstd_head(data: bytes) -> tuple[int | None, int]:
+    """Bytes that a frame says that it becomes, if it does, and where its blocks begin."""
+    if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
+        raise ValueError("it is not of Zstandard")
+    flags = data[4]
+    is_single = bool(flags & 0x20)
+    start = 5 + (not is_single) + (0, 1, 2, 4)[flags & 3]
+    width = (int(is_single), 2, 4, 8)[flags >> 6]
+    if len(data) < start + width:
+        raise ValueError("it is cut off")
+    if not width:
+        return None, start
+    told = int.from_bytes(data[start : start + width], "little")
+    return told + 256 * (width == 2), start + width
+
+
+def _zstd_bound(data: bytes, place: int, most: int) -> int:
+    """Bytes that the blocks of a frame may become, or more than may be."""
+    count, is_last = 0, False
+    while not is_last and count <= most:
+        if place + 3 > len(data):
+            raise ValueError("it is cut off")
+        head = int.from_bytes(data[place : place + 3], "little")
+        is_last, kind, length = bool(head & 1), head >> 1 & 3, head >> 3
+        count += ZSTD_BLOCK if kind == 2 else length
+        place += 3 + (1 if kind == 1 else length)
+    return count
