@@ -19,6 +19,7 @@ STEMS = (
     "%s%n",
     "~",
     "a'\"b",
+    "caf\udce9",  # bytes that are no UTF-8
 )
 
 

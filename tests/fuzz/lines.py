@@ -2,6 +2,8 @@
 
 import os
 import random
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,8 +28,9 @@ NUMBERS = (
 NAMES = (
     "none auto true red #ff0000 #ff box gaussian:sigma=0.6 gaussian:sigma=-1 a:b=c : = , "
     "rays:step=0 a.png d.npy v.npy gone.png empty.png . /dev/null folder o.png o.exr o.gif o.xyz "
-    "no/o.png \x1b[2J ü \0"
+    "no/o.png \x1b[2J ü \0 caf\udce9.png"
 )
+ODD_STREAMS = 0.1  # share of command lines
 ODD = (*NUMBERS.split(" "), *NAMES.split(" "), "", " ", "9" * 40, "x" * 5000)
 ENOUGH = ["--memory", "90MB"]  # of most commands the words are looked at, and no pictures painted
 
@@ -63,6 +66,34 @@ def words_of(rng: random.Random, name: str, options: dict[str, Any]) -> list[str
     return words
 
 
+def _told_to_odd_streams(rng: random.Random, app: Any, words: list[str]) -> None:
+    """Run a command whose output is full, goes to nobody, or is not there; it ends by itself."""
+    from resample.command.options import run
+
+    name = rng.choice(("stdout", "stderr"))
+    kind = rng.choice(("full", "gone", "none"))
+    before, stream = getattr(sys, name), None
+    if kind == "full":
+        stream = open("/dev/full", "w")  # noqa: SIM115 - closed below, which may fail
+    elif kind == "gone":
+        reader, writer = os.pipe()
+        os.close(reader)
+        stream = os.fdopen(writer, "w")
+    setattr(sys, name, stream)
+    try:
+        run(app, words)
+    except SystemExit as end:
+        if end.code == 2:
+            raise ValueError("status 2") from None
+        if end.code != 0:
+            raise RuntimeError(f"status {end.code} where {name} is {kind}") from None
+    finally:
+        setattr(sys, name, before)
+        if stream is not None:
+            with suppress(OSError):
+                stream.close()
+
+
 def make(*, is_quick: bool = False) -> Try:
     """Command line that a seed stands for; a quick one works on nothing large or compiled."""
     from cyclopts import CycloptsError
@@ -82,6 +113,9 @@ def make(*, is_quick: bool = False) -> Try:
         application, *rest = words
         more = ENOUGH if is_quick else []
         try:
+            if rng.random() < ODD_STREAMS:
+                _told_to_odd_streams(rng, apps[application], [*rest, *more])
+                return
             apps[application](
                 [*rest, *more],
                 exit_on_error=False,
