@@ -44,14 +44,13 @@ def check_mesh(source: Path) -> None:
         _check_members(source, infos)
     elif kind in MARKUP:
         check_xml_file(source)
-    elif kind in (".gltf", ".glb"):
-        _check_parts(source)
     with suppress(FileNotFoundError):  # which matters to who wants the textures
         for _ in _named(source):
             pass
     if kind in (".gltf", ".glb"):
         with naming(f"{source.name} cannot be read as a mesh"):
             check_gltf(header_of(source))
+        _check_parts(source)
 
 
 def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:

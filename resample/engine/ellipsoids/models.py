@@ -23,6 +23,7 @@ from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     CUT,
     DOWN,
+    EVERYWHERE,
     EXTINCTION,
     FLAT,
     GREEN,
@@ -365,7 +366,7 @@ def choose_points(room: Floats, count: int, window: Window, style: Style) -> Non
             half = (min(width * style.point_extent, 0.5 * MOST_TAPS) + 0.5) / n_side
             middle = (float(room[k + X]), float(room[k + Y]))
             room[k + CUT] = SPLAT
-            if room[k + LEFT] < np.inf:
+            if room[k + LEFT] < EVERYWHERE:  # no plane hides it
                 _bound(room, k, middle, (half, half), window)
             room[k + CUT] = POINT
 
