@@ -19,6 +19,7 @@ from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.names import plain
 from resample.reading.pictures import check_honest, check_picture, check_unopened
+from resample.reading.silence import suppressed_output
 from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")
@@ -316,9 +317,11 @@ def _stored_strips(
         last = min(first + step, spec.y + spec.height)
         if spec.tile_width:
             across = spec.x, spec.x + spec.width
-            data = source.read_tiles(*across, first, last, 0, 1, 0, spec.nchannels, form)
+            with suppressed_output():
+                data = source.read_tiles(*across, first, last, 0, 1, 0, spec.nchannels, form)
         else:
-            data = source.read_scanlines(first, last, 0, 0, spec.nchannels, form)
+            with suppressed_output():
+                data = source.read_scanlines(first, last, 0, 0, spec.nchannels, form)
         complaint = source.geterror()
         if data is None or complaint:
             raise OSError(f"{path} is damaged: {_first_line(complaint)}")
@@ -391,7 +394,8 @@ def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
     # A configuration also makes PFM come right side up: without one its lines are not flipped.
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    source = OpenImageIO.ImageInput.open(plain(path), as_stored)
+    with suppressed_output():
+        source = OpenImageIO.ImageInput.open(plain(path), as_stored)
     if source is None:
         raise OSError(
             f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"
@@ -422,7 +426,8 @@ def _pixels(path: str | Path, source: Any, header: _ImageHeader) -> _ImageHeader
 def _stored(path: str | Path, source: Any, form: str) -> NDArray[Any]:
     """Pixels (H, W, C), read as values of OpenImageIO's type `form`."""
     check_picture(path, source.spec(), 4)
-    data = source.read_image(form)
+    with suppressed_output():
+        data = source.read_image(form)
     complaint, spec = source.geterror(), source.spec()
     source.close()
     if data is None or complaint:

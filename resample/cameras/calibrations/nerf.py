@@ -12,6 +12,7 @@ from resample.cameras.poses import from_opengl
 from resample.cameras.trajectories import Entry, Refused, Shot, entry_of
 from resample.reading.names import plain
 from resample.reading.pictures import check_unopened
+from resample.reading.silence import suppressed_output
 from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
 from resample.words import naming
@@ -101,7 +102,8 @@ def _size(path: Path) -> tuple[int, int] | None:
         if not file.is_file():
             continue
         check_unopened(file)
-        source = OpenImageIO.ImageInput.open(plain(file))
+        with suppressed_output():
+            source = OpenImageIO.ImageInput.open(plain(file))
         if source is not None:
             spec = source.spec()
             source.close()

@@ -11,9 +11,9 @@ import numpy as np
 from resample.reading.limits import check_unpacked
 from resample.reading.markup import check_xml_file
 from resample.reading.names import plain
+from resample.reading.silence import suppressed_output
 from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
-from resample_volume.files.suppression import suppressed_output
 from resample_volume.files.vtk_blocks import check_blocks
 from resample_volume.media.recordings import is_color
 from resample_volume.media.rectilinear import rectilinear

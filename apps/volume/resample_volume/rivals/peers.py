@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.painting.choices import Projection
+from resample.reading.silence import suppressed_output
 from resample.types import Doubles, Floats, View
-from resample_volume.files.suppression import suppressed_output
 from resample_volume.looks.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light

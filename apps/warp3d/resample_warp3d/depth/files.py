@@ -10,6 +10,7 @@ from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
 from resample.reading.names import plain
 from resample.reading.pictures import check_picture, check_unopened
+from resample.reading.silence import suppressed_output
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
@@ -135,7 +136,8 @@ def _read_channel(path: Path, name: str) -> Raw:
     check_unopened(path)
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)  # numbers, which no alpha multiplies
-    source = OpenImageIO.ImageInput.open(plain(path), as_stored)
+    with suppressed_output():
+        source = OpenImageIO.ImageInput.open(plain(path), as_stored)
     if source is None:
         complaint = OpenImageIO.geterror().strip().partition("\n")[0]
         raise OSError(f"{path} is not a picture that can be read: {complaint or 'unknown format'}")
@@ -147,7 +149,8 @@ def _read_channel(path: Path, name: str) -> Raw:
     n = names.index(_pick(path, names, name, "channels"))
     kind = str(spec.channelformat(n))
     wanted = OpenImageIO.TypeDesc("float" if kind == "half" else kind)
-    data = source.read_image(0, 0, n, n + 1, wanted)
+    with suppressed_output():
+        data = source.read_image(0, 0, n, n + 1, wanted)
     complaint = source.geterror().strip().partition("\n")[0]
     source.close()
     if data is None or complaint:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.names import plain
 from resample.reading.pictures import check_picture, check_unopened
+from resample.reading.silence import suppressed_output
 from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
-from resample_volume.files.suppression import suppressed_output
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
