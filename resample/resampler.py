@@ -74,7 +74,7 @@ from resample.painting.steps.planning import (
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
 from resample.profiles.kept import once
-from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
+from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Rays, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
     Reconstruction,
@@ -614,7 +614,8 @@ class Resampler:
         """Picture of a field that rays go through."""
         field = field_alike(field)
         style = self._style(field.lattice, field.classifier)
-        gathering = Gathering(style, self._tables, self.order.thickness, clip)
+        quality = self.order.quality if isinstance(self.order, Rays) else "best"
+        gathering = Gathering(style, self._tables, self.order.thickness, quality, clip)
         return self._developed(*paint_field(field, view, size, gathering, progress))
 
     def _check_scaled(self) -> None:

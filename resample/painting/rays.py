@@ -17,6 +17,7 @@ from resample.types import (
     Bounds,
     Classifier,
     Doubles,
+    Film,
     Floats,
     LatticeField,
     Statistics,
@@ -34,16 +35,33 @@ if TYPE_CHECKING:
 TILE, SMALL_TILE = 32, 16  # px, side of a tile of few rays, and of many
 FEW_RAYS = 4  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels from one that is looked at to the next
-SPARED = 1 / 3  # samples between those that are looked at, at most, if sub-pixels are closer
 BENDS = 0.01  # of the range of values, that these may bend by where sub-pixels are spared
 OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
-FEWEST_RAYS, MOST_RAYS = 2, 16  # per side of a pixel
+LARGE = 2.0  # px per voxel, of which one ray through a pixel's middle tells enough
+FEWEST_RAYS = 2  # per side of a pixel, of smaller voxels
 MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
-PER_SAMPLE = 1.25  # rays between neighbouring samples, at least
+MIDDLE = np.array([1, 22, 1]) / 24  # a pixel's mean by its middle and those beside it
 MOST_BRICKS = 255  # to the next one that can be seen
 HIGHLIGHTS = 2049  # entries of a table of highlights
 MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
+
+
+class _Effort(NamedTuple):
+    """How many rays are cast."""
+
+    per_sample: float  # between neighbouring ones
+    most: int  # per side of a pixel
+    spared: float  # samples between those that are looked at, at most, if sub-pixels are closer
+    bend: float  # of colors, that is no edge
+    share: float  # of them, besides
+
+
+EFFORTS = {
+    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06),
+    "usual": _Effort(0.7, 4, 2 / 3, 0.05, 0.15),
+    "fast": _Effort(0.0, 1, 2 / 3, 0.05, 0.15),
+}
 
 
 class Gathering(NamedTuple):
@@ -52,6 +70,7 @@ class Gathering(NamedTuple):
     style: Style
     tables: Tables
     step: float  # samples, the longest of a ray
+    quality: str  # one of `EFFORTS`
     clip: ArrayLike | None  # as of `Resampler`
 
 
@@ -64,11 +83,13 @@ def paint_field(
 ) -> tuple[Painted, Statistics]:
     """Picture (height, width) of a field."""
     from resample.engine.rays.painting import Output, paint_rays
+    from resample.engine.rays.sparing import Evenness
 
     clock, style = Clock(), how.style
     medium, way = _medium(field, view, how), _way(field, style)
     clock.lap("look")
-    fineness, apart = _rays_of(field, view, style)
+    fineness, apart = _rays_of(field, view, how)
+    effort = EFFORTS[how.quality]
     tile = TILE if fineness <= FEW_RAYS else SMALL_TILE
     rows, columns = -(-size[0] // tile), -(-size[1] // tile)
     painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
@@ -79,7 +100,11 @@ def paint_field(
         painted.film,
         painted.value,
         is_sum,
-        BENDS * (field.classifier.high - field.classifier.low),
+        Evenness(
+            effort.bend,
+            effort.share,
+            BENDS * (field.classifier.high - field.classifier.low),
+        ),
         apart,
         tile,
         columns,
@@ -87,11 +112,25 @@ def paint_field(
     painted.tally[:, 3] = fineness
     with told(progress):
         paint_rays(rows * columns, fineness, way, medium, output)
+    if fineness == 1 and how.quality != "best" and how.tables.pixel_margin == 0:
+        _mean_from_middles(painted.film)
     clock.lap("paint")
     return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
 
 
-def _spacing(field: LatticeField, view: View) -> float:
+def _mean_from_middles(film: Film) -> None:
+    """Put means over pixels in place of what is seen through their middles.
+
+    A mean is the middle's value and 1/24 of the second differences along both axes, to third order.
+    """
+    from scipy.ndimage import correlate1d
+
+    for picture in (film.rgba, film.coverage):
+        for axis in (0, 1):
+            correlate1d(picture, MIDDLE, axis, output=picture, mode="nearest")
+
+
+def _least_spacing(field: LatticeField, view: View) -> float:
     """Pixels from a sample to the next, where they are closest."""
     least = float(np.linalg.norm(field.lattice, axis=0).min())
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
@@ -99,15 +138,38 @@ def _spacing(field: LatticeField, view: View) -> float:
     return least * float(view.focal.min()) / far
 
 
-def _rays_of(field: LatticeField, view: View, style: Style) -> tuple[int, int]:
+def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
+    """Pixels from a voxel to the next at a field's middle, in the mean over its axes.
+
+    Parameters
+    ----------
+    lattice
+        (3, 3) columns are the steps to the neighbours, scene units.
+    middle
+        (3,) of the field, scene units.
+    view
+        What sees it.
+    """
+    voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
+    depth = float(view.rotation[2] @ middle + view.translation[2])
+    return voxel * float(view.focal.min()) / (max(depth, view.near) if view.perspective else 1.0)
+
+
+def _rays_of(field: LatticeField, view: View, how: Gathering) -> tuple[int, int]:
     """Rays per side of a pixel, and sub-pixels from one that is looked at to the next."""
-    if style.subpixels:
-        return style.subpixels, 1
-    spacing = _spacing(field, view)
-    fewest = MESH_RAYS if len(field.mesh.face) else FEWEST_RAYS
-    n = min(MOST_RAYS, max(fewest, math.ceil(PER_SAMPLE / spacing)))
-    apart = LEAST_APART
-    while 2 * apart <= min(MOST_APART, SPARED * n * spacing):
+    if how.style.subpixels:
+        return how.style.subpixels, 1
+    effort, is_best = EFFORTS[how.quality], how.quality == "best"
+    if is_best:
+        spacing = _least_spacing(field, view)
+    else:
+        spacing = spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+    fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
+    if len(field.mesh.face):
+        fewest = MESH_RAYS
+    n = min(effort.most, max(fewest, math.ceil(effort.per_sample / spacing)))
+    apart = 1 if n == 1 and spacing * effort.spared < LEAST_APART else LEAST_APART
+    while 2 * apart <= min(MOST_APART, effort.spared * n * spacing):
         apart *= 2
     return n, apart
 

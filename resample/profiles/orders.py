@@ -20,6 +20,7 @@ class Summing(IntEnum):
     RAYS = 3  # nothing: a field on a lattice is gathered along rays
 
 
+QUALITIES = ("best", "usual", "fast")  # of rays
 OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
 
 
@@ -139,10 +140,15 @@ class Rays:
     sharpness
         1: the field passes through the samples; 0: it is the smooth one whose coefficients they
         are; between them it is a mixture.
+    quality
+        How many rays a pixel gets: `best`, as many as voxels that are smallest on screen ask for;
+        `usual`, as many as those at the field's middle do, 4 x 4 at most, and fewer where the
+        picture is even; `fast`, one.
     """
 
     step: float = 1.0
     sharpness: float = 1.0
+    quality: str = "best"
 
     summing = Summing.RAYS
 
@@ -151,6 +157,9 @@ class Rays:
             raise ValueError(f"a step of {self.step} voxels; 0.01 to 4 are allowed")
         if not 0 <= self.sharpness <= 1:
             raise ValueError(f"the sharpness is {self.sharpness}; 0 to 1 is allowed")
+        if self.quality not in QUALITIES:
+            known = ", ".join(QUALITIES)
+            raise ValueError(f"rays of quality {self.quality!r}; {known} are known")
 
     @property
     def thickness(self) -> float:

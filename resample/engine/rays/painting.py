@@ -16,6 +16,7 @@ from resample.engine.rays.sparing import (
     NUMBERS,
     PRESENCE,
     VALUE,
+    Evenness,
     fill,
     is_even,
     line_through,
@@ -31,7 +32,7 @@ class Output(NamedTuple):
     film: Film
     value: Floats  # (H, W) what projections measure; or (0, 0)
     is_sum: bool  # of values, which no presence weighs
-    coarse: float  # data units by which values may bend from sub-pixel to sub-pixel
+    even: Evenness  # of sub-pixels that are spared
     apart: int  # sub-pixels from one that is looked at to the next, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
@@ -68,7 +69,7 @@ def _spared(
         return False
     one = line_through(row, column, down, right)
     two = line_through(row, column, -right, down)
-    if not is_even(fine, one, two, output.coarse):
+    if not is_even(fine, one, two, output.even):
         return False
     fill(fine, one, two, fine[row, column])
     return True
@@ -82,7 +83,7 @@ def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Fl
     those between these, do where what is around them is uneven; and so on.
     """
     rows, columns, _ = fine.shape
-    apart = output.apart if n > 1 else 1
+    apart = output.apart
     for row in range(0, rows, apart):
         for column in range(0, columns, apart):
             _cast(way, medium, output, home, n, row, column, fine[row, column])

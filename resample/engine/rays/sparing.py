@@ -5,6 +5,8 @@ nor the two disagree, it is on the cubics through them (Akimoto, Mase and Suenag
 Ray Tracing, 1991, with bends for differences: so a slope is no edge).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from resample.engine.jit import inner_kernel
@@ -13,7 +15,15 @@ from resample.types import Floats
 ALPHA, DEEP, FIRST, COVER, VALUE, PRESENCE = range(3, 9)
 NUMBERS = 9  # of a sub-pixel
 NEAR, FAR, THREE = np.float32(9 / 32), np.float32(1 / 32), np.float32(3.0)
-BEND, BEND_OF = 0.01, 0.06  # of colors, and as a share of them, that is no edge
+
+
+class Evenness(NamedTuple):
+    """What may bend where sub-pixels are spared, and is no edge."""
+
+    bend: float  # of colors
+    share: float  # of them, besides
+    value: float  # data units
+
 
 Line = tuple[int, int, int, int, int, int, int, int]  # rows and columns of four sub-pixels
 
@@ -28,13 +38,14 @@ def line_through(row: int, column: int, down: int, right: int) -> Line:
 
 
 @inner_kernel
-def _is_even(fine: Floats, one: Line, two: Line, number: int, coarse: float) -> bool:
+def _is_even(fine: Floats, one: Line, two: Line, number: int, even: Evenness) -> bool:
     """Whether a number changes evenly along two lines, and to the same in the middle."""
     a, b = fine[one[0], one[1], number], fine[one[2], one[3], number]
     c, d = fine[one[4], one[5], number], fine[one[6], one[7], number]
     e, f = fine[two[0], two[1], number], fine[two[2], two[3], number]
     g, h = fine[two[4], two[5], number], fine[two[6], two[7], number]
-    slack = coarse if number == VALUE else BEND + BEND_OF * max(abs(b), abs(c), abs(f), abs(g))
+    most = max(abs(b), abs(c), abs(f), abs(g))
+    slack = even.value if number == VALUE else even.bend + even.share * most
     twist = abs(NEAR * (b + c - f - g) - FAR * (a + d - e - h))
     # What is no number is not even.
     return bool(
@@ -45,10 +56,10 @@ def _is_even(fine: Floats, one: Line, two: Line, number: int, coarse: float) -> 
 
 
 @inner_kernel
-def is_even(fine: Floats, one: Line, two: Line, coarse: float) -> bool:
+def is_even(fine: Floats, one: Line, two: Line, even: Evenness) -> bool:
     """Whether sub-pixels on two lines change evenly."""
     for number in (0, 1, 2, ALPHA, VALUE, PRESENCE):
-        if not _is_even(fine, one, two, number, coarse):
+        if not _is_even(fine, one, two, number, even):
             return False
     return True
 
