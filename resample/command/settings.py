@@ -136,8 +136,8 @@ class Resampling(Choices):
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections are gathered along rays:step=1,sharpness=1, or take "
-            "image-sheets, too."
+            " Fields and their projections are gathered along rays:step=1,sharpness=1,quality=best "
+            "(or usual, or fast), or take image-sheets, too."
         ),
     ] = None
     projection: Shown = "composite"

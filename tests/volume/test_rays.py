@@ -163,6 +163,44 @@ def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
     assert np.sqrt(np.mean(error**2)) < 1e-3, np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.parametrize(
+    ("quality", "side", "rays", "least"),  # px, per side of a pixel, dB
+    [
+        ("usual", 6, 4, 40.0),
+        ("usual", 12, 3, 40.0),
+        ("usual", 24, 2, 40.0),
+        ("usual", 120, 1, 48.0),
+        ("fast", 24, 1, 30.0),
+        ("fast", 60, 1, 40.0),
+    ],
+)
+def test_fewer_rays_come_close_to_many(quality: str, side: int, rays: int, least: float) -> None:
+    few = seen(blobs(), along_rays(order=Rays(quality=quality)), size=(side, side))
+    many = seen(blobs(), along_rays(subpixels=16), size=(side, side))
+    assert few.statistics.subpixels == rays
+    error = np.sqrt(np.mean((few.rgba - many.rgba) ** 2))
+    assert -20 * np.log10(error) > least
+
+
+def test_one_ray_is_filtered_to_the_mean_of_a_pixel() -> None:
+    camera, size = ahead(blobs((8, 14, 14)), 1.5)
+    middle, mean, many = (
+        seen(blobs((8, 14, 14)), along_rays(**choice), camera, size).rgba
+        for choice in (
+            {"subpixels": 1},
+            {"order": Rays(quality="fast")},
+            {"subpixels": 16},
+        )
+    )
+    errors = [np.sqrt(np.mean((few - many) ** 2)) for few in (middle, mean)]
+    assert errors[1] < 0.8 * errors[0]
+
+
+def test_rays_have_a_quality_that_is_known() -> None:
+    with pytest.raises(ValueError, match="rays of quality 'good'; best, usual, fast are known"):
+        Rays(quality="good")
+
+
 def test_thick_slices_are_antialiased_as_thin_ones_are() -> None:
     for step in (1, 5):
         values = blobs((40, 40, 40))[::step]
