@@ -11,6 +11,8 @@ Number = TypeVar("Number", bound=np.generic)
 def alike(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
     """Array of a type, in C order, which may be written to; a copy if it was anything else.
 
+    It is of no subclass. What is masked is not a number.
+
     Examples
     --------
     >>> import numpy as np
@@ -19,4 +21,6 @@ def alike(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
     >>> alike(frozen, np.float32).flags.writeable
     True
     """
-    return np.require(given, kind, ["C", "A", "W"])
+    if np.ma.is_masked(given):
+        given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
+    return np.require(given, kind, ["C", "A", "W", "E"])

@@ -169,6 +169,17 @@ def test_a_strided_view_of_arrays_will_do():
     assert draw(every_other).rgba.tobytes() == draw(samples(3)).rgba.tobytes()
 
 
+@pytest.mark.parametrize("name", ["position", "color", "extinction", "lattice", "scale"])
+def test_masked_arrays_are_arrays_and_what_is_masked_is_not_finite(name):
+    given = samples(scale=np.ones(3, np.float32))
+    array = getattr(given, name)
+    whole = given._replace(**{name: np.ma.masked_invalid(array)})
+    assert draw(whole).rgba.tobytes() == draw(given).rgba.tobytes()
+    masked = np.ma.MaskedArray(array, np.arange(array.size).reshape(array.shape) == 1)
+    with pytest.raises(ValueError, match=r"not finite|finite number|singular|finite"):
+        draw(given._replace(**{name: masked}))
+
+
 def test_what_was_given_is_left_alone():
     given = samples()
     before = [array.copy() for array in given[:4]]
