@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.console import listening, say
 from resample.command.stopping import INTERRUPTED, StoppedError
-from resample.command.streams import give_up
+from resample.command.streams import give_up, open_streams
 from resample.memory import LOG, amount, held_at_most
 from resample.words import one_line
 
@@ -39,6 +39,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     """
     from cyclopts import CycloptsError
 
+    open_streams()  # of who calls this without `stopping.start`
     try:
         with listening():
             status = _call(app, arguments)

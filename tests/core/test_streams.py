@@ -88,6 +88,14 @@ def test_without_a_stream_nothing_is_said_and_no_bar_is_shown(stream, monkeypatc
         assert progress is None
 
 
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+def test_a_program_without_streams_may_run_a_command(name, monkeypatch):
+    app = cyclopts.App()
+    app.command(lambda: sys.stdout.write("result") and None, name="work")
+    monkeypatch.setattr(sys, name, None)
+    assert ended(app, "work") == 0
+
+
 def test_letters_that_a_stream_does_not_have_are_written_as_codes(monkeypatch):
     held = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(held, "ascii", write_through=True))

@@ -481,3 +481,14 @@ def test_a_map_with_a_place_absurdly_far_away_is_refused():
     x[1, 1] = 1e13
     with pytest.raises(ValueError, match=r"leads neighbours 1e\+13 px apart"):
         project(np.ones((3, 4, 1), np.float32), ForwardMap(x, y), (3, 4), Edge.TRANSPARENT, Cells())
+
+
+@pytest.mark.parametrize("edge", ["clamp", "wrap", "mirror", "transparent"])
+def test_a_matrix_whose_blocks_have_no_end_is_refused(edge):
+    matrix = np.array([[98.05, -2.5e-23, 6e-5], [1.6e-42, 1.8e-5, 2e-35], [2e33, 4e-17, 2e-5]])
+    frame = (20, 24)
+    if edge == "transparent":
+        blocks_of(Homography(matrix), (12, 14), frame, Edge(edge), Cells())
+        return
+    with pytest.raises(ValueError, match="the matrix draws texels out without end"):
+        blocks_of(Homography(matrix), (12, 14), frame, Edge(edge), Cells())

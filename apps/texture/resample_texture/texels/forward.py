@@ -206,8 +206,29 @@ def blocks_of(
         raise ValueError("a backward map cannot be followed forward")
     matrix = oriented(geometry, source_shape)
     roots = _roots(matrix, source_shape, shape, edge, cells)
-    axes, bounds = split_plane(matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest)
+    axes, bounds = split(matrix, roots, shape, cells)
     return Blocks(axes, bounds, matrix, NOTHING, NOTHING)
+
+
+def split(
+    matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: Cells
+) -> tuple[Integers, Integers]:
+    """Blocks of a plane; parameters and what is returned as of `split_plane`.
+
+    Raises
+    ------
+    ValueError
+        There is no end to them.
+    """
+    axes, bounds, is_whole = split_plane(
+        matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
+    )
+    if not is_whole:
+        raise ValueError(
+            "the matrix draws texels out without end where they come near the eye's plane; give "
+            "one whose numbers are nearer to each other, or leave what lies there out of the frame"
+        )
+    return axes, bounds
 
 
 def _check_apart(geometry: ForwardMap) -> None:

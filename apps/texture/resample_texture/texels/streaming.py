@@ -7,8 +7,7 @@ import numpy as np
 from resample.profiles.interpolation import prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import Homography
-from resample_texture.texels.forward import Blocks, Cells, Sums, borders, oriented
-from resample_texture.texels.kernels.blocks import split_plane
+from resample_texture.texels.forward import Blocks, Cells, Sums, borders, oriented, split
 from resample_texture.types import Edge, Warped
 
 STRIP = 256  # rows of a source that are projected at a time
@@ -56,9 +55,7 @@ def warp_rows(
         down = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, start], [0.0, 0.0, 1.0]])
         moved = np.ascontiguousarray(matrix @ down)
         roots = np.array([[0, first - start, width, last - first]])
-        axes, bounds = split_plane(
-            moved, roots, shape, cells.reach, cells.cut_quality, cells.longest
-        )
+        axes, bounds = split(moved, roots, shape, cells)
         sums.add(strip, Blocks(axes, bounds, moved, NOTHING, NOTHING), Edge.TRANSPARENT)
     return sums.warped(*borders(geometry, (height, width), Edge.TRANSPARENT))
 

@@ -32,6 +32,7 @@ UNEVEN = 1.5  # stretches within a block may differ by this factor
 EVEN_ENOUGH = 16  # cells along an axis; so few are not split for being uneven
 COARSEST = 40  # log₂ of the texels along a cell
 FINEST = 20  # log₂ of the parts of a texel
+MOST_LOOKED, PER_PIXEL = 1 << 18, 16  # rectangles that are looked at to find the blocks of a plane
 TILE = 32  # texels along a side of a block of a map, before it is split
 
 
@@ -303,7 +304,7 @@ def split_plane(
     reach: float,
     quality: float,
     largest: float,
-) -> tuple[Integers, Integers]:
+) -> tuple[Integers, Integers, bool]:
     """Blocks of a plane under a homography that a frame sees.
 
     Parameters
@@ -323,10 +324,11 @@ def split_plane(
 
     Returns
     -------
-    The axes (B, 2, 6) of the blocks and what they may touch (B, 4): left, top, right, bottom, px;
-    the last two are one beyond.
+    The axes (B, 2, 6) of the blocks; what they may touch (B, 4): left, top, right, bottom, px, the
+    last two one beyond; and whether these are all, as there are fewer than would never end.
     """
     height, width = frame
+    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be looked at
     lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
@@ -336,6 +338,9 @@ def split_plane(
         _push(roots, root, stack)
         depth = 1
         while depth > 0:
+            left_over -= 1
+            if left_over < 0:
+                return found[0][:0], found[1][:0], False
             top = depth - 1
             if top + 2 > stack.shape[0]:
                 stack = grown(stack)
@@ -344,7 +349,7 @@ def split_plane(
             if more < 0:
                 found = _noted(found, block, box, reach, frame)
     blocks, bounds, count = found
-    return blocks[:count], bounds[:count]
+    return blocks[:count], bounds[:count], True
 
 
 @kernel
