@@ -94,6 +94,7 @@ def test_a_program_without_streams_may_run_a_command(name, monkeypatch):
     app.command(lambda: sys.stdout.write("result") and None, name="work")
     monkeypatch.setattr(sys, name, None)
     assert ended(app, "work") == 0
+    getattr(sys, name).close()
 
 
 def test_letters_that_a_stream_does_not_have_are_written_as_codes(monkeypatch):
