@@ -56,6 +56,15 @@ def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
     return values
 
 
+def first_bytes(path: Path, count: int) -> bytes:
+    """First bytes of a file, unpacked where its name ends in `.gz`; fewer if it has fewer."""
+    if path.name.lower().endswith(".gz"):
+        with unpacking(path.name), gzip.open(path) as packed:
+            return packed.read(count)
+    with path.open("rb") as file:
+        return file.read(count)
+
+
 def wrong_size(name: str, given: int, wanted: int, *, more: str = "") -> ValueError:
     """Make the error for data of the wrong size, both in bytes."""
     return ValueError(
