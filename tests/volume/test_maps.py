@@ -164,6 +164,7 @@ def test_a_file_without_a_cell_has_steps_of_one(values, tmp_path):
         ({"told": [(1, "i", 1 << 30)]}, "needs|bytes"),
         ({"group": 401, "grid": (6, 5, 3)}, "4 sections are no stack of volumes of 3"),
         ({"group": 401, "grid": (6, 5, 0)}, "no stack of volumes of 0"),
+        ({"group": 401, "told": [(3, "i", 0)]}, "0 sections are no stack of volumes of 4"),
         ({"cell": (-1, 1, 1)}, "must be positive"),
         ({"cell": (np.nan, 1, 1)}, "must be positive"),
         ({"grid": (6, -5, 4)}, "-5 intervals"),
@@ -286,6 +287,14 @@ def test_nonsense_in_a_cube_is_refused_in_words(content, match, tmp_path):
 def test_cubes_larger_than_a_text_may_be_are_refused(tmp_path, monkeypatch):
     monkeypatch.setenv(SETTING, "text=100")
     refused(Cube(), tmp_path / "a.cube", CUBE, "over the limit of .*text=")
+
+
+@pytest.mark.parametrize("end", ["mrc", "map.gz", "cube"])
+def test_names_that_are_no_utf8_are_read(end, values, tmp_path):
+    content = {"mrc": mrc(values), "map.gz": gzip.compress(mrc(values)), "cube": CUBE}[end]
+    path = tmp_path / os.fsdecode(b"caf\xe9." + end.encode())
+    path.write_bytes(content)
+    assert open_volume(path).name == "caf\udce9"
 
 
 @pytest.mark.parametrize("name", ["a.mrc", "a.cube", "a.vtk", "a.mrc.gz"])

@@ -334,3 +334,39 @@ def test_cells_of_vtr_lie_between_its_planes(tmp_path, rng):
     assert np.array_equal(
         Vtr("cell_wind", "magnitude")(path).values, rectilinear(length, *middle).values
     )
+
+
+@pytest.mark.parametrize("form", ["ASCII", "Binary"])
+def test_what_vtk_writes_is_read_as_it_was(form, values, tmp_path):
+    io = pytest.importorskip("vtkmodules.vtkIOLegacy")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkStructuredPoints
+
+    image = vtkStructuredPoints()
+    image.SetDimensions(5, 4, 3)
+    image.SetSpacing(0.1, 1, 2)
+    wind = np.stack([values.ravel() + n / 3 for n in range(3)], 1)
+    arrays = {"wind ä": wind, "heat": values.ravel() / 7, "big": values.ravel() * 300}
+    for name, held in arrays.items():
+        made = numpy_to_vtk(held, deep=1)
+        made.SetName(name)
+        image.GetPointData().AddArray(made)
+    made.SetComponentName(0, "part")
+    image.GetPointData().SetActiveScalars("heat")
+    image.GetPointData().SetActiveVectors("wind ä")
+    count = numpy_to_vtk(np.arange(24), deep=1)
+    count.SetName("count")
+    image.GetCellData().AddArray(count)
+    writer = io.vtkStructuredPointsWriter()
+    writer.SetInputData(image)
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    getattr(writer, f"SetFileTypeTo{form}")()
+    writer.Write()
+    volume = Vtk()(tmp_path / "a.vtk")
+    assert volume.values.dtype == np.float64
+    assert np.allclose(volume.values.ravel(), arrays["heat"], rtol=1e-5)
+    assert volume.spacing.tolist() == [0.1, 1, 2]
+    refused(Vtk("big"), tmp_path / "a.vtk", "voxels of type .*; known are uint8")
+    held = Vtk("wind ä").recorded(tmp_path / "a.vtk")
+    found = held.values[0].reshape(3, -1).T
+    assert np.allclose(found, wind, rtol=1e-5)

@@ -76,7 +76,8 @@ def _header(file: BinaryIO, path: Path, name: str) -> Header:
     check_shape(shape, name)
     scale = 1.0 if axes[0].size < 0 else BOHR
     steps = scale * np.array([axis.step for axis in axes])
-    length = np.linalg.norm(steps, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(steps, axis=1)
     unit = steps / np.where(length > 0, length, 1)[:, np.newaxis]
     known = header(shape, np.float32, name, spacing=length, origin=scale * origin, direction=unit.T)
     return known._replace(parts=parts, pixel=f"{parts} orbitals" if atoms < 0 else "")

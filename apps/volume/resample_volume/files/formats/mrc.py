@@ -107,7 +107,7 @@ def _told(fields: Any, file: str, name: str) -> _Told:
     count, times = [int(each) for each in fields["count"]], 1
     if int(fields["group"]) == VOLUMES:
         each = int(fields["grid"][2])
-        if each < 1 or count[2] % each or axes[2] != 2:
+        if not 1 <= each <= count[2] or count[2] % each or axes[2] != 2:
             raise ValueError(
                 f"{file} is damaged: {count[2]} sections are no stack of volumes of {each}"
             )
@@ -147,7 +147,8 @@ def _place(fields: Any, axes: tuple[int, ...], file: str) -> tuple[Doubles, Doub
     origin = np.array(fields["origin"], np.float64)
     if not origin.any():
         first = [float(fields["start"][axes.index(axis)]) for axis in range(3)]
-        origin = direction @ (spacing * first)
+        with np.errstate(all="ignore"):  # steps that are no numbers are refused later
+            origin = direction @ (spacing * first)
     return spacing, origin, direction
 
 
