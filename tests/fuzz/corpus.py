@@ -85,16 +85,16 @@ def _itk(name: str) -> bytes:
     return _made(name, lambda path: SimpleITK.WriteImage(image, str(path)))
 
 
-def _vti(kind: str) -> bytes:
+def _vti(kind: str, *, of_cells: bool = False) -> bytes:
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData
     from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
     image = vtkImageData()
-    image.SetDimensions(8, 7, 6)
+    image.SetDimensions(np.add((8, 7, 6), of_cells).tolist())
     values = numpy_to_vtk(VALUES.ravel())
     values.SetName("density")
-    image.GetPointData().SetScalars(values)
+    (image.GetCellData() if of_cells else image.GetPointData()).SetScalars(values)
     writer = vtkXMLImageDataWriter()
     writer.SetInputData(image)
     getattr(writer, f"SetDataModeTo{kind}")()
@@ -213,6 +213,47 @@ def volumes() -> list[Case]:
     ]
 
 
+def fields() -> list[Case]:
+    """Maps of microscopy, cubes of chemistry, legacy files and cells of VTK."""
+    head = bytearray(1024)
+    struct.pack_into(
+        "<4i3i3i3f3f3i", head, 0, 8, 7, 6, 6, 0, 0, 0, 8, 7, 6, 8, 7, 9, *[90] * 3, 3, 2, 1
+    )
+    struct.pack_into("<ii", head, 88, 1, 80)
+    head[208:214] = b"MAP DD"
+    mrc = bytes(head) + bytes(80) + VALUES.astype("<u2").tobytes()
+    stack = bytearray(mrc)
+    struct.pack_into("<i", stack, 36, 3)
+    struct.pack_into("<3i3f", stack, 64, 1, 2, 3, 0, 0, 0)
+    struct.pack_into("<i", stack, 88, 401)
+    axes = "8 0.5 0 0\n7 0 0.5 0\n6 0 0.1 0.5\n"
+    words = " ".join(f"{value:.5E}" for value in VALUES.ravel().tolist())
+    cube = f"a\nb\n1 0 0 0\n{axes}1 1.0 0 0 0\n{words}\n".encode()
+    orbitals = f"a\nb\n-1 0 0 0\n{axes}1 1.0 0 0 0\n2 5\n6\n{words} {words}\n".encode()
+    vtk = "# vtk DataFile Version 3.0\na\n{}\nDATASET {}\nDIMENSIONS {}\n"
+    points = vtk.format("BINARY", "STRUCTURED_POINTS", "8 7 6") + "SPACING 1 1 2\nORIGIN 0 0 0\n"
+    points += "POINT_DATA 336\nFIELD a 1\nheat 2 336 unsigned_char\n"
+    table = b"\nSCALARS v unsigned_char 1\nLOOKUP_TABLE default\n"
+    binary = points.encode() + 2 * VALUES.tobytes() + table + VALUES.tobytes() + b"\n"
+    cells = vtk.format("ASCII", "RECTILINEAR_GRID", "9 8 7")
+    for axis, count in zip("XYZ", (9, 8, 7), strict=True):
+        cells += f"{axis}_COORDINATES {count} float\n" + " ".join(map(str, range(count))) + "\n"
+    listed = " ".join(map(str, VALUES.ravel()))
+    cells += (
+        f"METADATA\nINFORMATION 0\n\nCELL_DATA 336\nSCALARS v int\nLOOKUP_TABLE default\n{listed}\n"
+    )
+    return [
+        Case("volume", {"a.mrc": mrc}),
+        Case("volume", {"a.mrcs": bytes(stack)}),
+        Case("volume", {"a.map.gz": gzip.compress(mrc)}),
+        Case("volume", {"a.cube": cube}),
+        Case("volume", {"a.cub": orbitals}),
+        Case("volume", {"a.vtk": binary}),
+        Case("volume", {"a.vtk": cells.encode()}),
+        Case("volume", {"a.vti": _vti("Binary", of_cells=True)}),
+    ]
+
+
 def stores() -> list[Case]:
     """Volumes in folders and archives of chunks, of both versions; settings in pictures; kernels.
 
@@ -225,6 +266,7 @@ def stores() -> list[Case]:
         Case("settings", {"a.png": png_with(SETTINGS)}),
         Case("kernel", {"a.kernel": kernel()}),
         *avifs(),
+        *fields(),
     ]
 
 

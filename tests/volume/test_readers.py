@@ -13,7 +13,19 @@ import SimpleITK
 
 from resample.memory import physical_memory
 from resample_volume.files import memory
-from resample_volume.files.readers import Dicom, MetaImage, Nifti, Npy, Nrrd, Raw, TiffStack, Vti
+from resample_volume.files.readers import (
+    Cube,
+    Dicom,
+    MetaImage,
+    Mrc,
+    Nifti,
+    Npy,
+    Nrrd,
+    Raw,
+    TiffStack,
+    Vti,
+    Vtk,
+)
 from resample_volume.files.source import describe
 from resample_volume.media.recordings import volume_at
 
@@ -380,7 +392,7 @@ print({"SimpleITK", "OpenImageIO", "vtkmodules", "numba"} & set(sys.modules))"""
 # What is refused: files that are not there or not whole
 
 EVERY = {Nrrd: ".nrrd", MetaImage: ".mhd", Nifti: ".nii.gz", Vti: ".vti", TiffStack: ".tif"}
-EVERY |= {Dicom: ".dcm", Raw: ".raw", Npy: ".npy"}
+EVERY |= {Dicom: ".dcm", Raw: ".raw", Npy: ".npy", Vtk: ".vtk", Mrc: ".mrc", Cube: ".cube"}
 
 
 @pytest.mark.parametrize("reader", EVERY)

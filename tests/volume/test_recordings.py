@@ -27,6 +27,10 @@ from resample_volume.voxels.visible import classify
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 TURNED = ((0.8, -0.6, 0), (0.6, 0.8, 0), (0, 0, 1))
+META_OF_TIMES = (
+    b"ObjectType = Image\nNDims = 4\nDimSize = 2 2 2 %d\nElementType = MET_UCHAR\n"
+    b"ElementDataFile = LOCAL\n"
+)
 FORMS = {"a.nrrd": Nrrd, "a.mha": MetaImage, "a.nii": Nifti, "a.nii.gz": Nifti}
 ALL = from_points([(0, (1, 1, 1), 0.5)])
 RAYS = Resampler(order=Rays())
@@ -142,6 +146,30 @@ def test_vectors_of_3_or_4_are_colors(name, parts, rng, tmp_path):
     else:
         bright = 65535 * to_srgb(light @ [0.2126, 0.7152, 0.0722])
         np.testing.assert_allclose(volume.values, bright, atol=0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.nrrd", b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 2 0\nencoding: raw\n\n"),
+        ("b.nrrd", b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 2 -2\nencoding: raw\n\n"),
+        ("c.nrrd", b"NRRD0004\ntype: int8\ndimension: 4\nsizes: 2 2 2 0\nencoding: gzip\n\n"),
+        ("a.mha", META_OF_TIMES % 0),
+        ("b.mha", META_OF_TIMES % -1),
+    ],
+)
+@pytest.mark.parametrize("read", [open_volume, open_recording])
+def test_a_file_of_no_times_is_refused(read, name, content, tmp_path):
+    (tmp_path / name).write_bytes(content + bytes(8))
+    with pytest.raises(ValueError, match=r"is empty: (0|-[12]) times, 1 numbers at each voxel"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("shape", [(0, 2, 2, 2), (0, 2, 2, 2, 2), (2, 0, 2, 2, 2)])
+def test_arrays_of_no_times_or_channels_are_refused(shape, tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros(shape, np.uint8))
+    with pytest.raises(ValueError, match=r"a is empty: . times, . numbers"):
+        open_recording(tmp_path / "a.npy")
 
 
 def test_rgb24_of_nifti_is_color(colors, tmp_path):

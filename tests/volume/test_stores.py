@@ -716,3 +716,12 @@ def test_a_store_that_is_being_written_does_not_look_whole(monkeypatch):
     assert ended(app, "convert", "a.npy", "b.ome.zarr") == 2
     assert seen == [False]
     assert not list(Path().glob("*b.ome*"))
+
+
+@pytest.mark.parametrize("shape", [(0, 2, 2, 2), (0, 2, 2, 2, 2), (2, 0, 2, 2, 2)])
+@pytest.mark.parametrize("read", [open_recording, open_streamed])
+def test_stores_of_no_times_or_channels_are_refused(read, shape, tmp_path):
+    chunks = tuple(max(1, count) for count in shape)
+    zarr.create_array(tmp_path / "a.zarr", shape=shape, dtype="u1", chunks=chunks)
+    with pytest.raises(ValueError, match=r"a is empty: . times, . numbers at each voxel"):
+        read(tmp_path / "a.zarr")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from resample.reading.arrays import DamageError, read_npz
+from resample_volume.files.formats.choosing import Wanted, check_part
 from resample_volume.files.headers import existing_file, header, stem
 from resample_volume.files.vti import read_vtr
 from resample_volume.media.rectilinear import rectilinear
@@ -15,14 +16,19 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Vtr:
-    """VTK rectilinear grid; values at points."""
+    """VTK rectilinear grid; values at points, or at cells, which lie between planes."""
 
-    array: str = ""  # name of the array; empty: the active one, or the only one
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
 
     suffixes: ClassVar[tuple[str, ...]] = (".vtr",)
 
+    def __post_init__(self) -> None:
+        check_part(self.part)
+
     def __call__(self, path: Path) -> Volume:
-        return read_vtr(existing_file(path), self.array, stem(path, self.suffixes))
+        wanted = Wanted(self.array, self.part, "vtr")
+        return read_vtr(existing_file(path), wanted, stem(path, self.suffixes))
 
 
 @dataclass(frozen=True)

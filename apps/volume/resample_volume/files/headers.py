@@ -96,6 +96,21 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     return dtype
 
 
+def check_held(known: Header) -> None:
+    """Refuse what has no times, or no numbers at its voxels.
+
+    Raises
+    ------
+    ValueError
+        It has none.
+    """
+    if known.times < 1 or known.parts < 1:
+        raise ValueError(
+            f"{known.name} is empty: {known.times} times, {known.parts} numbers at each voxel; "
+            "both must be over 0"
+        )
+
+
 def check_alone(known: Header) -> None:
     """Refuse what is more than one volume; the parts of colors are one."""
     if known.times > 1:
@@ -142,6 +157,7 @@ def recording(values: NDArray[Any], known: Header, *, channels_first: bool = Fal
     channels_first
         They are (T, C, Z, Y, X) instead.
     """
+    check_held(known)
     kind = known.dtype.newbyteorder("=")
     kept = np.dtype(WIDENED.get(kind.name, kind))
     if kept != values.dtype:

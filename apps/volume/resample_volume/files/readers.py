@@ -15,10 +15,14 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
+from resample_volume.files.formats.choosing import Wanted, check_part
+from resample_volume.files.formats.cube import read_cube
 from resample_volume.files.formats.metaimage import read_metaimage
+from resample_volume.files.formats.mrc import SUFFIXES, read_mrc
 from resample_volume.files.formats.nifti import read_nifti
 from resample_volume.files.formats.nrrd import read_nrrd
 from resample_volume.files.formats.voxels import VoxelData, voxels, wrong_size
+from resample_volume.files.formats.vtk import read_vtk
 from resample_volume.files.headers import (
     Check,
     Header,
@@ -118,17 +122,71 @@ class Nifti:
 
 @dataclass(frozen=True)
 class Vti:
-    """VTK image data; values at points. Several numbers at each are channels, or a color."""
+    """VTK image data, at points or cells. Several numbers at each are channels, or a color."""
 
-    array: str = ""  # name of the array; empty: the active one, or the only one
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
 
     suffixes: ClassVar[tuple[str, ...]] = (".vti",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
 
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        return read_vti(existing_file(path), self.array, stem(path, self.suffixes), check)
+        wanted = Wanted(self.array, self.part, "vti")
+        return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
+
+
+@dataclass(frozen=True)
+class Vtk:
+    """VTK's legacy files: STRUCTURED_POINTS and RECTILINEAR_GRID, as text or binary.
+
+    Values are at points or cells; several numbers at each are channels, or a color.
+    """
+
+    array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtk",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        wanted = Wanted(self.array, self.part, "vtk")
+        return read_vtk(existing_file(path), wanted, stem(path, self.suffixes), check)
+
+
+@dataclass(frozen=True)
+class Mrc:
+    """MRC and CCP4 maps, in Å; volumes of a stack are times. Bare voxels are mapped, not read."""
+
+    suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        return read_mrc(existing_file(path), stem(path, self.suffixes), check)
+
+
+@dataclass(frozen=True)
+class Cube:
+    """Gaussian's cubes, in Å; several orbitals are channels."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".cube", ".cub")
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        return read_cube(existing_file(path), stem(path, self.suffixes), check)
 
 
 @dataclass(frozen=True)

@@ -12,55 +12,60 @@ from resample.reading.limits import check_unpacked
 from resample.reading.markup import check_xml_file
 from resample.reading.names import plain
 from resample.reading.silence import suppressed_output
+from resample_volume.files.formats.choosing import (
+    Named,
+    Wanted,
+    cells_between,
+    check_single,
+    choose,
+    middles,
+    of_parts,
+    part_of,
+)
 from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
 from resample_volume.files.vtk_blocks import check_blocks
-from resample_volume.media.recordings import is_color
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Recording, Volume
 
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, array: str, name: str, check: Check = check_nothing) -> Recording:
-    """One array at points, whose numbers at each are its channels, or a color.
+def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing) -> Recording:
+    """One array at points or cells, whose numbers at each are its channels, or a color.
 
     Parameters
     ----------
     path
         A file that exists.
-    array
-        Name of the array; empty: the active one, or the only one.
+    wanted
+        Which array.
     name
         Of the volume.
     check
         Of what the file says.
     """
     image = _grid(path, "vtkXMLImageDataReader")
-    chosen, values = _values(image, array, path.name)
-    known = _header(image, values.dtype, _spacing(path), name)
-    parts = math.prod(values.shape[1:])
-    colored = is_color((parts,), known.dtype)
-    kind = f"vector of {known.dtype.name} ({chosen}; {_listed(image.GetPointData())})"
-    known = known._replace(parts=parts, is_color=colored, pixel=kind)
+    chosen, every, values = _values(image, wanted, path.name)
+    known = _header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
+    known = of_parts(known, chosen, every, wanted)
     check(known)
-    return recording(values, known)
+    return recording(part_of(values, chosen, wanted, name), known)
 
 
-def read_vtr(path: Path, array: str, name: str) -> Volume:
-    """One array of values at points of a rectilinear grid; parameters as of `read_vti`."""
+def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
+    """One array of values of a rectilinear grid; parameters as of `read_vti`."""
     grid = _grid(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    chosen, values = _values(grid, array, path.name)
-    if values.ndim != 1:
-        raise ValueError(
-            f"{path.name}: {chosen} has {values.shape[1]} numbers per voxel, a volume on an uneven "
-            f"grid has one; choose another array ({_listed(grid.GetPointData())})"
-        )
-    known = header(grid.GetDimensions(), values.dtype, name)
+    chosen, every, values = _values(grid, wanted, path.name)
+    points = grid.GetDimensions()
+    shape = cells_between(points) if chosen.is_of_cells else points
+    known = of_parts(header(shape, values.dtype, name), chosen, every, wanted)
+    check_single(known, path.name)
     axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
-    x, y, z = (vtk_to_numpy(axis) for axis in axes)
+    x, y, z = (middles(vtk_to_numpy(axis), of_cells=chosen.is_of_cells) for axis in axes)
+    values = part_of(values, chosen, wanted, name)
     return rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
 
 
@@ -88,45 +93,42 @@ def _grid(path: Path, reader_name: str) -> Any:
     return reader.GetOutput()
 
 
-def _values(grid: Any, array: str, name: str) -> tuple[str, Any]:
-    """Name and values of one array: (N,), or (N, C) of several numbers at each point."""
+def _values(grid: Any, wanted: Wanted, name: str) -> tuple[Named, list[Named], Any]:
+    """One array, all that there are, and the values: (N,), or (N, C) of several at each place."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    chosen = _chosen(grid.GetPointData(), array, name)
-    return str(chosen.GetName()), vtk_to_numpy(chosen)  # shares VTK's memory and keeps it alive
+    every = [
+        (
+            Named(
+                str(held.GetArrayName(n)),
+                held.GetArray(n).GetNumberOfComponents(),
+                of_cells,
+                held.GetArray(n) is held.GetScalars(),
+            ),
+            held.GetArray(n),
+        )
+        for of_cells, held in ((False, grid.GetPointData()), (True, grid.GetCellData()))
+        for n in range(held.GetNumberOfArrays())
+        if held.GetArray(n)  # texts are none
+    ]
+    names = [named for named, _ in every]
+    chosen = choose(names, wanted, name)
+    return chosen, names, vtk_to_numpy(every[names.index(chosen)][1])  # keeps VTK's memory alive
 
 
-def _listed(points: Any) -> str:
-    """Names of all arrays, with how many numbers each has at a point."""
-    arrays = [points.GetArray(n) for n in range(points.GetNumberOfArrays())]
-    told = [f"{each.GetName()}: {each.GetNumberOfComponents()}" for each in arrays if each]
-    return f"arrays are {', '.join(told)}"
-
-
-def _header(image: Any, dtype: Any, spacing: Any, name: str) -> Header:
+def _header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
     """Header of image data, whose first voxel need not have index 0."""
+    points = image.GetDimensions()
     known = header(
-        image.GetDimensions(),
+        cells_between(points) if is_of_cells else points,
         dtype,
         name,
         spacing=image.GetSpacing() if spacing is None else spacing,
         origin=image.GetOrigin(),
         direction=np.reshape(image.GetDirectionMatrix().GetData(), (3, 3)),
     )
-    first = known.spacing * image.GetExtent()[::2]
+    first = known.spacing * (np.array(image.GetExtent()[::2]) + is_of_cells / 2)
     return known._replace(origin=known.origin + known.direction @ first)
-
-
-def _chosen(points: Any, array: str, name: str) -> Any:
-    known = [points.GetArrayName(n) for n in range(points.GetNumberOfArrays())]
-    if array:
-        found = points.GetArray(array)
-    else:
-        found = points.GetScalars() or (points.GetArray(0) if len(known) == 1 else None)
-    if found is None:
-        listed = ", ".join(map(str, known)) or "none (cell data is not read: convert it)"
-        raise ValueError(f"{name}: choose the array of points ({array or 'none'} given): {listed}")
-    return found
 
 
 def _spacing(path: Path) -> list[float] | None:

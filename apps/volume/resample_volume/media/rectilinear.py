@@ -159,7 +159,8 @@ def _checked(place: Doubles, axis: str, count: int, name: str) -> Doubles:
         raise ValueError(
             f"{name} has {count} planes along {axis}, but coordinates of the shape {place.shape}"
         )
-    gaps = np.diff(place)
+    with np.errstate(invalid="ignore", over="ignore"):
+        gaps = np.diff(place)
     if count < 2 or not (np.isfinite(place).all() and ((gaps > 0).all() or (gaps < 0).all())):
         raise ValueError(
             f"{name}: {axis} must be two or more finite coordinates that ascend or descend"

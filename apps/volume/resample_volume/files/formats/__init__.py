@@ -1,1 +1,1 @@
-"""NRRD, MetaImage and NIfTI: what their headers say, and how they are written."""
+"""Formats of volumes: what their headers say, how values lie, and how some are written."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 from resample_volume.files.formats.texts import is_hounsfield
-from resample_volume.files.formats.voxels import VoxelData, unpacking, voxels
+from resample_volume.files.formats.voxels import VoxelData, first_bytes, voxels
 from resample_volume.files.headers import Check, Header, check_shape, header, recording
 from resample_volume.files.memory import require_memory
 from resample_volume.media.recordings import is_color
@@ -80,17 +80,10 @@ def read_nifti(path: Path, name: str, check: Check) -> Recording:
     ValueError, OSError
         It is no NIfTI file of one piece, damaged, none of a volume, or refused by `check`.
     """
-    is_packed = path.name.lower().endswith(".gz")
-    if is_packed:
-        with unpacking(path.name), gzip.open(path) as packed:
-            start = packed.read(LENGTHS[1])
-    else:
-        with path.open("rb") as file:
-            start = file.read(LENGTHS[1])
-    told = _told(start, path, name)
+    told = _told(first_bytes(path, LENGTHS[1]), path, name)
     check(told.known)
     offset = int(told.fields["offset"])
-    if is_packed:
+    if path.name.lower().endswith(".gz"):
         stored = VoxelData([path], 0, "gzip", offset, is_exact=False)
     else:
         stored = VoxelData([path], offset, is_exact=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_size, check_unpacked
-from resample_volume.files.headers import Header
+from resample_volume.files.headers import Header, check_held
 from resample_volume.files.memory import require_memory
 
 BLOCK = 1 << 20  # bytes unpacked at a time
@@ -38,6 +38,7 @@ def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
     ValueError
         There are others than the header says, what is packed is damaged, or they do not fit.
     """
+    check_held(known)
     require_memory(known.size, known.name)
     if len(stored.paths) == 1 and stored.packing == "raw":
         return _bare(stored.paths[0], stored, known.dtype, known.size)
@@ -54,6 +55,15 @@ def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
     for n, path in enumerate(stored.paths):
         _fill(target[n * count : (n + 1) * count], path, stored, known.dtype)
     return values
+
+
+def first_bytes(path: Path, count: int) -> bytes:
+    """First bytes of a file, unpacked where its name ends in `.gz`; fewer if it has fewer."""
+    if path.name.lower().endswith(".gz"):
+        with unpacking(path.name), gzip.open(path) as packed:
+            return packed.read(count)
+    with path.open("rb") as file:
+        return file.read(count)
 
 
 def wrong_size(name: str, given: int, wanted: int, *, more: str = "") -> ValueError:

@@ -12,7 +12,15 @@ from resample.files.stores.holes import holes_of
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample.files.stores.opening import open_node, reading_metadata
 from resample.reading.limits import check_free
-from resample_volume.files.headers import Check, Header, check_alone, check_nothing, header, stem
+from resample_volume.files.headers import (
+    Check,
+    Header,
+    check_alone,
+    check_held,
+    check_nothing,
+    header,
+    stem,
+)
 from resample_volume.files.memory import require_memory
 from resample_volume.files.readers import Numbers, three_numbers
 from resample_volume.files.stores.chunks import Chunked
@@ -90,6 +98,7 @@ class Zarr:
                 f"{name}/{level.path} has {array.ndim} dimensions, its metadata {layout.axes}"
             )
         known = self._header(layout, level, array, name)
+        check_held(known)
         check(known)
         guard(array, name)
         holes = holes_of(array, name)

@@ -1,0 +1,118 @@
+"""Gaussian's cubes of densities and orbitals: text (gaussian.com/cubegen).
+
+Lengths are Bohr, or Å where the numbers of voxels are negative; they come out in Å. Atoms are gone
+past. Values are kept as float32, which holds all digits that Gaussian writes.
+"""
+
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+
+from resample.reading.headers import whole
+from resample.reading.limits import check_items, check_size
+from resample.types import Doubles
+from resample_volume.files.formats.numbers import check_enough, numbers
+from resample_volume.files.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.memory import require_memory
+from resample_volume.types import Recording
+
+BOHR = 0.529177210903  # Å (CODATA 2018)
+LONGEST = 4096  # bytes of a line
+
+
+class _Axis(NamedTuple):
+    """One of three: voxels along it, less than 0 where lengths are Å, and the step."""
+
+    size: int
+    step: Doubles  # (3,)
+
+
+def read_cube(path: Path, name: str, check: Check) -> Recording:
+    """All values of a cube; orbitals, or what else has several numbers at a place, are channels.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is no cube, cut off, none of a volume, or refused by `check`.
+    """
+    check_size(path.name, path.stat().st_size)
+    with path.open("rb") as file:
+        known = _header(file, path, name)
+        check(known)
+        count = known.size // known.dtype.itemsize
+        check_enough(file, count, path.name)
+        require_memory(2 * known.size, name)
+        values = numbers(file, count, known.dtype, path.name)
+        if file.read(LONGEST).strip():
+            raise ValueError(f"{path.name} is damaged: more than its {count} numbers follow")
+    every = np.empty((known.parts, *known.shape[::-1]), known.dtype)
+    every[...] = values.reshape(*known.shape, known.parts).transpose(3, 2, 1, 0)
+    return recording(every, known, channels_first=True)
+
+
+def _header(file: BinaryIO, path: Path, name: str) -> Header:
+    for _ in range(2):
+        file.readline(LONGEST)  # titles
+    words = _words(file)
+    atoms, origin = _counted(words, path, "atoms and the origin")
+    parts = whole(path, words[4].decode("latin-1")) if len(words) > 4 else 1
+    axes = [_Axis(*_counted(_words(file), path, f"voxels along {axis}")) for axis in "xyz"]
+    check_items(path.name, abs(atoms), "atoms")
+    if len({axis.size < 0 for axis in axes}) > 1:
+        raise ValueError(
+            f"{path.name}: numbers of voxels are {', '.join(str(axis.size) for axis in axes)}; "
+            "give all the same sign: positive for Bohr, negative for Å"
+        )
+    for line in islice(iter(lambda: file.readline(LONGEST), b""), abs(atoms)):
+        if len(line.split()) != 5:
+            raise ValueError(f"{path.name}: an atom has five numbers, not {line[:60].split()}")
+    if atoms < 0:
+        parts = _orbitals(file, path)
+    if parts < 1:
+        raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
+    shape = tuple(abs(axis.size) for axis in axes)
+    check_shape(shape, name)
+    scale = 1.0 if axes[0].size < 0 else BOHR
+    steps = scale * np.array([axis.step for axis in axes])
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(steps, axis=1)
+    unit = steps / np.where(length > 0, length, 1)[:, np.newaxis]
+    known = header(shape, np.float32, name, spacing=length, origin=scale * origin, direction=unit.T)
+    return known._replace(parts=parts, pixel=f"{parts} orbitals" if atoms < 0 else "")
+
+
+def _words(file: BinaryIO) -> list[bytes]:
+    return file.readline(LONGEST).split()
+
+
+def _counted(words: list[bytes], path: Path, what: str) -> tuple[int, Doubles]:
+    """A whole number, and three others."""
+    try:
+        place = np.array([float(word) for word in words[1:4]])
+        count = int(words[0][:20])
+    except (ValueError, IndexError):
+        place, count = np.zeros(0), 0
+    if len(place) != 3:
+        told = b" ".join(words)[:60]
+        raise ValueError(
+            f"{path.name} is not a Gaussian cube: {what} are a number and three more, not {told!r}"
+        )
+    return count, place
+
+
+def _orbitals(file: BinaryIO, path: Path) -> int:
+    """How many there are; their numbers are gone past."""
+    words = _words(file)
+    count = whole(path, words[0].decode("latin-1")) if words else 0
+    check_items(path.name, count, "orbitals")
+    left = count + 1 - len(words)
+    while left > 0:
+        words = _words(file)
+        if not words:
+            raise ValueError(f"{path.name} is cut off: {count} orbitals are not named")
+        left -= len(words)
+    if left < 0:
+        raise ValueError(f"{path.name} is damaged: more than {count} orbitals are named")
+    return count
