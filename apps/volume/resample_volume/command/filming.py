@@ -45,7 +45,7 @@ from resample_volume.command.media import (
     with_meshes,
 )
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import scene_of, spent_here
+from resample_volume.command.rendering import scene_of, slab_missed, spent_here
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.appearance import Appearance, Medium, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
@@ -139,6 +139,8 @@ def film_of(
         say("not all that is seen fits in memory: frames are painted window by window")
     paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
     cameras = cameras_of(scene.subject, flight, paint.size)
+    if missed := slab_missed(scene.shown, scene.subject, cameras[0]):
+        say(missed)
     in_bricks = is_in_bricks(scene.shown[0][0])
     return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
 
