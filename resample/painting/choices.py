@@ -72,7 +72,7 @@ class Projection(StrEnum):
     COMPOSITE = "composite"  # light that comes through what lies in front
     MAXIMUM = "maximum"  # the largest value
     AVERAGE = "average"  # the mean value
-    ADDITIVE = "additive"  # the sum of values times length, an X-ray
+    ADDITIVE = "additive"  # the sum of values times length
     FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
     MINIMUM = "minimum"  # the least value; along rays alone
     XRAY = "xray"  # additive, of attenuations; applications make them of values, and grays of sums

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from resample.cameras.files import viewpoint
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb, to_srgb
 from resample.files.images import read_channels, read_image
@@ -19,7 +20,9 @@ from resample_volume.command import cli
 from resample_volume.command.choices import Look, Projecting
 from resample_volume.inputs import as_volume
 from resample_volume.media.series import Series
+from resample_volume.rendering import Subject
 from resample_volume.types import Recording
+from resample_volume.viewing import picture
 from tests import commands
 
 AIR, WATER, BONE = -1000.0, 0.0, 1000.0
@@ -179,6 +182,37 @@ def test_all_times_share_a_window():
     look = series.look(Appearance(), Projection.XRAY)
     assert look.xray.added == 0
     assert look.xray.window[1] == pytest.approx(2 * MU * 2 * RADIUS, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "eye = [0, -750, 0]\ntarget = [0, 0, 0]\nfov = 22.62\n",
+        "fx = 1250\nfy = 1250\ncx = 250\ncy = 250\nworld_to_camera = "
+        "[[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 750], [0, 0, 0, 1]]\n",
+    ],
+)
+def test_a_device_is_a_camera_with_the_source_for_an_eye(text, tmp_path):
+    """1000 to a detector of 500 x 500 pixels of 0.8, 750 to the middle: see the how-to."""
+    (tmp_path / "device.toml").write_text(text)
+    camera = Subject.of(ball(), Appearance(xray=PLAIN), RAYS).camera(
+        viewpoint(str(tmp_path / "device.toml"), 30.0, "z"), 500, 500
+    )
+    view = camera.view()
+    np.testing.assert_allclose(view.focal, 1000 / 0.8, rtol=1e-4)
+    corner = view.rotation @ [10.0, 0.0, 20.0] + view.translation
+    seen = view.principal + view.focal * corner[:2] / corner[2]
+    on_detector = np.array([10.0, -20.0]) * 1000 / 750 / 0.8
+    np.testing.assert_allclose(seen, 250 + on_detector, rtol=1e-4)
+
+
+def test_a_page_shows_x_rays():
+    looks = ({}, {"invert": True})
+    given = {"projection": "xray", "units": "hu", "size": "24", "camera": "front"}
+    white, black = (picture("water.npy", {**given, **look}) for look in looks)
+    assert white.value.max() == pytest.approx(MU * 2 * RADIUS, rel=0.05)
+    assert white.rgba[12, 12, 0] > 0.8
+    assert black.rgba[12, 12, 0] < 0.1
 
 
 # What is refused
