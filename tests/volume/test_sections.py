@@ -156,6 +156,16 @@ def test_a_film_of_a_slab_that_holds_nothing_says_so(capsys, slab):
     assert f"the slab {slab} holds nothing of layers" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("slab", ["50/4", "-50/4/0/1/0"])
+def test_a_film_of_times_says_it_too(capsys, slab):
+    np.broadcast_to(layers().values, (2, 8, 8, 8)).tofile("beat.raw")
+    read = ("--shape", "8x8x8x2", "--dtype", "float32", "--projection", "maximum")
+    words = (*read, "--slab", slab, "--path", "still", "-o", "film", *SMALL)
+    assert ended("animate", "beat.raw", *words) == 0
+    said = capsys.readouterr().err
+    assert said.count(f"the slab {slab} holds nothing of beat") == 1
+
+
 def test_a_picture_that_no_ray_meets_says_so(capsys, tmp_path):
     camera = tmp_path / "aside.toml"
     camera.write_text("eye = [0, -50, 0]\ntarget = [90, -40, 0]\nfov = 20\n")

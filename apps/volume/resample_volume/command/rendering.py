@@ -79,6 +79,12 @@ def scene_of(
     return subject
 
 
+def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None) -> None:
+    """Say that a slab holds nothing, if it does; parameters as of `slab_missed`."""
+    if missed := slab_missed(media, subject, camera):
+        say(missed)
+
+
 def slab_missed(
     media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
@@ -237,6 +243,7 @@ def _in_windows(
     spent = spent_here(media, doing.threads)
     with session.stage("classify", bar="looking at voxels") as progress:
         subject = unseen_together(media, fit, resampler, spent, progress)
+    say_missed(media, subject)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:
