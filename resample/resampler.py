@@ -15,11 +15,13 @@ from resample.painting.choices import (
     MEASURING,
     OWN_FOOTPRINT,
     SCALED,
+    SUMS,
     WHOLE,
     Footprint,
     Opacity,
     Primitive,
     Projection,
+    number_of,
 )
 from resample.painting.layers import layers_of
 from resample.painting.plans import (
@@ -645,7 +647,7 @@ class Resampler:
 
     def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None
-        if self.projection is Projection.ADDITIVE:
+        if self.projection in SUMS:
             value = np.nan_to_num(painted.value, nan=0.0)
             film = film._replace(rgba=_as_gray(value))
         return Frame(*film, statistics, value)
@@ -667,7 +669,7 @@ class Resampler:
         screen = screen_of(size[1], size[0], reach, view, ellipsoid)
         screen = screen._replace(planes=planes_of(clip, view, ellipsoid))
         summing = self.order.summing
-        if self.projection in (Projection.AVERAGE, Projection.ADDITIVE):
+        if self.projection in (Projection.AVERAGE, *SUMS):
             summing = Summing.SHEETS
         layers = layers_of(self.order, samples.position, view, lattice)
         return Scene(view, ellipsoid, screen, style, tables, summing, layers, look)
@@ -736,7 +738,7 @@ class Resampler:
             inflated=1.0 if primitive is Primitive.INFLATE else 0.0,
             blurred=EWA_VARIANCE * per_variance if primitive is Primitive.EWA else 0.0,
             faintest=0.0 if look is None else -np.inf,
-            projection=list(Projection).index(self.projection),
+            projection=number_of(self.projection),
             iso=0.0 if look is None or self.iso is None else float(_position(self.iso, look)),
             linear_opacity=self.opacity is Opacity.LINEAR,
             layer=float(voxel * self.order.thickness),

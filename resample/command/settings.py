@@ -68,10 +68,11 @@ MethodsFilter = Annotated[
     str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
 ]
 Shown = Annotated[
-    Literal["composite", "maximum", "minimum", "average", "additive", "first-hit"],
+    Literal["composite", "maximum", "minimum", "average", "additive", "xray", "first-hit"],
     Field(
         description="What a pixel shows: light through what lies in front, the largest, least, "
-        "mean or sum of the values, or the surface of the iso value."
+        "mean or sum of the values, an X-ray of computed tomography, or the surface of the iso "
+        "value."
     ),
 ]
 Iso = Annotated[

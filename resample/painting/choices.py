@@ -72,15 +72,23 @@ class Projection(StrEnum):
     COMPOSITE = "composite"  # light that comes through what lies in front
     MAXIMUM = "maximum"  # the largest value
     AVERAGE = "average"  # the mean value
-    ADDITIVE = "additive"  # the sum of values times length, an X-ray
+    ADDITIVE = "additive"  # the sum of values times length
     FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
     MINIMUM = "minimum"  # the least value; along rays alone
+    XRAY = "xray"  # additive, of attenuations; applications make them of values, and grays of sums
 
 
-WHOLE = (Projection.ADDITIVE,)  # whose pixels depend on all others
-MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.ADDITIVE, Projection.MINIMUM)
+SUMS = (Projection.ADDITIVE, Projection.XRAY)
+WHOLE = SUMS  # whose pixels depend on all others
+MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,
     Primitive.INFLATE: Footprint.AFFINE,
     Primitive.EWA: Footprint.AFFINE,
 }
+
+
+def number_of(projection: Projection) -> int:
+    """Projection as kernels know it."""
+    one = Projection.ADDITIVE if projection is Projection.XRAY else projection
+    return list(Projection).index(one)

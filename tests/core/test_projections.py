@@ -8,7 +8,7 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import MEASURING, Footprint, Primitive, Projection
+from resample.painting.choices import MEASURING, SUMS, Footprint, Primitive, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
@@ -150,7 +150,7 @@ def test_a_field_without_samples_has_no_value_anywhere(projection):
     frame = draw(field, CAMERAS["narrow"], projection)
     assert frame.value is not None
     assert frame.value.shape == (SIDE, SIDE)
-    nothing = 0.0 if projection is Projection.ADDITIVE else np.nan
+    nothing = 0.0 if projection in SUMS else np.nan
     np.testing.assert_array_equal(frame.value, nothing)
 
 
@@ -165,9 +165,9 @@ def test_a_constant_field_measures_that_constant(projection):
     field = field_block(lambda _: 2.0, gray())
     camera = Orthographic(2.0, 2.0, 8.0, 8.0, look_at((0, -20, 0), (0, 0, 0)))
     frame = draw(field, camera, projection, 0.5)
-    expected = 2.0 * (9 if projection is Projection.ADDITIVE else 1)
+    expected = 2.0 * (9 if projection in SUMS else 1)
     assert frame.value[6:10, 6:10] == pytest.approx(expected, rel=0.005)  # ripple of sums
-    if projection is not Projection.ADDITIVE:
+    if projection not in SUMS:
         gray_level = (2.0 - LOW) / (HIGH - LOW)
         np.testing.assert_allclose(frame.rgba[6:10, 6:10, :3], gray_level, atol=1e-3)
         np.testing.assert_allclose(frame.rgba[6:10, 6:10, 3], 1.0, atol=1e-6)

@@ -125,6 +125,8 @@ def _add_volumes() -> None:
         if name in FAR:
             SCENES[f"volume, {name}, far"] = volume(samples, 60.0, **choices)
     for projection in Projection:
+        if projection is Projection.XRAY:
+            continue  # the sums of additive
         iso = 0.5 if projection is Projection.FIRST_HIT else None
         choices = {"projection": projection, "iso": iso}
         if projection is not Projection.MINIMUM:

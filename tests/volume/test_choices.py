@@ -15,6 +15,7 @@ from resample_volume.looks.labels import Rule
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
 from resample_volume.media.appearance import Appearance
+from resample_volume.media.xrays import XRay
 from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)
@@ -106,8 +107,11 @@ def test_a_window_spreads_fractions():
     assert appearance.transfer == spread(load_transfer("gray"), (-160.0, 240.0))
     for projection in MEASURING:
         resampler = Resampler(order=Rays(), projection=projection)
-        transfer = Look(window="40/400").appearance(BOX, resampler).transfer
-        assert transfer == spread(LEVELS, (-160.0, 240.0))
+        made = Look(window="40/400").appearance(BOX, resampler)
+        if projection is Projection.XRAY:
+            assert made.xray == XRay(window=(-160.0, 240.0))  # of its line integrals
+        else:
+            assert made.transfer == spread(LEVELS, (-160.0, 240.0))
 
 
 @pytest.mark.parametrize(

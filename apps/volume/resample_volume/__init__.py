@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.appearance import Appearance
     from resample_volume.media.rectilinear import rectilinear
+    from resample_volume.media.xrays import XRay
     from resample_volume.notebooks import view
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
@@ -39,6 +40,7 @@ _HOMES = {
     "SceneMesh": "space.meshes",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
+    "XRay": "media.xrays",
     "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "looks.presets",
@@ -60,6 +62,7 @@ __all__ = [
     "SceneMesh",
     "TransferFunction",
     "Volume",
+    "XRay",
     "annotate",
     "as_volume",
     "load_transfer",

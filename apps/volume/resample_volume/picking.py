@@ -85,7 +85,7 @@ def voxels_at(
         )
     scene = subject.placed(volume)
     reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
-    rays = _rays(camera.view(), scene, pixels, subject.clip, reach)
+    rays = _rays(camera.view(), scene, pixels, subject.cuts(camera), reach)
     voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
     if isinstance(voxels, Voxels):
         splatted = _splatted(voxels, scene, camera.view(), resampler)

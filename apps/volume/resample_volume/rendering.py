@@ -27,6 +27,7 @@ from resample.types import (
 )
 from resample.watching import Progress
 from resample_volume.inputs import as_volume
+from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey, without_padding
@@ -42,6 +43,7 @@ from resample_volume.media.appearance import (
 )
 from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
 from resample_volume.space.meshes import placed
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
@@ -53,6 +55,7 @@ from resample_volume.voxels.framing import (
     around_both,
     ball_around,
     centered,
+    corners,
     shown_by,
     sphere_around,
 )
@@ -95,7 +98,7 @@ def placement(media: Sequence[Medium]) -> Placement:
     whole = whole._replace(origin=whole.origin - middle)
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
-    cuts = [planes(first, look.crop), planes(whole.volume(), None, look.clip)]
+    cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
@@ -186,6 +189,17 @@ def field_of(
     return field_voxels(volume, transfer, resampler, gradient)
 
 
+def _measured(
+    volume: Volume, appearance: Appearance, projection: Projection
+) -> tuple[Volume, Appearance, Tone]:
+    """Volume and look of the field that rays measure, and what becomes of their frames."""
+    xray = appearance.xray
+    if projection is Projection.XRAY:
+        xray = settled(xray or XRay(), volume)
+        volume, appearance = exposed(volume, xray), replace(appearance, transfer=LEVELS)
+    return volume, appearance, tone_of(xray, projection, is_negative=appearance.invert)
+
+
 def _reached(
     voxels: Voxels | FieldVoxels | Gathered,
     volume: Volume,
@@ -228,6 +242,7 @@ class Subject:
     middle: Doubles  # (3,) where the volume's middle was, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
+    tone: Tone = AS_IT_IS  # of its frames
 
     @classmethod
     def of(
@@ -260,13 +275,15 @@ class Subject:
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
         scene, middle = centered(volume)
-        clip = planes(scene, appearance.crop, appearance.clip)
+        clip = planes(scene, appearance.crop, appearance.cuts)
         voxels: Visible
+        tone = AS_IT_IS
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
             scene = as_array(scene)
-            voxels = field_of(scene, appearance, resampler)
+            measured, look, tone = _measured(scene, appearance, resampler.projection)
+            voxels = field_of(measured, look, resampler)
         else:
             voxels = visible_voxels(scene, appearance)
         radius = resampler.reconstruction.radius
@@ -277,15 +294,15 @@ class Subject:
         mesh = placed(appearance.meshes, middle)
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
-            return cls(voxels, appearance, ball, middle, clip, mesh)
+            return cls(voxels, appearance, ball, middle, clip, mesh, tone)
         shown: Placed
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
-            look = named_or_own(appearance.framing or appearance.transfer, scene)
-            shown = shown_by(scene, look, clip, radius, resampler.iso)
+            framing = named_or_own(appearance.framing or appearance.transfer, scene)
+            shown = shown_by(scene, framing, clip, radius, resampler.iso)
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         ball = around_both(sphere_around(shown, scene), mesh.corner)
-        return cls(voxels, appearance, ball, middle, clip, mesh)
+        return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
     @classmethod
     def of_several(
@@ -333,6 +350,30 @@ class Subject:
         camera = camera_from(viewpoint, self.sphere, height, width)
         return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
 
+    def cuts(self, camera: AnyCamera) -> Doubles:
+        """Planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
+        across = self._across(camera)
+        return np.concatenate([self.clip, across]) if len(across) else self.clip
+
+    def _across(self, camera: AnyCamera) -> Doubles:
+        section = self.appearance.section
+        if section is None or section.normal is not None:
+            return np.zeros((0, 4))
+        return section.planes(camera.view().rotation[2])
+
+    def misses(self, volume: Volume, forward: Doubles) -> bool:
+        """Whether a slab across a direction (3,) holds nothing of a volume, wherever this is."""
+        section = self.appearance.section
+        if section is None:
+            return False
+        planes = section.planes(forward)
+        away = corners(self.placed(volume)) @ planes[:, :3].T + planes[:, 3]
+        return bool((away <= 0).all(axis=0).any())
+
+    def developed(self, frame: Frame) -> Frame:
+        """Frame of a renderer as it is shown: X-rays get their gray levels, negatives theirs."""
+        return self.tone.developed(frame)
+
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to see."""
@@ -356,6 +397,8 @@ class Subject:
             "voxels": fingerprint(*map(np.asarray, parts)),
             "light": repr(self.appearance.light),
             "depth cue": repr(self.appearance.cue),
+            **({} if self.tone == AS_IT_IS else {"tone": repr(self.tone)}),
+            **({} if self.appearance.slab is None else {"slab": self.appearance.slab}),
         }
 
     def seen_by(self, camera: AnyCamera) -> Samples | Field | LatticeField:
@@ -363,10 +406,12 @@ class Subject:
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
-            samples = lit_samples(self.voxels, light, camera)
+            across = faced(self.voxels, self._across(camera))
+            samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
         if isinstance(self.voxels, Mixed):
-            colors = [lit_samples(part, light, camera).color for part in self.voxels.parts]
+            parts = [faced(part, self._across(camera)) for part in self.voxels.parts]
+            colors = [lit_samples(part, light, camera).color for part in parts]
             samples = added(self.voxels, colors)
             return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
@@ -374,7 +419,7 @@ class Subject:
         dimmed = (near, far, cue.share if cue else 0.0)
         if isinstance(self.voxels, Gathered):
             return lit_lattice(self.voxels, light, viewer, dimmed)._replace(mesh=self.mesh)
-        return lit_field(self.voxels, light, viewer, dimmed)
+        return lit_field(faced(self.voxels, self._across(camera)), light, viewer, dimmed)
 
 
 def render(
@@ -433,9 +478,9 @@ def render(
     subject = Subject.of_several(media, paint)
     height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
-    return paint(
-        subject.seen_by(eye), eye, height=height, width=width, progress=progress, clip=subject.clip
-    )
+    seen, cuts = subject.seen_by(eye), subject.cuts(eye)
+    frame = paint(seen, eye, height=height, width=width, progress=progress, clip=cuts)
+    return subject.developed(frame)
 
 
 def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:

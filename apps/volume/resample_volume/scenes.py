@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
+from resample.painting.choices import Projection
 from resample.painting.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
@@ -17,6 +18,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance, resampler_for
+from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, kept_look
@@ -127,8 +129,9 @@ class Scene:
                 height=-(-height // per),
                 width=-(-width // per),
                 progress=progress,
-                clip=subject.clip,
+                clip=subject.cuts(eye),
             )
+            frame = subject.developed(frame)
         if is_preview:
             frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
@@ -263,7 +266,7 @@ class Scene:
         if found is None:
             shown, kept = self.volume, look
             if is_preview:
-                shown, kept = self._previewed(look)
+                shown, kept = self._previewed(look, paint)
             around = self.volume if fit == "volume" else None
             found = Subject.of(shown, kept, paint, around=around)
         while len(self._subjects) >= KEPT:
@@ -271,15 +274,18 @@ class Scene:
         self._subjects[key] = found
         return found
 
-    def _previewed(self, look: Appearance) -> tuple[Volume, Appearance]:
+    def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
         """Volume with fewer voxels, and the look that these keep."""
         per = MERGED if self.volume.values.size < LARGE else 2 * MERGED
         if self._coarse is None:
             self._coarse = merged(self.volume, per)
+        if paint.projection is Projection.XRAY:
+            look = replace(look, xray=settled(look.xray or XRay(), self.volume))
         kept = kept_look(self.volume, replace(look, labels=None))
         labels = None if look.labels is None else merged_labels(look.labels, per)
-        cuts = kept_cuts(self.volume, self._coarse, look.crop, look.clip)
-        return self._coarse, replace(kept, labels=labels, crop=None, clip=cuts)
+        cuts = kept_cuts(self.volume, self._coarse, look.crop, look.cuts)
+        slab = None if look.section is None or look.section.normal else look.slab
+        return self._coarse, replace(kept, labels=labels, crop=None, clip=cuts, slab=slab)
 
     def _quickly(self, paint: Resampler) -> Resampler:
         """Renderer of previews, which keeps its tables."""

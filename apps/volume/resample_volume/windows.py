@@ -269,7 +269,7 @@ def unseen_together(
     look, painter = media[0][1], resampler or BY_DEFAULT
     if len(media) == 1:
         whole, middle = centered(media[0][0])
-        clip, steps = planes(whole, look.crop, look.clip), lattice_of(whole)
+        clip, steps = planes(whole, look.crop, look.cuts), lattice_of(whole)
     else:
         _, lattice, middle, clip = placement(media)
         whole, steps = lattice.volume(), lattice.steps

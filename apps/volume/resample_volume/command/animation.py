@@ -309,9 +309,9 @@ def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
         height=height,
         width=width,
         threads=paint.threads,
-        clip=subject.clip,
+        clip=subject.cuts(camera),
     )
-    return finished(painted, camera, paint)
+    return finished(subject.developed(painted), camera, paint)
 
 
 def finished(painted: Frame, camera: AnyCamera, paint: Paint) -> Levels:

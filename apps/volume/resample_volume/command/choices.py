@@ -144,7 +144,8 @@ class Look(Choices):
         Hyphen,
         Field(
             description="Center and width of the values that auto, gray, bone, vessels, surfaces "
-            "and colormaps are spread over: 40/400. The range without padding and strays."
+            "and colormaps are spread over: 40/400; of an X-ray, its line integrals. The range "
+            "without padding and strays."
         ),
     ] = None
     opacity_unit: Annotated[
@@ -233,6 +234,27 @@ class Look(Choices):
             "1/0/-1/20 moved by 20 scene units."
         ),
     ] = ()
+    slab: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Show a slab alone: 20/10, its center behind the volume's middle and its "
+            "thickness, scene units along the view; or 20/10/0/0/1, along a scene direction."
+        ),
+    ] = None
+    mu_water: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            allow_inf_nan=False,
+            description="Attenuation of water in an X-ray, per scene unit (mm). 0.02, near 70 keV.",
+        ),
+    ] = None
+    invert: Annotated[
+        bool,
+        Switch,
+        Field(description="Exchange black and white of projections of values: bones are black."),
+    ] = False
     depth_cue: Annotated[
         float | None,
         Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
@@ -247,6 +269,7 @@ class Look(Choices):
             A choice is unknown or not allowed, or two do not go together.
         """
         from resample_volume.media.appearance import Classification, check_together
+        from resample_volume.space.sections import Section
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
@@ -255,7 +278,11 @@ class Look(Choices):
             "labels": self.labels,
             "gradient-opacity": self.gradient_opacity,
             "depth-cue": self.depth_cue,
+            "xray": self.mu_water,
+            "invert": self.invert or None,
         }
+        if self.slab is not None:
+            Section.of(self.slab)
         extras = [name for name, choice in chosen.items() if choice is not None]
         check_together(resampler, Classification(self.classify), extras)
         return resampler
@@ -271,10 +298,13 @@ class Look(Choices):
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.looks.labels import read_labels
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
+        from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
-        window = self._window()
+        window, xray = self._window(), None
+        if projection is Projection.XRAY:
+            xray, window = XRay(self.mu_water or MU_WATER, window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
         framing = None
         if self.transfer == "auto" and projection in MEASURING:  # the camera is that of the others
@@ -311,6 +341,9 @@ class Look(Choices):
             crop=self.crop,
             clip=self.clip,
             framing=framing,
+            slab=self.slab,
+            xray=xray,
+            invert=self.invert,
         )
 
     def _window(self) -> tuple[float, float] | None:
@@ -445,7 +478,15 @@ class Projecting(Choices):
     iso: Iso = None
 
     def resampling(self) -> Resampling:
-        """Renderer's choices, else the default ones."""
+        """Renderer's choices, else the default ones.
+
+        Raises
+        ------
+        ValueError
+            An X-ray is asked for.
+        """
+        if self.projection == "xray":
+            raise ValueError("sums are compared as they are; take the projection additive")
         return Resampling(projection=self.projection, iso=self.iso)
 
     def painting(self, look: Look) -> Resampling:

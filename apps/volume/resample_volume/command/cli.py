@@ -93,7 +93,13 @@ def render(
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
     from resample_volume.command.media import media, with_meshes
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, doing_by, report, to_paint
+    from resample_volume.command.rendering import (
+        BYTES_PER_PIXEL,
+        doing_by,
+        picture_of,
+        report,
+        to_paint,
+    )
     from resample_volume.files.writing import with_bar
     from resample_volume.space.annotations import annotated
     from resample_volume.space.slabs import boxed, write_slabs
@@ -116,7 +122,7 @@ def render(
                 require_values(shown[0][0], "a color bar")
         scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
         subject, camera, paint = scene
-        frame = paint(camera)
+        frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
                 write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
@@ -124,7 +130,7 @@ def render(
                 marks = beside.annotations(background)
                 drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
                 if beside.color_bar:
-                    drawn = with_bar(drawn, *shown[0], resampler, background)
+                    drawn = with_bar(drawn, *shown[0], resampler, background, subject.tone)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame))

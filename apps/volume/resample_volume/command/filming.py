@@ -45,7 +45,7 @@ from resample_volume.command.media import (
     with_meshes,
 )
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import scene_of, spent_here
+from resample_volume.command.rendering import say_missed, scene_of, spent_here
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.appearance import Appearance, Medium, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
@@ -137,8 +137,10 @@ def film_of(
     scene = scene_for(script, paint.size, recording, hire)
     if not scene.is_whole:
         say("not all that is seen fits in memory: frames are painted window by window")
+        say_missed(scene.shown, scene.subject)
     paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
     cameras = cameras_of(scene.subject, flight, paint.size)
+    say_missed(scene.shown, scene.subject, cameras[0])
     in_bricks = is_in_bricks(scene.shown[0][0])
     return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
 
@@ -164,6 +166,8 @@ def _film_of_times(
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
+    for camera in (None, cameras[0]):
+        say_missed(scenes.at(0), course[0], camera)
     if scenes.dense:
         say("not all that is seen fits in memory: frames are painted window by window")
         about = {**about, "values": _mark(series.all(), scenes.look)}

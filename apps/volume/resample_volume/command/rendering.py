@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
 from resample.command.console import progress_bar, say
@@ -18,10 +20,12 @@ from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint
 from resample.lazy import installed_version
 from resample.memory import available_memory
+from resample.painting.choices import SUMS, Projection
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.command import needs
+from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance, Medium, check_several, check_together
 from resample_volume.media.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject
@@ -68,9 +72,41 @@ def scene_of(
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     needs.require_room(media, size, subject, fit)
-    if subject.is_empty:
+    if missed := slab_missed(media, subject):
+        say(missed)
+    elif subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject
+
+
+def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None) -> None:
+    """Say that a slab holds nothing, if it does; parameters as of `slab_missed`."""
+    if missed := slab_missed(media, subject, camera):
+        say(missed)
+
+
+def slab_missed(
+    media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None
+) -> str | None:
+    """Words about a slab that holds nothing; None: it holds something, or stands otherwise.
+
+    Parameters
+    ----------
+    media
+        Volumes with their looks.
+    subject
+        Of them.
+    camera
+        Of slabs across the view; None: of those across a scene direction.
+    """
+    section = media[0][1].section
+    if section is None or (section.normal is None) != (camera is not None):
+        return None
+    forward = np.array(section.normal) if camera is None else camera.view().rotation[2]
+    if not all(subject.misses(volume, forward) for volume, _ in media):
+        return None
+    names = ", ".join(volume.name for volume, _ in media)
+    return f"the slab {media[0][1].slab} holds nothing of {names}"
 
 
 class Painting(NamedTuple):
@@ -79,6 +115,35 @@ class Painting(NamedTuple):
     subject: Subject
     camera: AnyCamera
     paint: Callable[[AnyCamera], Frame]
+
+
+def picture_of(scene: Painting, media: Sequence[Medium], projection: Projection) -> Frame:
+    """Picture of volumes; where it shows nothing, that is said once."""
+    subject, camera, paint = scene
+    frame = paint(camera)
+    words = slab_missed(media, subject, camera)
+    if words is None and not (subject.is_empty or slab_missed(media, subject)):
+        words = _emptiness(frame, media[0][0], projection)
+    if words is not None:
+        say(words)
+    return frame
+
+
+def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
+    """Words about a picture that shows nothing; None: it shows something."""
+    if projection not in SUMS:
+        is_empty = not (frame.coverage > 0).any()
+        return "the picture is empty: no ray meets what is shown" if is_empty else None
+    if frame.value is None or (frame.value > 0).any():
+        return None
+    is_below = projection is Projection.ADDITIVE and (frame.value < 0).any()
+    why = "no ray meets anything that attenuates"
+    if projection is Projection.ADDITIVE:
+        why = "all sums are below 0" if is_below else "all sums are 0"
+    hint = ""
+    if is_below and survey(volume).units.added is not None:
+        hint = "; Hounsfield units are seen by the projection xray"
+    return f"there is no light in the picture: {why}{hint}"
 
 
 class Doing(NamedTuple):
@@ -143,7 +208,9 @@ def to_paint(
     seen = lit(session, subject, camera)
 
     def paint(eye: AnyCamera) -> Frame:
-        return painted(session, resampler, seen, eye, size, doing.threads, subject.clip)
+        cuts = subject.cuts(eye)
+        frame = painted(session, resampler, seen, eye, size, doing.threads, cuts)
+        return subject.developed(frame)
 
     return Painting(subject, camera, paint)
 
@@ -176,6 +243,7 @@ def _in_windows(
     spent = spent_here(media, doing.threads)
     with session.stage("classify", bar="looking at voxels") as progress:
         subject = unseen_together(media, fit, resampler, spent, progress)
+    say_missed(media, subject)
     camera = subject.camera(viewpoint, *size)
 
     def paint(eye: AnyCamera) -> Frame:

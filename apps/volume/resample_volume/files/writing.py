@@ -14,10 +14,12 @@ from resample_volume.files.formats.metaimage import write_metaimage
 from resample_volume.files.formats.nifti import write_nifti
 from resample_volume.files.formats.nrrd import write_nrrd
 from resample_volume.files.headers import KEPT
-from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
+from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction, from_points
 from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.media.xrays import AS_IT_IS, Tone, negative
 from resample_volume.types import Volume
 
+GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 
 
@@ -60,22 +62,36 @@ def with_bar(
     appearance: Appearance,
     resampler: Resampler,
     background: Color | None,
+    tone: Tone = AS_IT_IS,
 ) -> Frame:
     """Picture with a bar of colors, opacities and values, or of sums, to its right."""
     from resample.measuring.color_bars import with_color_bar
     from resample_volume.looks.surveys import survey
     from resample_volume.showing.color_bar import color_bar
 
-    if resampler.projection is Projection.ADDITIVE:
+    transfer: Transfer = GRAYS
+    if tone.window is not None:
+        extent = tone.window
+    elif resampler.projection is Projection.ADDITIVE:
         transfer, extent = _sums(frame)
     else:
         transfer = transfer_of(volume, appearance, resampler.projection)
         extent = survey(volume).span
         if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
             extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
+    if tone.is_negative:
+        transfer = _negative(transfer, extent)
     behind = background or (0.0, 0.0, 0.0)
     bar = color_bar(transfer, extent, len(frame.rgba), title=volume.name, background=behind)
     return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+
+
+def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
+    """What is shown of it with black and white exchanged, before black."""
+    value = np.linspace(*extent, 256)
+    color, opacity = transfer.looks(value, None, extent, 0.0)
+    shown = to_srgb(negative(color * opacity[:, np.newaxis]))
+    return TransferFunction(value, shown, np.ones(value.size))
 
 
 def _sums(frame: Frame) -> tuple[Transfer, DataRange]:

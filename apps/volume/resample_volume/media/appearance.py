@@ -12,14 +12,18 @@ from resample_volume.looks.automatic import levels
 from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Transfer
+from resample_volume.media.xrays import XRay
 from resample_volume.space.meshes import SceneMesh
+from resample_volume.space.sections import Section
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
-BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())  # each keeps tables of its own
+# Each keeps tables of its own.
+BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())
+X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
 class Classification(StrEnum):
@@ -54,9 +58,24 @@ class Appearance:
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
     meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; planes do not cut them
+    slab: str | None = None  # outside of which nothing is shown, see `Section.of`
+    xray: XRay | None = None  # of the projection xray, which it chooses; None: the usual one
+    invert: bool = False  # black and white are exchanged, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
+        if self.slab is not None:
+            Section.of(self.slab)
+
+    @property
+    def section(self) -> Section | None:
+        """Slab outside of which nothing is shown."""
+        return None if self.slab is None else Section.of(self.slab)
+
+    @property
+    def cuts(self) -> tuple[str, ...]:
+        """Planes of clip and of a slab across a scene direction, see `cropping.planes`."""
+        return self.clip if self.section is None else (*self.clip, *self.section.clips)
 
     @property
     def extras(self) -> list[str]:
@@ -66,6 +85,8 @@ class Appearance:
             "gradient-opacity": self.gradient_opacity,
             "depth-cue": self.cue,
             "mesh": self.meshes or None,
+            "xray": self.xray,
+            "invert": self.invert or None,
         }
         return [name for name, choice in chosen.items() if choice is not None]
 
@@ -123,6 +144,7 @@ def check_together(
     """
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
+    _check_values(projection, extras)
     if "mesh" in extras:
         _check_meshes(resampler, classification)
     if is_composite and classification is Classification.PRE:
@@ -151,6 +173,19 @@ def check_together(
         )
 
 
+def _check_values(projection: Projection, extras: Collection[str]) -> None:
+    """Refuse what is of projections of values, where these are not projected."""
+    if "xray" in extras and projection is not Projection.XRAY:
+        raise ValueError(
+            f"mu-water and what else is of X-rays needs the projection xray, not {projection}"
+        )
+    if "invert" in extras and projection not in MEASURING:
+        raise ValueError(
+            "invert exchanges black and white of values, so it needs the projection "
+            f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
+        )
+
+
 def _check_meshes(resampler: Resampler, classification: Classification) -> None:
     """Refuse meshes where no ray ends on them."""
     if resampler.projection in MEASURING:
@@ -167,7 +202,9 @@ def _check_meshes(resampler: Resampler, classification: Classification) -> None:
 
 
 def resampler_for(appearance: Appearance) -> Resampler:
-    """Renderer by default: along rays where colors are given to the field."""
+    """Renderer by default: along rays where colors are given to the field, or for X-rays."""
+    if appearance.xray is not None:
+        return X_RAYS
     return ALONG_RAYS if appearance.classification is Classification.POST else BY_DEFAULT
 
 

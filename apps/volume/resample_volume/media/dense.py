@@ -97,6 +97,11 @@ def check_windows(media: Sequence[Medium]) -> None:
                 f"{what} needs rays through a field, which cannot be painted window by window; "
                 "render it as a whole by classify post: a file holds the field if memory does not"
             )
+        if look.section is not None and look.section.normal is None:
+            raise ValueError(
+                f"the slab {look.slab} is across the view, which cannot be painted window by "
+                "window; give its direction in the scene, as in 20/10/0/0/1"
+            )
         if not isinstance(volume.values, Bricks):
             raise ValueError(
                 f"{volume.name} is in memory as a whole and cannot be painted window by window; "
@@ -116,7 +121,7 @@ def dense_of(
         beside = memory // OF_LABELS
     if len(media) == 1:
         scene, _ = centered(media[0][0])
-        lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].clip)
+        lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].cuts)
         placed = [(scene, media[0][1])]
     else:
         given, lattice, _, clip = placement(media)

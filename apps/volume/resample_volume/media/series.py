@@ -15,6 +15,7 @@ from resample_volume.looks.surveys import Survey, survey, without_padding
 from resample_volume.looks.transfer import DataRange, Transfer
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.recordings import alone, volume_at, with_times_first
+from resample_volume.media.xrays import XRay, settled
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks
@@ -88,6 +89,8 @@ class Series:
     def look(self, look: Appearance, projection: Projection = Projection.COMPOSITE) -> Appearance:
         """Look that treats all times alike: its ranges and slopes are those of all."""
         together = self.all()
+        if projection is Projection.XRAY:
+            look = replace(look, xray=self._settled(look.xray or XRay()))
         transfer = transfer_of(together, look, projection)
         if look.gradient_opacity is not None:
             transfer = Faded(transfer, look.gradient_opacity)
@@ -101,6 +104,11 @@ class Series:
         if framing is not None:
             framing = Windowed(named_or_own(framing, together), span)
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
+
+    def _settled(self, xray: XRay) -> XRay:
+        """X-rays of all times: their units, and the greatest of their windows."""
+        every = [settled(xray, volume, self.known) for volume in self]
+        return max(every, key=lambda one: one.window or (0.0, 0.0))
 
     def __iter__(self) -> Iterator[Volume]:
         return (self[time] for time in range(len(self)))

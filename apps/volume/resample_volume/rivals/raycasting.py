@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.painting.choices import Projection
+from resample.painting.choices import SUMS, Projection, number_of
 from resample.painting.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
@@ -184,7 +184,7 @@ def _developed(picture: Doubles, projection: Projection) -> Cast:
     alpha = picture[..., 3]
     depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
     value = None
-    if projection is Projection.ADDITIVE:
+    if projection in SUMS:
         value = picture[..., 5].astype(np.float32)
     elif projection in (Projection.MAXIMUM, Projection.AVERAGE):
         unknown = np.full(alpha.shape, np.nan)
@@ -333,7 +333,7 @@ def _plan(matter: _Matter, view: View, look: Casting) -> "Plan":
         int(look.rays),
         float(look.step * voxel),
         voxel,
-        list(Projection).index(look.projection),
+        number_of(look.projection),
         matter.classified,
         float(look.iso or 0.0),
         np.column_stack([normal, offset]),

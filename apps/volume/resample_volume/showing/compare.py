@@ -85,7 +85,7 @@ def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
     ValueError
         Something is cut away, labelled or dimmed, or not composited.
     """
-    cut = {"crop": appearance.crop, "clip": appearance.clip}
+    cut = {"crop": appearance.crop, "clip": appearance.clip, "slab": appearance.slab}
     chosen = [*appearance.extras, *(name for name, choice in cut.items() if choice)]
     if resampler.projection is not Projection.COMPOSITE:
         chosen.append(f"the projection {resampler.projection}")
@@ -139,7 +139,7 @@ class Contest:
             reconstruction=resampler.reconstruction,
             projection=resampler.projection,
             iso=resampler.iso,
-            clip=self.subject.clip,
+            clip=self.subject.cuts(self.camera),
         )
         seen = self.subject.seen_by(self.camera)
         if isinstance(seen, LatticeField):
@@ -195,5 +195,7 @@ class Contest:
         if resampler.order.summing is Summing.RAYS and self.gathered is not None:
             subject = self.gathered
         seen = subject.seen_by(self.camera)
-        frame = painted(Session(), resampler, seen, self.camera, self.size, clip=self.subject.clip)
+        cuts = self.subject.cuts(self.camera)
+        frame = painted(Session(), resampler, seen, self.camera, self.size, clip=cuts)
+        frame = subject.developed(frame)
         return frame.rgba, frame.statistics.splat_fraction

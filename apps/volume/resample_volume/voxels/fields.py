@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.choices import Projection
+from resample.painting.choices import SUMS, Projection
 from resample.resampler import Resampler
 from resample.types import Classifier, Doubles, Field, Floats
 from resample_volume.files.memory import require_memory
@@ -172,7 +172,7 @@ def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
         radius = resampler.reconstruction.radius + resampler.order.thickness
         return reachable(volume, looks, radius)
     needed = np.isfinite(values)
-    if projection is Projection.ADDITIVE:
+    if projection in SUMS:
         needed &= values != 0
     return np.flatnonzero(needed)
 

@@ -1,0 +1,69 @@
+"""A slab of the scene, somewhere and so thick, outside of which nothing is shown."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.types import Doubles
+
+FORM = (
+    "give its center and thickness in scene units along the view, 0 is the volume's middle, and "
+    "perhaps a scene direction instead of the view's: 20/10 or 20/10/0/0/1"
+)
+
+
+class Section(NamedTuple):
+    """What lies between two planes."""
+
+    center: float  # scene units from the volume's middle, along the normal
+    thickness: float  # scene units, > 0
+    normal: tuple[float, float, float] | None = None  # scene direction; None: away from the eye
+
+    @classmethod
+    def of(cls, text: str) -> "Section":
+        """Section of `center/thickness` or `center/thickness/nx/ny/nz`.
+
+        Raises
+        ------
+        ValueError
+            The text is not of this form, it has no thickness, or its normal has no length.
+        """
+        try:
+            numbers = [float(part) for part in text.split("/")]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (2, 5) or not np.isfinite(numbers).all():
+            raise ValueError(f"slab {text!r}; {FORM}")
+        center, thickness, *normal = numbers
+        if not thickness > 0:
+            raise ValueError(f"slab {text!r}: its thickness must be above 0; {FORM}")
+        if not normal:
+            return cls(center, thickness)
+        if not any(normal):
+            raise ValueError(f"slab {text!r}: the normal must not be 0/0/0; {FORM}")
+        x, y, z = normal
+        return cls(center, thickness, (x, y, z))
+
+    @property
+    def clips(self) -> tuple[str, ...]:
+        """Both planes as `cropping.planes` takes them; none across a view."""
+        if self.normal is None:
+            return ()
+        near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
+        toward = "/".join(map(repr, self.normal))
+        back = "/".join(repr(-part) for part in self.normal)
+        return f"{toward}/{near!r}", f"{back}/{-far!r}"
+
+    def planes(self, forward: Doubles) -> Doubles:
+        """Both planes (2, 4) around the scene's origin, as of `cropping.planes`.
+
+        Parameters
+        ----------
+        forward
+            (3,) direction of a view, which takes the place of a missing normal.
+        """
+        normal = np.asarray(forward if self.normal is None else self.normal, np.float64)
+        normal = normal / np.abs(normal).max()
+        normal /= np.linalg.norm(normal)
+        near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
+        return np.array([[*normal, -near], [*-normal, far]])
