@@ -40,6 +40,7 @@ OPAQUE = 1e-3  # transmittance that counts as none
 BENT = 0.06  # of the range of values, that a field may bend by within a step
 LARGE = 2.0  # px per voxel, of which one ray through a pixel's middle tells enough
 FEWEST_RAYS = 2  # per side of a pixel, of smaller voxels
+NEAREST = 1e-30  # scene units from the eye, of what may lie behind it
 MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
 MIDDLE = np.array([1, 22, 1]) / 24  # a pixel's mean by its middle and those beside it
 MOST_BRICKS = 255  # to the next one that can be seen
@@ -134,7 +135,7 @@ def _least_spacing(field: LatticeField, view: View) -> float:
     """Pixels from a sample to the next, where they are closest."""
     least = float(np.linalg.norm(field.lattice, axis=0).min())
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
-    far = max(float(depth.max()), view.near) if view.perspective else 1.0
+    far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
     return least * float(view.focal.min()) / far
 
 
@@ -152,7 +153,8 @@ def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
     """
     voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
     depth = float(view.rotation[2] @ middle + view.translation[2])
-    return voxel * float(view.focal.min()) / (max(depth, view.near) if view.perspective else 1.0)
+    away = max(depth, view.near, NEAREST) if view.perspective else 1.0
+    return voxel * float(view.focal.min()) / away
 
 
 def _rays_of(field: LatticeField, view: View, how: Gathering) -> tuple[int, int]:

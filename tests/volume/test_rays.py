@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera, Orthographic
-from resample.cameras.viewpoints import Orbit
+from resample.cameras.viewpoints import Orbit, Spot
 from resample.painting import rays as painting
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
@@ -194,6 +194,13 @@ def test_one_ray_is_filtered_to_the_mean_of_a_pixel() -> None:
     )
     errors = [np.sqrt(np.mean((few - many) ** 2)) for few in (middle, mean)]
     assert errors[1] < 0.8 * errors[0]
+
+
+@pytest.mark.parametrize("quality", ["best", "usual"])
+def test_a_camera_that_looks_away_sees_nothing(quality: str) -> None:
+    away = Spot((0.0, -50.0, 0.0), (0.0, -100.0, 0.0)).sized(*SIZE)
+    frame = seen(blobs(), along_rays(order=Rays(quality=quality)), away)
+    assert not frame.rgba.any()
 
 
 def test_rays_have_a_quality_that_is_known() -> None:
