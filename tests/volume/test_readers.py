@@ -772,3 +772,10 @@ def test_one_aneurysm_in_two_containers_is_one(volumes):
     first, second = Vti()(volumes / "original/aneurism.vti"), Nrrd()(volumes / "aneurism.nhdr")
     assert np.array_equal(first.values, second.values)
     assert np.array_equal(first.spacing, second.spacing)
+
+
+@pytest.mark.parametrize("first", ["(1e200,0,0)", "(inf,0,0)", "(1e200,1e200,inf)"])
+def test_nrrd_steps_beyond_numbers_are_refused_without_a_warning(first, values, tmp_path):
+    put(tmp_path / "a.raw", values.tobytes())
+    more = f"space: LPS\nspace directions: {first} (0,1,0) (0,0,1)\n"
+    refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", more=more), "a: ")

@@ -202,6 +202,7 @@ def stem(path: PurePath, suffixes: tuple[str, ...]) -> str:
     return path.name
 
 
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
 def _lattice(spacing: Doubles, direction: Doubles, name: str) -> tuple[Doubles, Doubles]:
     if not (np.isfinite(spacing).all() and (spacing > 0).all()):
         raise ValueError(

@@ -52,6 +52,7 @@ def read_cube(path: Path, name: str, check: Check) -> Recording:
     return recording(every, known, channels_first=True)
 
 
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
 def _header(file: BinaryIO, path: Path, name: str) -> Header:
     for _ in range(2):
         file.readline(LONGEST)  # titles
@@ -76,8 +77,7 @@ def _header(file: BinaryIO, path: Path, name: str) -> Header:
     check_shape(shape, name)
     scale = 1.0 if axes[0].size < 0 else BOHR
     steps = scale * np.array([axis.step for axis in axes])
-    with np.errstate(over="ignore"):
-        length = np.linalg.norm(steps, axis=1)
+    length = np.linalg.norm(steps, axis=1)
     unit = steps / np.where(length > 0, length, 1)[:, np.newaxis]
     known = header(shape, np.float32, name, spacing=length, origin=scale * origin, direction=unit.T)
     return known._replace(parts=parts, pixel=f"{parts} orbitals" if atoms < 0 else "")

@@ -136,6 +136,7 @@ def _type(fields: Any, file: str) -> np.dtype[Any]:
     return np.dtype(TYPES[mode]).newbyteorder(order)
 
 
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
 def _place(fields: Any, axes: tuple[int, ...], file: str) -> tuple[Doubles, Doubles, Doubles]:
     """Spacing, origin and direction; 1 Å where a file says none."""
     cell, grid = np.array(fields["cell"], np.float64), np.array(fields["grid"], np.float64)
@@ -147,8 +148,7 @@ def _place(fields: Any, axes: tuple[int, ...], file: str) -> tuple[Doubles, Doub
     origin = np.array(fields["origin"], np.float64)
     if not origin.any():
         first = [float(fields["start"][axes.index(axis)]) for axis in range(3)]
-        with np.errstate(all="ignore"):  # steps that are no numbers are refused later
-            origin = direction @ (spacing * first)
+        origin = direction @ (spacing * first)
     return spacing, origin, direction
 
 

@@ -186,6 +186,7 @@ def _triple(text: str) -> Doubles:
     return np.resize(np.append(numbers, np.zeros(3)), 3)  # a fourth one is of time
 
 
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
 def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, Doubles, Doubles]:
     """Spacing, origin and direction."""
     vectors = _vectors(value, path)

@@ -83,6 +83,7 @@ def read_vtk(path: Path, wanted: Wanted, name: str, check: Check) -> Recording:
     return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every
 
 
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
 def _lattice(found: Sections) -> _Lattice:
     """Header of the lattice, up to the first array of points or cells."""
     _check_dataset(found)
