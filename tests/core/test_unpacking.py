@@ -197,6 +197,17 @@ def test_arrays_of_vtk_are_counted_together(tmp_path):
     refused(check_blocks, tmp_path / "a.vti", match=r"that unpack to 0\.10 MiB or more")
 
 
+@pytest.mark.parametrize("start", ["==eJw", "!AAAA", "AQ==eJwAA", "AQAAAA==eJwAA"])
+def test_arrays_of_vtk_that_do_not_begin_with_their_size_are_refused(start, tmp_path):
+    head = '<VTKFile header_type="UInt32" compressor="vtkZLibDataCompressor">'
+    for kind, rest in (("binary", start), ("appended", "")):
+        text = f'{head}<DataArray format="{kind}" offset="0">\n{rest}</DataArray>'
+        if kind == "appended":
+            text += f'<AppendedData encoding="base64">_{start}</AppendedData>'
+        (tmp_path / "a.vti").write_text(text)
+        refused(check_blocks, tmp_path / "a.vti", match="do not begin with their size")
+
+
 # Pictures
 
 

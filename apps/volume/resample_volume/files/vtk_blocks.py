@@ -11,7 +11,8 @@ from resample.reading.limits import check_unpacked
 
 LETTERS = 32  # of base64, in which there are three numbers of 64 bits
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
-INLINE = re.compile(rb'format="binary"[^>]*>\s*([A-Za-z0-9+/=]+)')
+LETTER = re.compile(rb"[A-Za-z0-9+/]*")
+INLINE = re.compile(rb'format="binary"[^>]*>\s*([^<\s]{1,32})')
 
 
 def check_blocks(path: Path) -> None:
@@ -37,7 +38,9 @@ def _check(path: Path, content: mmap) -> None:
     unpacked = 0
     for begin in _begins(content):
         numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
-        if numbers and numbers[0] > size:
+        if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
+            raise ValueError(f"{path.name} is damaged: data do not begin with their size")
+        if numbers[0] > size:
             raise ValueError(f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there")
         if is_packed and len(numbers) > 1:
             unpacked += numbers[0] * numbers[1]
@@ -47,7 +50,7 @@ def _check(path: Path, content: mmap) -> None:
 def _begins(content: mmap) -> Iterator[bytes]:
     """First bytes of each array's data."""
     for found in INLINE.finditer(content):
-        yield _decoded(found[1][:LETTERS])
+        yield _decoded(found[1])
     appended = APPENDED.search(content)
     if appended is None:
         return
@@ -59,9 +62,11 @@ def _begins(content: mmap) -> Iterator[bytes]:
 
 
 def _decoded(letters: bytes) -> bytes:
-    """Bytes of the whole groups of four letters before the first that is none of base64."""
-    known = re.match(rb"(?:[A-Za-z0-9+/]{4})*", letters)
-    return base64.b64decode(known[0]) if known else b""
+    """Bytes of the letters before the first that is none of base64, or that fills a group up."""
+    known = LETTER.match(letters)
+    found = known[0] if known else b""
+    found = found[: len(found) - (len(found) % 4 == 1)]
+    return base64.b64decode(found + b"=" * (-len(found) % 4))
 
 
 def _whole(begin: bytes, number: str) -> bytes:
