@@ -139,6 +139,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
+    held.enter_context(_kept_environment())
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
     with _starting(sharing.workers):
         cluster = LocalCluster(
@@ -152,6 +153,18 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             silence_logs=logging.CRITICAL,
         )
     return Client(held.enter_context(cluster), set_as_default=False)
+
+
+@contextmanager
+def _kept_environment() -> Iterator[None]:
+    """Leave this process's environment as it was: dask puts there what workers are to find."""
+    before = dict(os.environ)
+    try:
+        yield
+    finally:
+        for name in os.environ.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)
 
 
 @contextmanager
