@@ -1,4 +1,5 @@
-/* The functions of numba's run-time that compiled kernels call: memory of arrays that kernels make.
+/* The functions of numba's run-time that compiled kernels call: memory of arrays that kernels make,
+   and powers of two.
 
    Counts of references are changed by the kernels' own code, or by `release`. */
 #include <math.h>
@@ -43,6 +44,14 @@ void NRT_MemInfo_call_dtor(Memory *memory) {
 void *NRT_Allocate(size_t size) { return malloc(size); }
 
 void NRT_Free(void *data) { free(data); }
+
+/* Powers of two, as numba calls them. */
+double numba_frexp(double value, int *exponent) {
+    *exponent = 0;
+    return isfinite(value) ? frexp(value, exponent) : value;
+}
+
+double numba_ldexp(double value, int exponent) { return ldexp(value, exponent); }
 
 /* Lists of kernels: memory that may grow. */
 static void free_variable(void *data, size_t size, void *inner) {
