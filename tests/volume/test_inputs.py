@@ -215,3 +215,15 @@ def test_cameras_are_numbers_names_or_texts(given: Any, orbit: Orbit) -> None:
 def test_cameras_that_are_none_are_refused(given: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match=r"give a camera; azimuth and elevation.*front, back"):
         render(PLAIN, _look(), given)
+
+
+@pytest.mark.parametrize("name", ["spacing", "origin", "direction"])
+def test_a_place_may_be_a_masked_array_of_which_nothing_is_masked(name: str) -> None:
+    given = as_volume(np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+    part = getattr(given, name)
+    whole = given._replace(**{name: np.ma.MaskedArray(part, np.zeros(part.shape, bool))})
+    assert all(type(each) is np.ndarray for each in as_volume(whole)[1:4])
+    assert render(whole, size=(8, 8)).rgba.tobytes() == render(given, size=(8, 8)).rgba.tobytes()
+    masked = given._replace(**{name: np.ma.MaskedArray(part, np.ones(part.shape, bool))})
+    with pytest.raises(ValueError, match=name if name != "direction" else "lattice"):
+        as_volume(masked)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory.alike import alike
 from resample.painting.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.files.headers import KEPT
@@ -76,6 +77,9 @@ def _checked(given: Volume) -> Volume:
     TypeError, ValueError
         It has none.
     """
+    if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
+        spacing, origin, direction = (alike(part, np.float64) for part in given[1:4])
+        given = given._replace(spacing=spacing, origin=origin, direction=direction)
     made = given
     if not isinstance(given.values, Bricks):
         values = _array(given.values)
