@@ -18,7 +18,7 @@ from resample.files.facts.origin import state
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.names import plain
-from resample.reading.pictures import check_honest, check_picture, check_unopened
+from resample.reading.pictures import check_honest, check_picture, opened
 from resample.reading.silence import suppressed_output
 from resample.types import Floats, Frame
 
@@ -315,12 +315,11 @@ def _stored_strips(
     step = -(-height // spec.tile_height) * spec.tile_height if spec.tile_width else height
     for first in range(spec.y, spec.y + spec.height, step):
         last = min(first + step, spec.y + spec.height)
-        if spec.tile_width:
-            across = spec.x, spec.x + spec.width
-            with suppressed_output():
+        with suppressed_output():
+            if spec.tile_width:
+                across = spec.x, spec.x + spec.width
                 data = source.read_tiles(*across, first, last, 0, 1, 0, spec.nchannels, form)
-        else:
-            with suppressed_output():
+            else:
                 data = source.read_scanlines(first, last, 0, 0, spec.nchannels, form)
         complaint = source.geterror()
         if data is None or complaint:
@@ -390,12 +389,10 @@ def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
 
     if not Path(path).is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    check_unopened(path)
     # A configuration also makes PFM come right side up: without one its lines are not flipped.
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    with suppressed_output():
-        source = OpenImageIO.ImageInput.open(plain(path), as_stored)
+    source = opened(path, as_stored)
     if source is None:
         raise OSError(
             f"{path} is not a picture that can be read: {_first_line(OpenImageIO.geterror())}"

@@ -52,8 +52,7 @@ from resample.files.strips.held import HeldJpeg
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory import require_memory
 from resample.reading.names import plain
-from resample.reading.pictures import check_unopened
-from resample.reading.silence import suppressed_output
+from resample.reading.pictures import opened as opened_picture
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
@@ -554,9 +553,7 @@ def header_of(path: Place, page: int, *, as_data: bool) -> Header:
         return header_in_store(open_picture(path))
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    check_unopened(path)
-    with suppressed_output():
-        source = OpenImageIO.ImageInput.open(plain(path))
+    source = opened_picture(path)
     if source is None or not source.seek_subimage(page, 0):
         reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
         raise OSError(f"{path} is not a picture that can be read: {reason}")

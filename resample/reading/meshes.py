@@ -49,8 +49,9 @@ def check_mesh(source: Path) -> None:
             pass
     if kind in (".gltf", ".glb"):
         with naming(f"{source.name} cannot be read as a mesh"):
-            check_gltf(header_of(source))
-        _check_parts(source)
+            told = header_of(source)
+            check_gltf(told)
+        _check_parts(source, told)
 
 
 def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
@@ -99,14 +100,13 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
         yield from _named_in_gltf(source)
 
 
-def _check_parts(source: Path) -> None:
+def _check_parts(source: Path, told: dict[str, Any]) -> None:
     """Refuse a glTF whose nodes have far more numbers than its files can honestly hold.
 
     Numbers need not be in a file, and many nodes may show one mesh.
     """
     unpacked = 0
     with suppress(ValueError, LookupError, AttributeError, TypeError):  # who reads it says of them
-        told = header_of(source)
         sizes = [_bytes_of(each) for each in told.get("accessors", [])]
         meshes = [
             sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))

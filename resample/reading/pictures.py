@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from resample.reading.limits import check_free, check_size, check_unpacked
+from resample.reading.names import plain
 from resample.reading.packed.codestreams import size_at_once
 from resample.reading.packed.unpacking import PIECE
+from resample.reading.silence import suppressed_output
 from resample.words import one_line
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -58,6 +60,33 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     count, stored = math.prod(shape), FORMS.get(str(spec.format), 4)
     check_unpacked(str(path), Path(path).stat().st_size, count * stored)
     return count, stored
+
+
+def opened(path: str | Path, wanted: Any = None) -> Any:
+    """Open a picture by OpenImageIO, once it is known that this makes no gigabytes.
+
+    Parameters
+    ----------
+    path
+        The file, whose name need not be a text.
+    wanted
+        Header of OpenImageIO's that says how it is to be read; None: as it is read by itself.
+
+    Returns
+    -------
+    OpenImageIO's ImageInput; None if it cannot be read, and `OpenImageIO.geterror` tells why.
+
+    Raises
+    ------
+    ValueError, OSError
+        See `check_unopened`.
+    """
+    import OpenImageIO
+
+    check_unopened(path)
+    choices = () if wanted is None else (wanted,)
+    with suppressed_output():
+        return OpenImageIO.ImageInput.open(plain(path), *choices)
 
 
 def check_unopened(path: str | Path) -> None:

@@ -10,9 +10,7 @@ import numpy as np
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
 from resample.cameras.trajectories import Entry, Refused, Shot, entry_of
-from resample.reading.names import plain
-from resample.reading.pictures import check_unopened
-from resample.reading.silence import suppressed_output
+from resample.reading.pictures import opened
 from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
 from resample.words import naming
@@ -101,9 +99,7 @@ def _size(path: Path) -> tuple[int, int] | None:
     for file in (path, path.with_name(path.name + ".png")):
         if not file.is_file():
             continue
-        check_unopened(file)
-        with suppressed_output():
-            source = OpenImageIO.ImageInput.open(plain(file))
+        source = opened(file)
         if source is not None:
             spec = source.spec()
             source.close()

@@ -6,9 +6,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from resample.reading.names import plain
-from resample.reading.pictures import check_unopened
-from resample.reading.silence import suppressed_output
+from resample.reading.pictures import opened
 
 KEY = "resample:settings"  # of the text in PNG and EXR
 SUFFIXES = (".png", ".exr")  # of files that have room for it
@@ -47,9 +45,7 @@ def settings_in(path: Path) -> str:
 
     if not path.is_file():
         raise FileNotFoundError(2, "there is no such file", str(path))
-    check_unopened(path)
-    with suppressed_output():
-        source = OpenImageIO.ImageInput.open(plain(path))
+    source = opened(path)
     if source is None:
         reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
         raise OSError(f"{path} is not a picture that can be read: {reason}")

@@ -8,8 +8,7 @@ import numpy as np
 
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
-from resample.reading.names import plain
-from resample.reading.pictures import check_picture, check_unopened
+from resample.reading.pictures import check_picture, opened
 from resample.reading.silence import suppressed_output
 from resample_warp3d.depth.encodings import Raw
 
@@ -133,11 +132,9 @@ def _read_channel(path: Path, name: str) -> Raw:
     """Channel of a picture, in its own type."""
     import OpenImageIO
 
-    check_unopened(path)
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)  # numbers, which no alpha multiplies
-    with suppressed_output():
-        source = OpenImageIO.ImageInput.open(plain(path), as_stored)
+    source = opened(path, as_stored)
     if source is None:
         complaint = OpenImageIO.geterror().strip().partition("\n")[0]
         raise OSError(f"{path} is not a picture that can be read: {complaint or 'unknown format'}")

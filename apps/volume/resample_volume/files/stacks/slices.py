@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, check_unpacked
-from resample.reading.names import plain
-from resample.reading.pictures import check_picture, check_unopened
+from resample.reading.pictures import check_picture, opened
 from resample.reading.silence import suppressed_output
 from resample_volume.files.headers import Header
 from resample_volume.files.memory import require_memory
@@ -105,10 +104,9 @@ def _opened(path: Path) -> Iterator[Any]:
 
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
-    check_unopened(path)
     straight = OpenImageIO.ImageSpec()
     straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
-    image = OpenImageIO.ImageInput.open(plain(path), straight)
+    image = opened(path, straight)
     if image is None:
         raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
     try:
