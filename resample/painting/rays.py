@@ -60,7 +60,7 @@ class _Effort(NamedTuple):
 
 EFFORTS = {
     "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06),
-    "usual": _Effort(0.7, 4, 2 / 3, 0.05, 0.15),
+    "usual": _Effort(0.7, 16, 2 / 3, 0.05, 0.15),
     "fast": _Effort(0.0, 1, 2 / 3, 0.05, 0.15),
 }
 
@@ -119,7 +119,8 @@ def paint_field(
     if fineness == 1 and how.quality != "best" and how.tables.pixel_margin == 0:
         _mean_from_middles(painted.film)
     clock.lap("paint")
-    return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
+    counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
+    return painted, counts._replace(rays=count * (tile * fineness) ** 2)
 
 
 def _tiles_of(

@@ -207,12 +207,14 @@ class Look(Choices):
     ] = None
 
     classify: Annotated[
-        Literal["pre", "post"],
+        Literal["auto", "pre", "post"],
         Field(
             description="Pre: voxels get colors, which are reconstructed. Post: the values are "
-            "reconstructed and get colors then, which is sharper."
+            "reconstructed and get colors then, which is sharper. Auto: post along rays; pre if a "
+            "method is given, and for colors, labels, several volumes and what memory does not "
+            "hold as a field."
         ),
-    ] = "pre"
+    ] = "auto"
     labels: Annotated[
         str | None,
         About.SOURCE,
@@ -260,6 +262,10 @@ class Look(Choices):
         Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
     ] = None
 
+    def of_voxels(self) -> "Look":
+        """The same look of voxels, unless it was said that it is the field's."""
+        return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
+
     def renderer(self, resampling: Resampling) -> "Resampler":
         """Renderer that goes with this look.
 
@@ -273,7 +279,10 @@ class Look(Choices):
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
-        resampler = resampling.resampler(of_field=self.classify == "post")
+        is_auto = self.classify == "auto"
+        is_of_field = self.classify == "post" or (is_auto and not resampling.is_of_samples)
+        quality = "usual" if is_auto else "best"
+        resampler = resampling.resampler(of_field=is_of_field, quality=quality)
         chosen = {
             "labels": self.labels,
             "gradient-opacity": self.gradient_opacity,
