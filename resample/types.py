@@ -152,17 +152,29 @@ NO_TRIANGLES = Triangles(
 )
 
 
+class Tint(NamedTuple):
+    """Colors that samples have of their own."""
+
+    color: NDArray[np.uint16]  # (N, 3) as coefficients lie; or (0, 3): those of looks
+    most: float  # linear light of 65535
+
+
+UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
+
+
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; what it looks like is decided along rays."""
 
     spline: Spline
     bounds: Bounds  # data units
-    known: Flags  # (N,) which samples stand for something, as coefficients lie; or (0,): all do
+    known: Flags  # (N,) as coefficients lie: looks of samples from 1 on, 0: missing; or (0,)
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first sample
     classifier: Classifier
     reached: Reached = UNBLOCKED
     mesh: Triangles = NO_TRIANGLES  # what stands in it
+    looks: int = 1  # that are beside each other in rows of the classifier's table
+    tint: Tint = UNTINTED
 
 
 # What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.

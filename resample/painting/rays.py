@@ -234,7 +234,7 @@ def _way(field: LatticeField, style: Style) -> "Way":
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
-        return Surface(style.iso * (look.table.shape[1] - 1))
+        return Surface(style.iso * (look.table.shape[1] // field.looks - 1))
     is_lit = bool(look.lamp.diffuse > 0 or look.lamp.specular > 0 or field.reached.share.size)
     has_regions = look.table.shape[0] > 1
     return Composite(OPAQUE, is_lit, has_regions)
@@ -247,7 +247,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     from resample.engine.rays.splines import PAD
 
     look, spline, lattice = field.classifier, field.spline, field.lattice
-    columns = look.table.shape[1] - 1
+    columns = look.table.shape[1] // field.looks - 1
     per_value = columns / (look.high - look.low)
     to_nodes = np.linalg.inv(lattice)
     origin = field.origin - lattice @ np.full(3, PAD - 1.0)
@@ -268,15 +268,16 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     columnwise = [_columnwise(bound, look.low, per_value) for bound in field.bounds]
     return Medium(
         scaled,
-        _bricks(Bounds(*columnwise), look, how.style),
+        _bricks(Bounds(*columnwise), field, how.style),
         space,
-        _look(look),
+        _look(look, field.looks),
         np.ascontiguousarray(lattice),
         origin,
         np.ascontiguousarray(to_nodes.T / per_value),
         float(1.0 / np.cbrt(abs(np.linalg.det(lattice)))),
         _cuts(how.clip, lattice),
         field.known,
+        field.tint,
         BENT * columns,
         field.reached,
         field.mesh,
@@ -297,7 +298,7 @@ def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
     return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
 
 
-def _look(look: Classifier) -> "SummedLook":
+def _look(look: Classifier, count: int) -> "SummedLook":
     from resample.engine.rays.looks import SummedLook
 
     table = np.ascontiguousarray(look.table)
@@ -310,17 +311,23 @@ def _look(look: Classifier) -> "SummedLook":
     per_slope = (len(table) - 1) / look.steep
     return SummedLook(
         np.ascontiguousarray(np.hstack([total, product, bend])),
-        np.concatenate([[0], np.cumsum(most[:, 3] > 0)]),
+        len(most) // count,
+        np.concatenate([[0], np.cumsum(_thickest(most[:, 3], count) > 0)]),
         look.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** look.lamp.shininess,
         table,
         look.low,
-        (look.high - look.low) / (table.shape[1] - 1),
+        (look.high - look.low) / (len(most) // count - 1),
         per_slope,
         look.lamp,
         look.near,
         look.far,
         look.dimmed,
     )
+
+
+def _thickest(extinction: Floats, count: int) -> Floats:
+    """Greatest extinction (..., K) of each value in looks that are beside each other."""
+    return np.asarray(extinction.reshape(*extinction.shape[:-1], count, -1).max(axis=-2))
 
 
 def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -330,15 +337,16 @@ def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
     return most
 
 
-def _bricks(bounds: Bounds, look: Classifier, style: Style) -> "Bricks":
+def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
     """Bricks as rays see them; bounds are in columns."""
     from scipy.ndimage import distance_transform_cdt
 
     from resample.engine.rays.marching import Bricks
 
-    columns = look.table.shape[1]
+    table = field.classifier.table
+    columns = table.shape[1] // field.looks
     if style.projection == COMPOSITE:
-        seen = _visible(bounds, look)
+        seen = _visible(bounds, _thickest(table[..., 3], field.looks).max(axis=0))
     elif style.projection == FIRST_HIT:
         seen = bounds.greatest >= style.iso * (columns - 1)
     else:
@@ -362,9 +370,9 @@ def _bricks(bounds: Bounds, look: Classifier, style: Style) -> "Bricks":
     )
 
 
-def _visible(bounds: Bounds, look: Classifier) -> NDArray[np.bool_]:
-    """Bricks that hold a value which can be seen under some gradient."""
-    thick = look.table[..., 3].max(axis=0) > 0
+def _visible(bounds: Bounds, extinction: Floats) -> NDArray[np.bool_]:
+    """Bricks that hold a value which can be seen: its greatest extinction (K,) is above 0."""
+    thick = extinction > 0
     # Between two columns of which one can be seen, all can.
     count = np.concatenate([[0], np.cumsum(thick)])
     last = thick.size - 1

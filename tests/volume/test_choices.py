@@ -90,7 +90,7 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     [
         ({"label": ("1:hidden",)}, {}, "give the labels' volume too"),
         ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays or image-sheets"),
-        ({"classify": "post", "labels": "a.npy"}, {}, "labels color voxels"),
+        ({"classify": "post", "labels": "a.npy"}, {"order": "image-sheets"}, "labels color voxels"),
         ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),
         ({"gradient_opacity": "0/1"}, {"projection": "maximum"}, "gradient-opacity fades voxels"),
     ],

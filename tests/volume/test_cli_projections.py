@@ -19,6 +19,7 @@ BOX = "checker-box:size=16,block=4"  # values 64 and 192
 TREE = "vessel-tree:size=24"
 SMALL = ["--size", "32"]
 POST = ["--classify", "post"]
+SHEETS = [*POST, "--order", "image-sheets"]
 HIT = ["--projection", "first-hit", "--iso"]
 ALL = ["maximum", "average", "additive", "first-hit"]
 # Bytes lie in 16 bits, for which all of a painter is compiled anew: composited they are tried.
@@ -110,7 +111,7 @@ def test_labels_recolor_and_hide():
     values = np.zeros((16, 16, 16), np.uint8)
     values[:, :, 8:] = 1
     np.save("labels.npy", values)
-    front = ["--camera", "0/0/1", "--fov", 0, "--classify", "pre"]
+    front = ["--camera", "0/0/1", "--fov", 0]
     plain = shown(*front)
     half = shown(*front, "--labels", "labels.npy", "--label", "1:hidden").max(axis=2) > 0.1
     red = shown(*front, "--labels", "labels.npy", "--label", "1:color=red")
@@ -205,7 +206,10 @@ def test_a_normal_may_be_of_any_length(capsys):
         ([*POST, "--order", "rays:sharpness=2"], "the sharpness is 2"),
         ([*POST, "--order", "rays", "--method", "splats"], "rays paint no samples"),
         (["--classify", "pre", "--order", "rays"], "so it needs the classification post"),
-        ([*POST, "--labels", "labels.npy"], "need the classification pre and the projection comp"),
+        (
+            [*SHEETS, "--labels", "labels.npy"],
+            "composite, and along rays or in the classification pre",
+        ),
         (["--projection", "maximum", "--labels", "labels.npy"], "labels color voxels"),
         (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order rays or"),
         (["--projection", "maximum", "--depth-cue", 0.5], "depth-cue dims light"),

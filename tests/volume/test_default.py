@@ -16,8 +16,8 @@ from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.media.appearance import BY_DEFAULT
 from tests import commands
-from tests.volume.test_streaming import in_bricks
 from tests.volume.of_voxels import of_voxels
+from tests.volume.test_streaming import in_bricks
 
 ended = partial(commands.ended, app)
 TREE, SIZE = vessel_tree(16), (32, 24)
@@ -25,22 +25,26 @@ COLORED = as_volume(np.random.default_rng(3).integers(0, 255, (8, 8, 8, 3), np.u
 LABELS = Labels(np.zeros(TREE.values.shape, np.uint8), {0: Rule(opacity=0.5)})
 
 
-def test_a_volume_is_a_field_along_rays():
-    found = render(TREE, size=SIZE)
+@pytest.mark.parametrize(
+    ("volume", "look"),
+    [(TREE, Appearance()), (COLORED, Appearance()), (TREE, Appearance(labels=LABELS))],
+    ids=["values", "colors", "labels"],
+)
+def test_a_volume_is_a_field_along_rays(volume, look):
+    found = render(volume, look, size=SIZE)
     assert found.statistics.rays > 0
-    assert np.array_equal(found.rgba, render(TREE, size=SIZE, resampler=BY_DEFAULT).rgba)
+    same = render(volume, look, size=SIZE, resampler=BY_DEFAULT)
+    assert np.array_equal(found.rgba, same.rgba)
 
 
 @pytest.mark.parametrize(
     ("volume", "look"),
     [
-        (COLORED, Appearance()),
-        (TREE, Appearance(labels=LABELS)),
         (TREE, Appearance(gradient="sobel")),
         (TREE._replace(values=TREE.values * 1e40), Appearance("gray")),
         (in_bricks(TREE, (8, 8, 8), memory=30_000), Appearance("100..200")),
     ],
-    ids=["colors", "labels", "gradients of voxels", "huge", "more than memory holds"],
+    ids=["gradients of voxels", "huge", "more than memory holds"],
 )
 def test_voxels_are_painted_where_rays_cannot_be(volume, look):
     found = render(volume, look, size=SIZE)

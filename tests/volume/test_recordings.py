@@ -8,7 +8,7 @@ import SimpleITK
 
 from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb, to_srgb
-from resample.profiles.orders import Rays
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume
@@ -24,6 +24,7 @@ from resample_volume.media.recordings import (
 )
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.visible import classify
+from tests.volume.of_voxels import of_voxels
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 TURNED = ((0.8, -0.6, 0), (0.6, 0.8, 0), (0, 0, 1))
@@ -33,7 +34,7 @@ META_OF_TIMES = (
 )
 FORMS = {"a.nrrd": Nrrd, "a.mha": MetaImage, "a.nii": Nifti, "a.nii.gz": Nifti}
 ALL = from_points([(0, (1, 1, 1), 0.5)])
-RAYS = Resampler(order=Rays())
+SHEETS = Resampler(order=ImageSheets())
 SIZE = {"height": 24, "width": 24}
 SQUARE = (24, 24)
 
@@ -236,7 +237,7 @@ def test_opacities_of_colors_are_those_of_voxels():
     np.testing.assert_allclose(
         shown, np.tile(linear_colors(values[2, 2, 2]), (len(seen), 1)), rtol=1e-3
     )
-    voxels = Subject.of(as_volume(values), Appearance(light=None)).voxels
+    voxels = Subject.of(as_volume(values), of_voxels(light=None)).voxels
     np.testing.assert_allclose(voxels.extinction, -np.log(1 - 128 / 255), rtol=1e-5)
 
 
@@ -248,11 +249,11 @@ def test_a_color_whose_number_is_missing_is_not_there():
 
 def test_what_colors_cannot_be_is_refused(colors, tmp_path):
     volume = as_volume(colors)
-    with pytest.raises(ValueError, match="has colors, which need the classification pre"):
+    with pytest.raises(ValueError, match="has colors, which need the projection composite"):
         Subject.of(
             volume,
             Appearance(classification=Classification.POST),
-            RAYS,
+            SHEETS,
         )
     np.save(tmp_path / "a.npy", colors)
     with pytest.raises(ValueError, match="labels are whole numbers, one for each voxel"):

@@ -182,7 +182,7 @@ def test_labels_are_of_the_voxels_of_each_time():
     labels[:, :, 8:] = 1
     np.save("labels.npy", labels)
     series = Series.of(BEATS)
-    words = Look(labels="labels.npy", label=("1:hidden",), shading=False)
+    words = Look(labels="labels.npy", label=("1:hidden",), shading=False, classify="pre")
     look = labelled(look_over_time(series, words, Resampler()), series, words)
     for volume in series:
         subject = Subject.of(volume, look)

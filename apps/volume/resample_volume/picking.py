@@ -166,6 +166,8 @@ def _looked(field: Gathered, resampler: Resampler) -> "Looked":
     looks = field.looks
     return Looked(
         field.spline,
+        field.known,
+        field.each,
         looks.table,
         looks.low,
         looks.high,

@@ -170,10 +170,12 @@ def field_of(
         `field_voxels` and `gathered`.
     """
     projection, order = resampler.projection, resampler.order
-    if volume.colors is not None:
+    if volume.colors is not None and not (
+        order.summing is Summing.RAYS and projection is Projection.COMPOSITE
+    ):
         raise ValueError(
-            f"{volume.name} has colors, which need the classification pre and the projection "
-            "composite; for a field choose one channel"
+            f"{volume.name} has colors, which need the projection composite, and along rays or in "
+            "the classification pre; for a field choose one channel"
         )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
@@ -185,7 +187,9 @@ def field_of(
         transfer = Faded(transfer, appearance.gradient_opacity)
     if order.summing is Summing.RAYS:
         sharpness = order.sharpness if isinstance(order, Rays) else 1.0
-        return gathered(volume, transfer, resampler, sharpness, appearance.gradient)
+        return gathered(
+            volume, transfer, resampler, sharpness, appearance.gradient, appearance.labels
+        )
     if projection in MEASURING:
         return field_voxels(volume, transfer, resampler, None)
     gradient = appearance.gradient if transfer.needs_gradient else appearance.needed_gradient

@@ -20,10 +20,11 @@ Light = tuple[float, float, float, float]  # red, green, blue, and extinction
 class SummedLook(NamedTuple):
     """A classifier as rays read it; values are counted in columns."""
 
-    column: Doubles  # (K, 12) from a column to the next: sums up to it, what they rise by, and bend
-    seen: Indices  # (K + 1,) how many columns before one can be seen
+    column: Doubles  # (L K, 12) sums up to a column, what they rise by to the next, and bend
+    columns: int  # K, of each of the looks that are beside each other
+    seen: Indices  # (K + 1,) how many columns before one can be seen, in any look
     highlight: Doubles  # (N,) over the cosine 0..1 between normal and halfway vector
-    table: Floats  # (G, K, 4) as in `Classifier`, G = 1 where gradients do not matter
+    table: Floats  # (G, L K, 4) as in `Classifier`, G = 1 where gradients do not matter
     low: float  # data units, the value of column 0
     per_column: float  # data units
     per_slope: float  # rows per data unit per scene unit
@@ -41,8 +42,8 @@ def value_of(look: SummedLook, place: float) -> float:
 
 @inner_step
 def clamped(look: SummedLook, place: float) -> float:
-    """Column of a value, within the table, also of a value that is none."""
-    return float(min(max(0.0, place), look.column.shape[0] - 1.0))
+    """Column of a value, within a look, also of a value that is none."""
+    return float(min(max(0.0, place), look.columns - 1.0))
 
 
 @inner_step

@@ -36,12 +36,13 @@ from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import Doubles, Flags, Reached, Spline, Triangles
+from resample.types import Doubles, Flags, Reached, Spline, Tint, Triangles
 
 THICK = 0.5  # optical depth of a part
 MOST_PARTS = 8  # of half a step
 CLOSER = 24  # of the search for a surface
 ALL = 255.0  # of the light
+FULL = 65535.0  # of a color
 NEAR = 1e-4  # of a column, which a surface is found to
 CUT = 3.0  # voxels that a cut is thick
 EVEN_BRICK = 1e-6  # columns between the least and the greatest value of a brick that is even
@@ -66,6 +67,7 @@ class Medium(NamedTuple):
         Doubles  # (M, 4) planes of the scene, in voxels: what n · p + d puts at 0 and more is kept
     )
     known: Flags  # as of `LatticeField`
+    tint: Tint
     coarse: float  # columns that a field may bend by within a step
     reached: Reached
     mesh: Triangles
@@ -166,6 +168,71 @@ def is_known(medium: Medium, place: Vector) -> bool:
     # The sample at place 1 is the third one that is stored.
     i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
     return bool(medium.known[k * medium.spline.plane + j * medium.spline.row + i])
+
+
+@inner_step
+def _stored(medium: Medium, place: Vector) -> tuple[int, Vector]:
+    """Index of the sample before a place along all axes, and how far that is from it."""
+    # The sample at place 1 is the third one that is stored.
+    x, y, z = place[0] + 1.0, place[1] + 1.0, place[2] + 1.0
+    i, j, k = int(x), int(y), int(z)
+    first = k * medium.spline.plane + j * medium.spline.row + i
+    return first, (x - i, y - j, z - k)
+
+
+@inner_step
+def _corner(medium: Medium, first: int, away: Vector, n: int) -> tuple[int, float]:
+    """One of eight samples around a place, and its share in what is linear between them."""
+    right, down, behind = n & 1, (n >> 1) & 1, n >> 2
+    share = away[0] if right else 1.0 - away[0]
+    share *= away[1] if down else 1.0 - away[1]
+    share *= away[2] if behind else 1.0 - away[2]
+    return first + behind * medium.spline.plane + down * medium.spline.row + right, share
+
+
+@inner_step
+def look_at(medium: Medium, place: Vector) -> int:
+    """Number of the look of a place, which most of what is around it has; below 0: it is missing.
+
+    Samples have shares in a place as in linear interpolation, so between two looks the border is
+    where a field would pass one half that is 1 in one of them and 0 in the other.
+    """
+    if medium.known.size == 0:
+        return 0
+    if not is_known(medium, place):
+        return -1
+    if medium.look.column.shape[0] == medium.look.columns:
+        return 0
+    first, away = _stored(medium, place)
+    best, most = 0, 0.0
+    for n in range(8):
+        index, _ = _corner(medium, first, away, n)
+        number, total = int(medium.known[index]), 0.0
+        if number == best:
+            continue
+        for m in range(8):
+            other, share = _corner(medium, first, away, m)
+            total += share if int(medium.known[other]) == number else 0.0
+        if number > 0 and total > most:
+            best, most = number, total
+    return best - 1
+
+
+@inner_step
+def _tinted(medium: Medium, place: Vector, light: Light) -> Light:
+    """Light of a place in its own color, if samples have colors."""
+    color = medium.tint.color
+    if color.shape[0] == 0:
+        return light
+    red, green, blue = 0.0, 0.0, 0.0
+    first, away = _stored(medium, place)
+    for n in range(8):
+        index, share = _corner(medium, first, away, n)
+        red += share * color[index, 0]
+        green += share * color[index, 1]
+        blue += share * color[index, 2]
+    per = light[3] * medium.tint.most / FULL
+    return per * red, per * green, per * blue, light[3]
 
 
 @inner_step
@@ -319,17 +386,20 @@ def _put_half(
     look, (front, back) = medium.look, (step.front, step.back)
     t, length = 0.25 + 0.5 * half, 0.5 * step.length
     depth = step.depth + t * step.thickness
-    if not is_known(medium, combine(step.start, depth, step.way)):
+    place = combine(step.start, depth, step.way)
+    number = look_at(medium, place)
+    if number < 0:
         return result
+    first = float(number * look.columns)
     if way.has_regions:
         middle = clamped(look, _value_between(front, back, t))
         steepness = length_of(_slope_between(step, t, medium))
-        red, green, blue, thick = look_of(look, middle, steepness)
-        light = (thick * red, thick * green, thick * blue, thick)
+        red, green, blue, thick = look_of(look, first + middle, steepness)
+        light = _tinted(medium, place, (thick * red, thick * green, thick * blue, thick))
         if thick > 0.0:
             result = _put(result, light, _shine_at(way, step, t, medium), length, depth)
         return result
-    whole = light_between(look, values[0], values[1])
+    whole = _tinted(medium, place, light_between(look, first + values[0], first + values[1]))
     optical = whole[3] * length
     if not optical > 0.0:
         return result
@@ -339,7 +409,7 @@ def _put_half(
     a = values[0]
     for n in range(1, parts + 1):
         b = clamped(look, _value_between(front, back, 0.5 * (half + n / parts)))
-        light = light_between(look, a, b)
+        light = _tinted(medium, place, light_between(look, first + a, first + b))
         if light[3] > 0.0:
             t = 0.5 * (half + (n - 0.5) / parts)
             depth = step.depth + t * step.thickness

@@ -211,8 +211,7 @@ class Look(Choices):
         Field(
             description="Pre: voxels get colors, which are reconstructed. Post: the values are "
             "reconstructed and get colors then, which is sharper. Auto: post along rays; pre if a "
-            "method is given, and for colors, labels, several volumes and what memory does not "
-            "hold as a field."
+            "method is given, for several volumes and for what memory does not hold as a field."
         ),
     ] = "auto"
     labels: Annotated[

@@ -1,22 +1,23 @@
 """Labels of voxels, and what is changed for some of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
-from resample.types import Floats
+from resample.types import Flags, Floats
 from resample_volume.looks.surveys import counted
-from resample_volume.looks.transfer import Color
+from resample_volume.looks.transfer import Color, DataRange, Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 
 LISTED = 16  # labels that an error message names
+MOST_RULES = 254  # whose number is one of 8 bits, see `Labels.numbers`
 
 FORM = "give label:color=tomato,opacity=0.5, one of both, or label:hidden"
 
@@ -37,6 +38,12 @@ class Rule:
     def __post_init__(self) -> None:
         if not 0 <= self.opacity < np.inf:
             raise ValueError(f"opacity must be 0 or more (got {self.opacity:g})")
+
+    def applied(self, color: Floats, opacity: Floats) -> tuple[Floats, Floats]:
+        """Colors (N, 3) in linear light and opacities (N,) of voxels of the label."""
+        if self.color is not None:
+            color = np.broadcast_to(from_srgb(np.array(self.color)), color.shape)
+        return np.asarray(color, np.float32), np.minimum(opacity * self.opacity, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +73,15 @@ class Labels:
                 f"{_size(volume.values)}"
             )
 
+    def numbers(self, part: slice) -> Flags:
+        """Of some slices (Z, Y, X) of voxels: 1, or from 2 on their rules by turns."""
+        given: Any = self.values
+        values = given.whole()[part] if isinstance(given, Bricks) else given[part]
+        found = np.ones(values.shape, np.uint8)
+        for n, label in enumerate(self.rules):
+            found[values == label] = n + 2
+        return found
+
     def applied(
         self, voxel: NDArray[np.int64], color: Floats, opacity: Floats
     ) -> tuple[Floats, Floats]:
@@ -86,10 +102,47 @@ class Labels:
         color, opacity = color.copy(), opacity.copy()
         for number, rule in self.rules.items():
             chosen = label == number
-            opacity[chosen] = np.minimum(opacity[chosen] * rule.opacity, 1)
-            if rule.color is not None:
-                color[chosen] = from_srgb(np.array(rule.color))
+            color[chosen], opacity[chosen] = rule.applied(color[chosen], opacity[chosen])
         return color, opacity
+
+
+@dataclass(frozen=True, eq=False)
+class Ruled:
+    """A transfer function as a rule changes it; see `Labels.applied`."""
+
+    transfer: Transfer
+    rule: Rule
+
+    @property
+    def opacity_unit(self) -> float | None:
+        return self.transfer.opacity_unit
+
+    @property
+    def normalized(self) -> bool:
+        return self.transfer.normalized
+
+    @property
+    def needs_gradient(self) -> bool:
+        return self.transfer.needs_gradient
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        opacity = self.transfer.opacities(values, data_range) * self.rule.opacity
+        return np.asarray(np.minimum(opacity, 1), np.float32)
+
+    def looks(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        color, opacity = self.transfer.looks(values, slopes, data_range, steep)
+        return self.rule.applied(color, opacity)
+
+    def steepest(self, steep: float) -> float:
+        return self.transfer.steepest(steep)
+
+    def thinned(self, share: float) -> "Ruled":
+        return replace(self, transfer=self.transfer.thinned(share))
+
+    def cut(self, low: float) -> "Ruled":
+        return replace(self, transfer=self.transfer.cut(low))
 
 
 def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:

@@ -11,6 +11,7 @@ from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample_volume.looks.automatic import levels
+from resample_volume.looks.labels import MOST_RULES
 from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Transfer
@@ -154,9 +155,7 @@ def check_together(
     _check_values(projection, extras)
     if "mesh" in extras:
         _check_meshes(resampler, classification)
-    if classification is Classification.AUTO:
-        classification, extras = _of_auto(resampler, extras)
-    if is_composite and classification is Classification.PRE:
+    if is_composite and _in_effect(classification, resampler) is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
                 "the order rays gathers values, so it needs the classification post, or a "
@@ -167,9 +166,10 @@ def check_together(
         raise ValueError(
             f"the classification post needs the order rays or image-sheets, not {resampler.order}"
         )
-    if "labels" in extras:
+    if "labels" in extras and not (is_composite and resampler.order.summing is Summing.RAYS):
         raise ValueError(
-            "labels color voxels, so they need the classification pre and the projection composite"
+            "labels color voxels, so they need the projection composite, and along rays or in the "
+            "classification pre"
         )
     if "gradient-opacity" in extras and not is_composite:
         raise ValueError(
@@ -182,15 +182,12 @@ def check_together(
         )
 
 
-def _of_auto(
-    resampler: Resampler, extras: Collection[str]
-) -> tuple[Classification, Collection[str]]:
-    """What `auto` is for a renderer, and which extras limit that."""
-    if resampler.order.summing is not Summing.RAYS:
-        return Classification.PRE, extras
-    if resampler.projection is Projection.COMPOSITE:  # voxels are painted for these
-        extras = [name for name in extras if name != "labels"]
-    return Classification.POST, extras
+def _in_effect(classification: Classification, resampler: Resampler) -> Classification:
+    """What `auto` is for a renderer, if nothing of the volume hinders it."""
+    if classification is not Classification.AUTO:
+        return classification
+    is_by_rays = resampler.order.summing is Summing.RAYS
+    return Classification.POST if is_by_rays else Classification.PRE
 
 
 def _check_values(projection: Projection, extras: Collection[str]) -> None:
@@ -243,9 +240,9 @@ def of_voxels(resampler: Resampler) -> Resampler:
 def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium], Resampler]:
     """Looks in which `auto` has become pre or post, and the renderer that goes with them.
 
-    A field along rays is truer to the scene at any size on screen. Of colors, of labels, of several
-    volumes together, of what memory does not hold as a field, and where gradients of voxels are
-    asked for (`sobel`), voxels are painted.
+    A field along rays is truer to the scene at any size on screen. Of several volumes together, of
+    what memory does not hold as a field, and where gradients of voxels are asked for (`sobel`),
+    voxels are painted.
 
     Parameters
     ----------
@@ -273,7 +270,9 @@ def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium]
 
 def _suits_rays(volume: Volume, look: Appearance) -> bool:
     """Whether a volume is one field that memory holds, lit by its own gradients."""
-    if volume.colors is not None or look.labels is not None or look.gradient != GRADIENT:
+    if look.gradient != GRADIENT:
+        return False
+    if look.labels is not None and len(look.labels.rules) > MOST_RULES:
         return False
     return fits_as_field(volume) and max(map(abs, finite_range(volume.values))) < LARGEST
 

@@ -12,6 +12,7 @@ from resample.painting.splines import FIELD, bytes_of_field, spline_of
 from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
+    UNTINTED,
     Bounds,
     Classifier,
     Doubles,
@@ -20,11 +21,14 @@ from resample.types import (
     LatticeField,
     Reached,
     Spline,
+    Tint,
 )
 from resample_volume.files.memory import require_memory
 from resample_volume.keeping import found_once
+from resample_volume.looks.labels import Labels, Ruled
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
+from resample_volume.media.tints import numbered, tint_of
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.glances.looking import are_few
@@ -55,12 +59,19 @@ class Gathered(NamedTuple):
     origin: Doubles  # (3,) scene position of the first voxel
     looks: Looks
     steepest: float  # data units per scene unit, about the greatest gradient
-    seen: int  # voxels that can be seen themselves
+    seen: int  # voxels that can be seen themselves, whatever their labels
+    each: int = 1  # looks that are beside each other in the table: of voxels, and of labels
+    tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
 
 
 def gathered(
-    volume: Volume, transfer: Transfer, resampler: Resampler, sharpness: float, gradient: str
+    volume: Volume,
+    transfer: Transfer,
+    resampler: Resampler,
+    sharpness: float,
+    gradient: str,
+    labels: Labels | None = None,
 ) -> Gathered:
     """Volume as a field on its lattice.
 
@@ -77,6 +88,8 @@ def gathered(
     gradient
         One of `resample_volume.voxels.visible.GRADIENTS`, for how steep a full surface is where
         the transfer function depends on it.
+    labels
+        What is changed for voxels of some labels.
 
     Raises
     ------
@@ -100,10 +113,32 @@ def gathered(
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     else:
         count = _number_seen(volume, transfer, data_range, resampler)
-    looks = tabulated(transfer, data_range, steep, unit, shape)
+    rules = () if labels is None else labels.rules.values()
+    each = [transfer, *(Ruled(transfer, rule) for rule in rules)]
+    tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
+    table = np.concatenate([one.table for one in tables], axis=1)
+    looks = _cut_between_two(tables[0]._replace(table=table), volume, len(each))
+    if labels is not None:
+        known = numbered(known, labels, volume.values.shape)
+    tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
     origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count)
+    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count, len(each), tint)
+
+
+def _cut_between_two(looks: Looks, volume: Volume, count: int) -> Looks:
+    """Looks that change in the middle between two values, if voxels have no others."""
+    if not are_few(volume.values.dtype):
+        return looks
+    present = counted(volume.values).value
+    if present.size != 2:
+        return looks
+    table = looks.table.reshape(len(looks.table), count, -1, 4)
+    value = np.linspace(looks.low, looks.high, table.shape[2])
+    low, high = (int(np.abs(value - one).argmin()) for one in present)
+    is_high = (value >= present.mean())[:, np.newaxis]
+    cut = np.where(is_high, table[:, :, high, np.newaxis], table[:, :, low, np.newaxis])
+    return looks._replace(table=np.ascontiguousarray(cut.reshape(looks.table.shape)))
 
 
 def lit_lattice(
@@ -121,6 +156,8 @@ def lit_lattice(
         field.origin,
         classifier,
         field.reached,
+        looks=field.each,
+        tint=field.tint,
     )
 
 
@@ -154,14 +191,16 @@ def with_reached(
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
     """Optical depths per scene unit of voxels, some slices at a time."""
     looks, voxel = field.looks, float(np.cbrt(abs(np.linalg.det(field.lattice))))
-    first = 0
+    first, plane = 0, volume.values[0].size
+    padded = [count + 2 * PAD for count in volume.values.shape]
+    known = field.known.reshape(padded) if field.known.size else field.known
     for chunk in slabs(volume.values):
         if iso is not None:
             yield np.where(chunk >= iso, np.float32(OPAQUE / voxel), np.float32(0))
             continue
         place = (chunk.astype(np.float64) - looks.low) / (looks.high - looks.low)
         place = np.nan_to_num(place, nan=0.0)
-        last = looks.table.shape[1] - 1
+        last = looks.table.shape[1] // field.each - 1
         column = np.rint(np.clip(place, 0, 1) * last).astype(np.int64)
         row: NDArray[np.int64] | int = 0
         if len(looks.table) > 1:
@@ -170,8 +209,12 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
             of_row = slope.reshape(chunk.shape) * ((len(looks.table) - 1) / looks.steep)
             of_row = np.nan_to_num(of_row, nan=0.0)
             row = np.minimum(np.rint(of_row), len(looks.table) - 1).astype(np.int64)
-        known = np.isfinite(chunk)
-        yield np.where(known, looks.table[row, column, 3], np.float32(0))
+        if field.each > 1:
+            planes = slice(PAD + first // plane, PAD + (first + chunk.size) // plane)
+            number = known[planes, PAD:-PAD, PAD:-PAD].astype(np.int64)
+            column += (last + 1) * np.maximum(number - 1, 0)
+        seen = np.isfinite(chunk)
+        yield np.where(seen, looks.table[row, column, 3], np.float32(0))
         first += chunk.size
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.rays.splines import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
-from resample.types import Doubles, Floats, Spline
+from resample.types import Doubles, Flags, Floats, Spline
 
 CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
@@ -47,7 +47,9 @@ class Looked(NamedTuple):
     """A field, and what is looked for in it."""
 
     spline: Spline
-    table: Floats  # (G, K, 4) as of `Looks`
+    known: Flags  # as of `LatticeField`
+    looks: int  # that are beside each other in the table
+    table: Floats  # (G, L K, 4) as of `Looks`
     low: float
     high: float
     steep: float
@@ -187,9 +189,11 @@ def find_among_voxels(
 
 
 @kernel
-def _extinction(looked: Looked, value: float, slope: Vector) -> float:
-    """Optical depth per scene unit of a value and its slope per voxel."""
-    rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] - 1
+def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> float:
+    """Optical depth per scene unit of a value and its slope per voxel, in one of several looks."""
+    if number < 0:
+        return 0.0
+    rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] // looked.looks - 1
     place = (value - looked.low) / (looked.high - looked.low) * columns
     place = min(max(place, 0.0), float(columns))
     row = 0
@@ -198,8 +202,18 @@ def _extinction(looked: Looked, value: float, slope: Vector) -> float:
         share = math.sqrt(dot(turned, turned)) / looked.steep
         row = min(int(share * rows + 0.5), rows)
     k = min(int(place), columns - 1)
+    share, k = float(place - k), k + number * (columns + 1)
     low, high = float(looked.table[row, k, 3]), float(looked.table[row, k + 1, 3])
-    return low + float(place - k) * (high - low)
+    return low + share * (high - low)
+
+
+@kernel
+def _number_at(looked: Looked, place: Vector) -> int:
+    """Number of the look of the voxel that a place is in; below 0: it is missing."""
+    if looked.known.size == 0:
+        return 0
+    i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
+    return int(looked.known[k * looked.spline.plane + j * looked.spline.row + i]) - 1
 
 
 @kernel
@@ -226,7 +240,8 @@ def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
         )
         value, slope = value_and_slope_at(looked.spline, place)
         if wanted == COMPOSITE:
-            kept *= math.exp(-_extinction(looked, value, slope) * step * rays.length[n])
+            extinction = _extinction(looked, _number_at(looked, place), value, slope)
+            kept *= math.exp(-extinction * step * rays.length[n])
             if 1 - kept > level:
                 return _voxel_at(place, looked.spline.shape), kept
         elif wanted == FIRST_HIT:
