@@ -19,6 +19,7 @@ GROUPS = (
     "volume",
     "modes",
     "fields",
+    "truth",
     "texture",
     "warp3d",
     "core",

@@ -63,7 +63,7 @@ def along_rays(
     known = np.isfinite(values)
     nearest = np.clip(np.rint(index).astype(int), 0, np.array(values.shape[::-1]) - 1)
     inside &= known[nearest[..., 2], nearest[..., 1], nearest[..., 0]]
-    coefficient = filtered(_filled(values))
+    coefficient = filtered(filled(values))
     bump, gradient, met = 1e-3, np.zeros(index.shape), index[inside]
     for axis in range(3):
         move = bump * np.eye(3)[axis]
@@ -77,7 +77,7 @@ def along_rays(
     return Along(full, step * slope, value, gradient, place, inside)
 
 
-def _filled(values: Array) -> Array:
+def filled(values: Array) -> Array:
     """Samples with the nearest one that is known where there is none."""
     from scipy.ndimage import distance_transform_edt
 

@@ -1,4 +1,4 @@
-"""Things are as large in pictures as in the scene: spheres in slices of any thickness, and voxels."""
+"""Things are as large in pictures as in the scene: spheres in slices, labels, colors."""
 
 import numpy as np
 import pytest
