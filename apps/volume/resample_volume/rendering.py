@@ -359,9 +359,14 @@ class Subject:
         camera = camera_from(viewpoint, self.sphere, height, width)
         return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
 
+    @property
+    def is_of_field(self) -> bool:
+        """Whether rays go through it."""
+        return isinstance(self.voxels, Gathered)
+
     def painter(self, resampler: Resampler) -> Resampler:
         """Renderer that goes with what was made ready for one; see `decided`."""
-        return resampler if isinstance(self.voxels, Gathered) else of_voxels(resampler)
+        return resampler if self.is_of_field else of_voxels(resampler)
 
     def cuts(self, camera: AnyCamera) -> Doubles:
         """Planes (M, 4) for the resampler: of the scene, and of a slab across the view."""

@@ -95,6 +95,7 @@ class ReadyFilm(NamedTuple):
     cameras: Sequence[AnyCamera]
     paint: Paint
     is_in_bricks: bool  # whether the volume's values stay in their file
+    is_of_field: bool  # whether rays go through it
     known: KnownOfTimes | None = None  # if the volume changes
 
 
@@ -142,7 +143,8 @@ def film_of(
     cameras = cameras_of(scene.subject, flight, paint.size)
     say_missed(scene.shown, scene.subject, cameras[0])
     in_bricks = is_in_bricks(scene.shown[0][0])
-    return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks)
+    is_of_field = scene.subject.is_of_field
+    return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks, is_of_field)
 
 
 def _film_of_times(
@@ -173,7 +175,7 @@ def _film_of_times(
         about = {**about, "values": _mark(series.all(), scenes.look)}
     frames = _frames_over(course, scenes, cameras, paint)
     made = shots_over_time(course, cameras, paint, frames, about)
-    return ReadyFilm(made, cameras, paint, is_chunked(times), known)
+    return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 
 def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recording, Ready]:
@@ -338,10 +340,24 @@ def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots
     """
     if crew is None:
         return film.shots, None
-    own = (_with_share(script, film, crew), film.cameras, film.paint)
+    own = (_with_share(_decided(script, film), film, crew), film.cameras, film.paint)
     if film.known is None:
         return made_by(crew, film.shots, partial(_frames, *own))
     return made_by(crew, film.shots, partial(_frames_of_times, *own, film.known))
+
+
+def _decided(script: Script, film: ReadyFilm) -> Script:
+    """Script whose `auto` is said, as who has less memory may decide otherwise."""
+    look, resampling = script.look, script.resampling
+    if look.classify != "auto":
+        return script
+    if not film.is_of_field:
+        return script._replace(look=look.of_voxels())
+    order = resampling.order or "rays:quality=usual"
+    return script._replace(
+        look=look.model_copy(update={"classify": "post"}),
+        resampling=resampling.model_copy(update={"order": order}),
+    )
 
 
 def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:
