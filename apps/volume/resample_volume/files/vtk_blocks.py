@@ -7,8 +7,13 @@ from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
-from resample.reading.limits import check_unpacked
+from resample.reading.limits import check_ratio, check_unpacked
+from resample_volume.files.memory import require_memory
 
+TAG = re.compile(rb"<(Piece|DataArray)\b([^<>]*)>")
+ATTRIBUTE = re.compile(rb'(\w+)="([^"]*)"')
+LARGEST = 1 << 40  # of a count that is believed
+WIDTHS = {b"8": 1, b"6": 2, b"2": 4, b"4": 8}  # bytes of a number, by the last digit of its type
 LETTERS = 32  # of base64, in which there are three numbers of 64 bits
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 LETTER = re.compile(rb"[A-Za-z0-9+/]*")
@@ -25,6 +30,39 @@ def check_blocks(path: Path) -> None:
     """
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         _check(path, content)
+
+
+def check_counts(path: Path) -> None:
+    """Refuse arrays for which VTK would make far more room than the file can fill.
+
+    Raises
+    ------
+    ValueError
+        Points, cells or numbers at each take more than the file can honestly hold, or memory has.
+    """
+    needed = places = 0
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        appended = content.find(b"<AppendedData")
+        for found in TAG.finditer(content, 0, appended if appended >= 0 else len(content)):
+            told = dict(ATTRIBUTE.findall(found[2]))
+            if found[1] == b"Piece":
+                counts = (b"NumberOfPoints", b"NumberOfCells")
+                places = max(_count(told.get(key, b"0")) for key in counts)
+                needed += places
+            else:
+                rows = max(places, _count(told.get(b"NumberOfTuples", b"0")))
+                width = WIDTHS.get(told.get(b"type", b"")[-1:], 1)
+                needed += rows * _count(told.get(b"NumberOfComponents", b"1")) * width
+            check_ratio(path.name, len(content), needed)
+    require_memory(needed, path.name)
+
+
+def _count(text: bytes) -> int:
+    """Count as a number; what is none counts as many."""
+    words = text.split()
+    if len(words) != 1 or not words[0].isdigit() or len(words[0]) > 12:
+        return LARGEST
+    return int(words[0])
 
 
 def _check(path: Path, content: mmap) -> None:
