@@ -25,7 +25,7 @@ class Leaf(NamedTuple):
     is_of_cells: bool
 
 
-class Lattice(NamedTuple):
+class Raster(NamedTuple):
     """Voxels in rows along x, y and z."""
 
     shape: tuple[int, ...]  # x, y, z
@@ -40,8 +40,8 @@ class Lattice(NamedTuple):
 
 
 @np.errstate(all="ignore")  # sizes that make no sense are refused, not warned of
-def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: str) -> Lattice:
-    """Lattice over all that leaves fill.
+def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: str) -> Raster:
+    """Raster over all that leaves fill.
 
     Values of points are wanted on the ends of the lattice, those of cells in the middle of voxels.
 
@@ -73,13 +73,13 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
         between = [math.floor(each) for each in extent / step + (0.5 if not ends else SLACK)]
         shape = tuple(max(2, each + ends) for each in between)
         start = low + (extent - step * (np.array(shape) - 1.0)) / 2
-        return Lattice(shape, step, start)
+        return Raster(shape, step, start)
     wanted = np.min([mean_cell(leaf.data, name) for leaf in leaves], axis=0)
     step, is_coarser = _bounded(wanted, extent, leaves, room)
     between = [max(1, round(each)) for each in extent / step]
     shape = tuple(max(2, each + ends) for each in between)
     step = extent / (np.array(shape) - ends)
-    return Lattice(shape, step, low + step * (0 if ends else 0.5), is_coarser)
+    return Raster(shape, step, low + step * (0 if ends else 0.5), is_coarser)
 
 
 def _bounded(step: Doubles, extent: Doubles, leaves: list[Leaf], room: int) -> tuple[Doubles, bool]:

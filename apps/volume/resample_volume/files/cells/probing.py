@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from resample.reading.silence import suppressed_output
 from resample.types import Doubles
-from resample_volume.files.cells.lattice import SLACK, Lattice, Leaf
+from resample_volume.files.cells.lattice import SLACK, Leaf, Raster
 
 JUDGED = 1 << 20  # points or cells of a grid that are looked at to tell an error
 NAME = "values"  # of the array in a leaf
@@ -18,26 +18,23 @@ MASK = "vtkValidPointMask"
 class Error(NamedTuple):
     """How far interpolated values are from given ones."""
 
-    squares: float = 0.0  # sum
-    most: float = 0.0
+    squares: float = 0.0  # sum, in parts of the values' range
+    most: float = 0.0  # in parts of it
     judged: int = 0  # values
     left_out: int = 0  # of places at the rim, where a voxel beside them has none
 
-    def line(self, span: float, things: str) -> str:
-        """Say it, in parts of the values' range."""
+    def line(self, things: str) -> str:
+        """Say it, of things like points."""
         if not self.judged:
             return f"none of its {things} has known voxels on all sides, so the error is not known"
-        scale = 100 / span if span else 0.0
-        mean = (self.squares / self.judged) ** 0.5
+        mean = 100 * (self.squares / self.judged) ** 0.5
         share = 100 * self.judged / (self.judged + self.left_out)
-        told = (
-            f"differ by {scale * mean:.2g} % of the range (rms), {scale * self.most:.2g} % at most"
-        )
+        told = f"differ by {mean:.2g} % of the range (rms), {100 * self.most:.2g} % at most"
         which = f"the grid's own {things}" if share == 100 else f"{share:.0f} % of its {things}"
         return f"interpolated back at {which} they {told}"
 
 
-def probed(leaf: Leaf, lattice: Lattice, into: NDArray[Any]) -> Error:
+def probed(leaf: Leaf, lattice: Raster, into: NDArray[Any], span: float) -> Error:
     """Put a leaf's values at its voxels; how far these are from its own.
 
     Parameters
@@ -46,6 +43,8 @@ def probed(leaf: Leaf, lattice: Lattice, into: NDArray[Any]) -> Error:
         The lattice may reach further.
     into
         (Z, Y, X, C) of the whole lattice; where the leaf is not, it stays.
+    span
+        Highest less lowest of all values.
     """
     ends = np.reshape(leaf.data.GetBounds(), (3, 2))
     place = (ends - lattice.origin[:, np.newaxis]) / lattice.spacing[:, np.newaxis]
@@ -60,11 +59,11 @@ def probed(leaf: Leaf, lattice: Lattice, into: NDArray[Any]) -> Error:
     found, is_known = found.reshape(part.shape), is_known.reshape(part.shape[:3])
     part[is_known] = found[is_known]
     found[~is_known] = np.nan
-    return _error(leaf, found, lattice.origin + low * lattice.spacing, lattice.spacing)
+    return _error(leaf, found, lattice.origin + low * lattice.spacing, lattice.spacing, span)
 
 
 def _probe(
-    data: Any, lattice: Lattice, low: NDArray[np.int_], high: NDArray[np.int_]
+    data: Any, lattice: Raster, low: NDArray[np.int_], high: NDArray[np.int_]
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Values (N, ...) of a part of the lattice, and where there are any."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -85,7 +84,8 @@ def _probe(
     return vtk_to_numpy(held.GetArray(NAME)), vtk_to_numpy(held.GetArray(MASK)) != 0
 
 
-def _error(leaf: Leaf, found: NDArray[Any], start: Doubles, step: Doubles) -> Error:
+@np.errstate(all="ignore")  # numbers near the largest that there are
+def _error(leaf: Leaf, found: NDArray[Any], start: Doubles, step: Doubles, span: float) -> Error:
     """Error of voxels (Z, Y, X, C) at a leaf's own points, or centers of cells."""
     from scipy.ndimage import map_coordinates
 
@@ -96,7 +96,7 @@ def _error(leaf: Leaf, found: NDArray[Any], start: Doubles, step: Doubles) -> Er
     for part, wanted in zip(_parts(found), given.T, strict=True):
         there = map_coordinates(part, at, order=1, mode="nearest", output=np.float64)
         known = np.isfinite(there) & np.isfinite(wanted)
-        apart = np.abs(there[known] - wanted[known])
+        apart = np.abs(there[known] - wanted[known]) / (span or 1.0)
         error = Error(
             error.squares + float(np.square(apart).sum()),
             max(error.most, float(apart.max(initial=0))),

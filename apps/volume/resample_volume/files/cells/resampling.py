@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files.cells.lattice import Lattice, Leaf, lattice_of, mean_cell
+from resample_volume.files.cells.lattice import Leaf, Raster, lattice_of, mean_cell
 from resample_volume.files.cells.probing import NAME, Error, probed
 from resample_volume.files.cells.validity import check_cells
 from resample_volume.files.formats.choosing import Named, Wanted, choose, of_parts, part_of
@@ -67,9 +67,10 @@ def resampled(
     bare = header(lattice.shape, kind, name, spacing=lattice.spacing, origin=lattice.origin)
     known = of_parts(bare, chosen, every, wanted)._replace(is_color=False)
     check(known)
+    span = _span(leaves)
     values = np.full((*lattice.shape[::-1], parts), np.nan, kind)
     order = sorted(leaves, key=lambda leaf: -float(np.prod(mean_cell(leaf.data, name))))
-    errors = [probed(leaf, lattice, values) for leaf in order]
+    errors = [probed(leaf, lattice, values, span) for leaf in order]
     note = _note(lattice, leaves, errors, len(pieces) - len(leaves))
     return recording(values, known)._replace(note=note)
 
@@ -138,7 +139,16 @@ def _with(bare: Any, values: NDArray[Any], chosen: Named) -> Leaf:
     return Leaf(bare, values, chosen.is_of_cells)
 
 
-def _note(lattice: Lattice, leaves: list[Leaf], errors: list[Error], without: int) -> str:
+@np.errstate(over="ignore")
+def _span(leaves: list[Leaf]) -> float:
+    """Highest less lowest of values that are numbers."""
+    known = [leaf.values[np.isfinite(leaf.values)] for leaf in leaves]
+    low = min((float(some.min()) for some in known if some.size), default=0.0)
+    high = max((float(some.max()) for some in known if some.size), default=0.0)
+    return high - low
+
+
+def _note(lattice: Raster, leaves: list[Leaf], errors: list[Error], without: int) -> str:
     """What was done, in a line."""
     whole = Error(
         sum(error.squares for error in errors),
@@ -146,9 +156,6 @@ def _note(lattice: Lattice, leaves: list[Leaf], errors: list[Error], without: in
         sum(error.judged for error in errors),
         sum(error.left_out for error in errors),
     )
-    spans = [leaf.values[np.isfinite(leaf.values)] for leaf in leaves]
-    low = min((float(span.min()) for span in spans if span.size), default=0.0)
-    high = max((float(span.max()) for span in spans if span.size), default=0.0)
     things = "centers of cells" if leaves[0].is_of_cells else "points"
     sizes = " x ".join(map(str, lattice.shape))
     steps = " x ".join(f"{step:.4g}" for step in lattice.spacing)
@@ -158,5 +165,5 @@ def _note(lattice: Lattice, leaves: list[Leaf], errors: list[Error], without: in
     left = f"; {without} pieces without this array, or cells, are left out" if without else ""
     return (
         f"{told} were resampled onto a lattice of {sizes} voxels, {steps} apart{coarser}; "
-        f"{whole.line(high - low, things)}{left}"
+        f"{whole.line(things)}{left}"
     )
