@@ -47,7 +47,7 @@ def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing
     """
     image = grid_of(path, "vtkXMLImageDataReader")
     chosen, every, values = _values(image, wanted, path.name)
-    known = _header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
+    known = image_header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
     known = of_parts(known, chosen, every, wanted)
     check(known)
     return recording(part_of(values, chosen, wanted, name), known)
@@ -135,8 +135,22 @@ def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
     ]
 
 
-def _header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
-    """Header of image data, whose first voxel need not have index 0."""
+def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
+    """Header of image data, whose first voxel need not have index 0.
+
+    Parameters
+    ----------
+    image
+        Of VTK's.
+    dtype
+        Of the values.
+    spacing
+        In place of the image's; None: as it says.
+    name
+        For messages.
+    is_of_cells
+        Whether voxels are its cells.
+    """
     points = image.GetDimensions()
     known = header(
         cells_between(points) if is_of_cells else points,

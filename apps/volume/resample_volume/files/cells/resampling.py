@@ -162,7 +162,8 @@ def _note(lattice: Raster, leaves: list[Leaf], errors: list[Error], without: int
     cells = sum(leaf.data.GetNumberOfCells() for leaf in leaves)
     told = f"{cells} cells" + (f" in {len(leaves)} pieces" if len(leaves) > 1 else "")
     coarser = ", coarser than its cells, as memory and sense allow" if lattice.is_coarser else ""
-    left = f"; {without} pieces without this array, or cells, are left out" if without else ""
+    every = len(leaves) + without
+    left = f"; {without} of {every} pieces lack this array, or cells" if without else ""
     return (
         f"{told} were resampled onto a lattice of {sizes} voxels, {steps} apart{coarser}; "
         f"{whole.line(things)}{left}"
