@@ -4,6 +4,7 @@ import base64
 import re
 import struct
 from collections.abc import Iterator
+from math import prod
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from resample_volume.files.memory import require_memory
 
 TAG = re.compile(rb"<(Piece|DataArray)\b([^<>]*)>")
 ATTRIBUTE = re.compile(rb'(\w+)="([^"]*)"')
+NUMBER = re.compile(rb"-?\d{1,12}")
 LARGEST = 1 << 40  # of a count that is believed
 WIDTHS = {b"8": 1, b"6": 2, b"2": 4, b"4": 8}  # bytes of a number, by the last digit of its type
 LETTERS = 32  # of base64, in which there are three numbers of 64 bits
@@ -46,8 +48,7 @@ def check_counts(path: Path) -> None:
         for found in TAG.finditer(content, 0, appended if appended >= 0 else len(content)):
             told = dict(ATTRIBUTE.findall(found[2]))
             if found[1] == b"Piece":
-                counts = (b"NumberOfPoints", b"NumberOfCells")
-                places = max(_count(told.get(key, b"0")) for key in counts)
+                places = _places(told)
                 needed += places
             else:
                 rows = max(places, _count(told.get(b"NumberOfTuples", b"0")))
@@ -57,12 +58,25 @@ def check_counts(path: Path) -> None:
     require_memory(needed, path.name)
 
 
+def _places(told: dict[bytes, bytes]) -> int:
+    """Points of a piece, or its cells where these are more; at least one."""
+    counts = [_count(told.get(key, b"1")) for key in (b"NumberOfPoints", b"NumberOfCells")]
+    ends = [_number(end) for end in told.get(b"Extent", b"").split()]
+    if len(ends) == 6:
+        counts.append(prod(b - a + 1 for a, b in zip(ends[::2], ends[1::2], strict=True)))
+    return max(1, *counts)
+
+
 def _count(text: bytes) -> int:
     """Count as a number; what is none counts as many."""
-    words = text.split()
-    if len(words) != 1 or not words[0].isdigit() or len(words[0]) > 12:
-        return LARGEST
-    return int(words[0])
+    number = _number(text)
+    return LARGEST if number < 0 else number
+
+
+def _number(text: bytes) -> int:
+    """Whole number; what is none is a large one."""
+    known = NUMBER.fullmatch(text.strip())
+    return int(text) if known else LARGEST
 
 
 def _check(path: Path, content: mmap) -> None:
@@ -81,6 +95,8 @@ def _check(path: Path, content: mmap) -> None:
         if numbers[0] > size:
             raise ValueError(f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there")
         if is_packed and len(numbers) > 1:
+            if numbers[0] and not numbers[1]:  # VTK divides by it
+                raise ValueError(f"{path.name} is damaged: blocks of data have no size")
             unpacked += numbers[0] * numbers[1]
             check_unpacked(path.name, size, unpacked)
 
