@@ -11,6 +11,7 @@ from resample.types import Doubles
 from resample_volume.files.cells.validity import points_along
 
 MOST = 1 << 28  # voxels that are made unless steps are given
+MOST_ALONG = 1 << 20  # voxels along a side, if steps are given
 MOST_PER_PLACE = 512  # the same, for each point or cell: 8 along each axis
 FEW = 1 << 12  # points or cells, up to which a grid is as good as one of so many
 LEAST = 1e-6  # of the longest side: a grid that is thinner has no volume
@@ -70,6 +71,11 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
     ends = 0 if leaves[0].is_of_cells else 1
     if spacing:
         step = np.array(spacing)
+        if (extent / step > MOST_ALONG).any():
+            raise ValueError(
+                f"{name}: steps of {min(spacing):g} make over {MOST_ALONG} voxels along a side of "
+                f"{extent.max():.4g}; take larger ones"
+            )
         between = [math.floor(each) for each in extent / step + (0.5 if not ends else SLACK)]
         shape = tuple(max(2, each + ends) for each in between)
         start = low + (extent - step * (np.array(shape) - 1.0)) / 2

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.memory import require_memory
 from resample_volume.files.cells.lattice import Leaf, Raster, lattice_of, mean_cell
 from resample_volume.files.cells.probing import NAME, Error, probed
 from resample_volume.files.cells.validity import check_cells
 from resample_volume.files.formats.choosing import Named, Wanted, choose, of_parts, part_of
 from resample_volume.files.headers import Check, header, recording
-from resample_volume.files.memory import require_memory
 from resample_volume.files.vti import arrays_of
 from resample_volume.types import Recording
 
@@ -63,7 +63,8 @@ def resampled(
     room = 3 * parts * kind.itemsize + OVERHEAD
     lattice = lattice_of(leaves, spacing, room, name)
     sizes = " x ".join(map(str, lattice.shape))
-    require_memory(room * lattice.size, f"{name} on a lattice of {sizes} voxels")
+    what = f"{name} on a lattice of {sizes} voxels"
+    require_memory(room * lattice.size, what, "take larger steps, as the reader's spacing")
     bare = header(lattice.shape, kind, name, spacing=lattice.spacing, origin=lattice.origin)
     known = of_parts(bare, chosen, every, wanted)._replace(is_color=False)
     check(known)
