@@ -379,12 +379,12 @@ def test_files_of_blocks_that_are_none_are_refused(tmp_path):
         refused(Vtm(), path, match)
 
 
-@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+@pytest.mark.parametrize("mode", [0, 1, 2], ids=["ascii", "binary", "appended"])
 @pytest.mark.parametrize("kind", ["vts", "vtu"])
 def test_grids_that_are_cut_off_are_refused(kind, mode, tmp_path):
     grid = curved() if kind == "vts" else tetrahedra(curved())
     writer = "vtkXMLStructuredGridWriter" if kind == "vts" else "vtkXMLUnstructuredGridWriter"
-    path = written(grid, tmp_path / f"a.{kind}", writer)
+    path = written(grid, tmp_path / f"a.{kind}", writer, SetDataMode=mode)
     content = path.read_bytes()
     for share in (0.2, 0.6, 0.97):
         path.write_bytes(content[: int(share * len(content))])
@@ -413,6 +413,18 @@ def test_components_of_a_grid_of_rows_are_counted_by_its_extent(tmp_path):
     text = path.read_text().replace('NumberOfComponents="3"', 'NumberOfComponents="9999999"')
     path.write_text(text)
     refused(Vts("density"), path, "that unpack to .* over the limit")
+
+
+@pytest.mark.parametrize("kind", ["vts", "vti"])
+def test_pieces_that_do_not_fill_the_whole_are_refused(kind, tmp_path):
+    grid, writer = curved(), "vtkXMLStructuredGridWriter"
+    if kind == "vti":
+        grid, writer = block((8, 6, 4), 1.0, (0, 0, 0)), "vtkXMLImageDataWriter"
+    path = written(grid, tmp_path / f"a.{kind}", writer, SetDataMode=0)
+    whole = 'WholeExtent="0 8 0 6 0 4'
+    assert whole in path.read_text()
+    path.write_text(path.read_text().replace(whole, 'WholeExtent="0 8 0 6 0 99999'))
+    refused(open_volume, path, "is damaged: its pieces hold 315 of 6300000 points")
 
 
 def test_packed_blocks_without_a_size_are_refused(tmp_path):

@@ -96,7 +96,7 @@ def test_a_grid_of_two_far_voxels_is_no_volume_of_all_between(put, monkeypatch):
             return Far()
 
     monkeypatch.setattr(tinyvdb, "open", lambda _: File())
-    with pytest.raises(ValueError, match="that unpack to .* over the limit"):
+    with pytest.raises(ValueError, match=r"that unpack to .* over the limit"):
         Vdb()(put(GRIDS))
 
 

@@ -53,9 +53,8 @@ def _variable(given: Any, part: Any) -> Any:
     """Variable of that name of a data set, or the only one."""
     names = [str(each) for each in given.data_vars]
     if part not in names and (part or len(names) != 1):
-        raise ValueError(
-            f"name a variable by part ({part or 'none'!r:.60} given): {', '.join(names)}"
-        )
+        listed = ", ".join(names) or "there is none"
+        raise ValueError(f"name a variable by part=NAME ({part or 'none'} given): {listed}")
     return given[part or names[0]]
 
 

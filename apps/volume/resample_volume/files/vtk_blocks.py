@@ -11,7 +11,7 @@ from pathlib import Path
 from resample.reading.limits import check_ratio, check_unpacked
 from resample_volume.files.memory import require_memory
 
-TAG = re.compile(rb"<(Piece|DataArray)\b([^<>]*)>")
+TAG = re.compile(rb"<(Piece|DataArray|ImageData|RectilinearGrid|StructuredGrid)\b([^<>]*)>")
 ATTRIBUTE = re.compile(rb'(\w+)="([^"]*)"')
 NUMBER = re.compile(rb"-?\d{1,12}")
 LARGEST = 1 << 40  # of a count that is believed
@@ -40,31 +40,42 @@ def check_counts(path: Path) -> None:
     Raises
     ------
     ValueError
-        Points, cells or numbers at each take more than the file can honestly hold, or memory has.
+        Points, cells or numbers at each take more than the file can honestly hold, or memory has;
+        or pieces do not fill the whole.
     """
-    needed = places = 0
+    needed = places = whole = filled = 0
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         appended = content.find(b"<AppendedData")
         for found in TAG.finditer(content, 0, appended if appended >= 0 else len(content)):
             told = dict(ATTRIBUTE.findall(found[2]))
             if found[1] == b"Piece":
                 places = _places(told)
+                filled += places
                 needed += places
+            elif found[1] != b"DataArray":
+                whole = _inside(told.get(b"WholeExtent", b""))
             else:
                 rows = max(places, _count(told.get(b"NumberOfTuples", b"0")))
                 width = WIDTHS.get(told.get(b"type", b"")[-1:], 1)
                 needed += rows * _count(told.get(b"NumberOfComponents", b"1")) * width
             check_ratio(path.name, len(content), needed)
+    if whole > filled:
+        raise ValueError(f"{path.name} is damaged: its pieces hold {filled} of {whole} points")
     require_memory(needed, path.name)
 
 
 def _places(told: dict[bytes, bytes]) -> int:
     """Points of a piece, or its cells where these are more; at least one."""
     counts = [_count(told.get(key, b"1")) for key in (b"NumberOfPoints", b"NumberOfCells")]
-    ends = [_number(end) for end in told.get(b"Extent", b"").split()]
-    if len(ends) == 6:
-        counts.append(prod(b - a + 1 for a, b in zip(ends[::2], ends[1::2], strict=True)))
-    return max(1, *counts)
+    return max(1, _inside(told.get(b"Extent", b"")), *counts)
+
+
+def _inside(extent: bytes) -> int:
+    """Points within an extent; none of what is no extent."""
+    ends = [_number(end) for end in extent.split()]
+    if len(ends) != 6:
+        return 0
+    return prod(max(0, b - a + 1) for a, b in zip(ends[::2], ends[1::2], strict=True))
 
 
 def _count(text: bytes) -> int:
