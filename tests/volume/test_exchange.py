@@ -164,7 +164,8 @@ def test_images_of_pyvista_are_where_pyvista_says() -> None:
     assert image["density"][number] == volume.values[1, 2, 3]
     cells = image.cast_to_unstructured_grid()
     np.testing.assert_allclose(as_volume(cells, part="heat").values, VALUES + 1)
-    np.testing.assert_allclose(as_volume(pyvista.MultiBlock([cells]), part="heat").values[0, 0], 1)
+    both = pyvista.MultiBlock([cells, pyvista.Sphere()])
+    np.testing.assert_allclose(as_volume(both, part="heat").values, VALUES + 1)
 
 
 def test_images_of_nibabel_are_in_the_patients_space() -> None:
