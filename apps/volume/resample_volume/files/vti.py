@@ -12,6 +12,7 @@ from resample.reading.limits import check_unpacked
 from resample.reading.markup import check_xml_file
 from resample.reading.names import plain
 from resample.reading.silence import suppressed_output
+from resample_volume.files.cells.offsets import check_offsets
 from resample_volume.files.formats.choosing import (
     Named,
     Wanted,
@@ -28,6 +29,7 @@ from resample_volume.files.vtk_blocks import check_blocks, check_counts
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Recording, Volume
 
+UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
@@ -94,6 +96,8 @@ def grid_of(path: Path, reader_name: str) -> Any:
     check_xml_file(path, "AppendedData")
     check_blocks(path)
     check_counts(path)
+    if reader_name == UNSTRUCTURED:
+        check_offsets(path)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))

@@ -11,10 +11,11 @@ from pathlib import Path
 from resample.reading.limits import check_ratio, check_unpacked
 from resample_volume.files.memory import require_memory
 
-TAG = re.compile(rb"<(Piece|DataArray|ImageData|RectilinearGrid|StructuredGrid)\b([^<>]*)>")
+TAG = re.compile(rb"<(Piece|DataArray|Array|ImageData|RectilinearGrid|StructuredGrid)\b([^<>]*)>")
 ATTRIBUTE = re.compile(rb'(\w+)="([^"]*)"')
 NUMBER = re.compile(rb"-?\d{1,12}")
 LARGEST = 1 << 40  # of a count that is believed
+WIDEST = 32  # bytes of a text that is empty
 WIDTHS = {b"8": 1, b"6": 2, b"2": 4, b"4": 8}  # bytes of a number, by the last digit of its type
 LETTERS = 32  # of base64, in which there are three numbers of 64 bits
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
@@ -52,11 +53,11 @@ def check_counts(path: Path) -> None:
                 places = _places(told)
                 filled += places
                 needed += places
-            elif found[1] != b"DataArray":
+            elif not found[1].endswith(b"Array"):
                 whole = _inside(told.get(b"WholeExtent", b""))
             else:
                 rows = max(places, _count(told.get(b"NumberOfTuples", b"0")))
-                width = WIDTHS.get(told.get(b"type", b"")[-1:], 1)
+                width = WIDTHS.get(told.get(b"type", b"")[-1:], WIDEST)
                 needed += rows * _count(told.get(b"NumberOfComponents", b"1")) * width
             check_ratio(path.name, len(content), needed)
     if whole > filled:

@@ -14,13 +14,13 @@ from resample.reading.neighbours import neighbour
 from resample_volume.files.cells.needs import require_vtk
 from resample_volume.files.headers import existing_file
 from resample_volume.files.memory import require_memory
-from resample_volume.files.vti import grid_of
+from resample_volume.files.vti import UNSTRUCTURED, grid_of
 
 READERS = {  # class of VTK's, by suffix
     ".vti": "vtkXMLImageDataReader",
     ".vtr": "vtkXMLRectilinearGridReader",
     ".vts": "vtkXMLStructuredGridReader",
-    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".vtu": UNSTRUCTURED,
 }
 KIB = 1024
 
