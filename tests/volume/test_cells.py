@@ -401,7 +401,7 @@ def test_counts_that_a_file_cannot_fill_are_refused(tmp_path, monkeypatch):
         name = old.split("=")[0]
         path.write_text(text.replace(old, f'{name}="99999999999"'))
         refused(Vtu("density"), path, "that unpack to .* over the limit")
-        path.write_text(text.replace(old, f'{name}="99999999999999999999"'))
+        path.write_text(text.replace(old, f"{name} = '99999999999999999999'"))
         refused(Vtu("density"), path, "that unpack to .* over the limit")
     monkeypatch.setenv(SETTING, "unpacked=1KiB,ratio=1")
     path.write_text(text.replace('NumberOfComponents="3"', 'NumberOfComponents="300"'))
@@ -449,6 +449,39 @@ def test_connectivity_that_makes_no_sense_is_refused(tmp_path):
     lines[at] = " ".join(words)
     path.write_text("\n".join(lines))
     refused(Vtu("density"), path, "corners that are not among its points")
+
+
+def test_corners_that_a_file_cannot_hold_are_refused(tmp_path):
+    path, grid = tmp_path / "a.vtu", tetrahedra(curved())
+    written(grid, path, "vtkXMLUnstructuredGridWriter", SetDataMode=0)
+    text = path.read_text()
+    ends = str(4 * grid.GetNumberOfCells())
+    assert f" {ends}\n" in text
+    path.write_text(text.replace(f" {ends}\n", " 1000000000000\n"))
+    refused(Vtu("density"), path, "that unpack to .* over the limit")
+    hidden = text.replace(f" {ends}\n", " 1000000000000\n").replace('"offsets"', "'off&#115;ets'")
+    path.write_text(hidden)
+    refused(Vtu("density"), path, "that unpack to .* over the limit")
+    path.write_text(text.replace(f" {ends}\n", " -7\n"))
+    refused(Vtu("density"), path, "cells end before they begin")
+
+
+@pytest.mark.parametrize("encoding", [0, 1], ids=["raw", "base64"])
+@pytest.mark.parametrize("mode", [1, 2], ids=["binary", "appended"])
+@pytest.mark.parametrize("packed", [True, False], ids=["packed", "bare"])
+def test_ends_of_cells_are_found_in_all_forms(packed, mode, encoding, tmp_path):
+    path, grid = tmp_path / "a.vtu", tetrahedra(curved())
+    choices = {"SetDataMode": mode, "SetEncodeAppendedData": encoding}
+    if not packed:
+        choices["SetCompressorType"] = 0
+    written(grid, path, "vtkXMLUnstructuredGridWriter", **choices)
+    assert Vtu("density")(path).note.startswith("960 cells were resampled")
+    if not packed and mode == 2 and not encoding:
+        last = np.int64(4 * 960).tobytes()
+        content = path.read_bytes()
+        at = content.rindex(np.int64(4 * 959).tobytes() + last) + 8
+        path.write_bytes(content[:at] + np.int64(1 << 40).tobytes() + content[at + 8 :])
+        refused(Vtu("density"), path, "that unpack to .* over the limit")
 
 
 @pytest.mark.parametrize("name", ["a.vts", "a.vtm", "a.vtk"])

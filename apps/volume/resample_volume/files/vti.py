@@ -25,7 +25,7 @@ from resample_volume.files.formats.choosing import (
 )
 from resample_volume.files.headers import Check, Header, check_nothing, header, recording
 from resample_volume.files.memory import require_memory
-from resample_volume.files.vtk_blocks import check_blocks, check_counts
+from resample_volume.files.vtk_blocks import check_blocks
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Recording, Volume
 
@@ -95,7 +95,6 @@ def grid_of(path: Path, reader_name: str) -> Any:
     _check_end(path)
     check_xml_file(path, "AppendedData")
     check_blocks(path)
-    check_counts(path)
     if reader_name == UNSTRUCTURED:
         check_offsets(path)
     failures: list[str] = []
