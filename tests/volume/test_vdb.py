@@ -100,6 +100,17 @@ def test_a_grid_of_two_far_voxels_is_no_volume_of_all_between(put, monkeypatch):
         Vdb()(put(GRIDS))
 
 
+def test_a_library_that_fails_within_is_said_in_a_line(put, monkeypatch):
+    import tinyvdb
+
+    def opened(_):
+        raise SystemError("returned a result with an exception set")
+
+    monkeypatch.setattr(tinyvdb, "open", opened)
+    with pytest.raises(ValueError, match="is damaged or no OpenVDB file: returned a result"):
+        Vdb()(put(GRIDS))
+
+
 def test_without_the_extra_files_of_openvdb_are_refused_with_its_name(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tinyvdb", None)
     (tmp_path / "a.vdb").write_bytes(GRIDS)

@@ -49,7 +49,7 @@ class Vdb:
                 check_items(path.name, file.grid_count, "grids")
                 file.read_grids()
                 return _volume(_chosen(file, self.part, path.name), path, name)
-        except (library.VDBError, MemoryError, UnicodeDecodeError) as error:
+        except (library.VDBError, MemoryError, SystemError, UnicodeDecodeError) as error:
             raise ValueError(
                 f"{path.name} is damaged or no OpenVDB file: {one_line(error) or 'cut off'}"
             ) from None

@@ -70,7 +70,9 @@ def resampled(
     check(known)
     span = _span(leaves)
     values = np.full((*lattice.shape[::-1], parts), np.nan, kind)
-    order = sorted(leaves, key=lambda leaf: -float(np.prod(mean_cell(leaf.data, name))))
+    order = leaves
+    if len(leaves) > 1:
+        order = sorted(leaves, key=lambda leaf: -float(np.prod(mean_cell(leaf.data, name))))
     errors = [probed(leaf, lattice, values, span) for leaf in order]
     note = _note(lattice, leaves, errors, len(pieces) - len(leaves))
     return recording(values, known)._replace(note=note)
