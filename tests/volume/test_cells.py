@@ -466,6 +466,13 @@ def test_corners_that_a_file_cannot_hold_are_refused(tmp_path):
     refused(Vtu("density"), path, "cells end before they begin")
 
 
+def test_cells_that_are_not_counted_are_none(tmp_path):
+    path = tmp_path / "a.vtu"
+    written(tetrahedra(curved()), path, "vtkXMLUnstructuredGridWriter", SetDataMode=0)
+    path.write_text(path.read_text().replace("NumberOfCells", "NumberOfFishes"))
+    refused(Vtu("density"), path, "no cells in space|is damaged")
+
+
 @pytest.mark.parametrize("encoding", [0, 1], ids=["raw", "base64"])
 @pytest.mark.parametrize("mode", [1, 2], ids=["binary", "appended"])
 @pytest.mark.parametrize("packed", [True, False], ids=["packed", "bare"])

@@ -55,7 +55,7 @@ def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
     for element in every:
         told, label = element.told, element.told.get("Name", "").lower()
         if element.name == "Piece":
-            cells = count_of(told.get("NumberOfCells", ""))
+            cells = count_of(told.get("NumberOfCells", "0"))
         elif label in POLYHEDRA:
             raise ValueError(
                 f"{name} has polyhedra, which are not read from files; cut their cells "
