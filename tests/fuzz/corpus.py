@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests.fuzz.grids import grids
 from tests.fuzz.stores import SETTINGS, kernel, ome_zarr, png_with, zipped
 from tests.laser import CENTER, copc_of, las_of
 
@@ -267,6 +268,7 @@ def stores() -> list[Case]:
         Case("kernel", {"a.kernel": kernel()}),
         *avifs(),
         *fields(),
+        *(Case("volume", files) for files in grids()),
     ]
 
 

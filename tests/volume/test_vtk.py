@@ -189,8 +189,6 @@ def test_rectilinear_grids_of_legacy_files(kind, form, tmp_path, rng):
 @pytest.mark.parametrize(
     ("kind", "match"),
     [
-        ("STRUCTURED_GRID", "points of a curved grid; resample it"),
-        ("UNSTRUCTURED_GRID", "cells of any shape; resample it"),
         ("POLYDATA", "a surface; write it as PLY or STL"),
         ("FIELD", "arrays without a place"),
         ("FISH", "'FISH', nothing that is known; known are STRUCTURED_POINTS"),

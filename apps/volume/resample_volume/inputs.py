@@ -9,21 +9,22 @@ from numpy.typing import NDArray
 from resample.memory.alike import alike
 from resample.painting.scene import check_lattice, check_places
 from resample.types import Doubles
+from resample_volume.exchange.parts import Part, check_whole
+from resample_volume.exchange.taking import taker_of
 from resample_volume.files.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.media.recordings import in_color, is_color
-from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 
-AXES = ("z", "y", "x")
 TAKEN = (
-    "an array (Z, Y, X), nested lists, a path, an xarray.DataArray, a SimpleITK.Image or a Volume"
+    "an array (Z, Y, X), nested lists, a path, a Volume, or what xarray, SimpleITK, nibabel, VTK, "
+    "PyVista or yt have"
 )
 WIDE = np.iinfo(np.int32)
 
 
-def as_volume(given: Any, name: str = "array") -> Volume:
+def as_volume(given: Any, name: str = "array", *, part: Part = "") -> Volume:
     """Volume of what a caller has.
 
     Parameters
@@ -33,9 +34,14 @@ def as_volume(given: Any, name: str = "array") -> Volume:
         an array (Z, Y, X), or (Z, Y, X, 3 or 4) of colors, of any real type and layout, masked,
         mapped from a file, of dask or as nested lists, with spacing 1 around no origin in
         particular; an `xarray.DataArray`, whose coordinates along z, y and x give spacing and
-        origin; or an image of SimpleITK's.
+        origin; an image of SimpleITK's or nibabel's; a data set of VTK's or PyVista's, of which
+        grids of cells are resampled onto a lattice as their files are; or a covering or arbitrary
+        grid of yt's. A pair `(grid, "density")` is the same as a grid with `part`.
     name
         For titles and messages.
+    part
+        Which array, field or variable of what has several: a data set of VTK's, a grid of yt's, a
+        `Dataset` of xarray's.
 
     Returns
     -------
@@ -58,15 +64,28 @@ def as_volume(given: Any, name: str = "array") -> Volume:
     >>> as_volume("checker-box:size=16,block=4").values.dtype
     dtype('uint8')
     """
+    if isinstance(given, Volume | str | PathLike):
+        check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
     if isinstance(given, Volume):
         return _checked(given)
     if isinstance(given, str | PathLike):
         return open_volume(str(given))
-    if type(given).__module__.partition(".")[0] == "SimpleITK":
-        return _from_itk(given, name)
-    if hasattr(given, "dims") and hasattr(given, "coords"):
-        return _from_labeled(given)
-    return _placed(_array(given), name)
+    if isinstance(given, tuple) and len(given) == 2 and _is_part(given[1]):
+        return as_volume(given[0], name, part=given[1])
+    taker = taker_of(given)
+    if taker is None:
+        check_whole(part, "an array")
+        return _placed(_array(given), name)
+    made = taker(given, part, name)
+    placed = _placed(_array(made.values), made.name, *made[1:4])
+    return placed._replace(units=made.units, note=made.note, space=made.space)
+
+
+def _is_part(given: Any) -> bool:
+    """Whether it names a part, in one word or several."""
+    return isinstance(given, str) or (
+        isinstance(given, tuple) and bool(given) and all(isinstance(word, str) for word in given)
+    )
 
 
 def _checked(given: Volume) -> Volume:
@@ -169,46 +188,3 @@ def _placed(
         name,
     )
     return in_color(values, volume) if colored else volume
-
-
-def _from_itk(image: Any, name: str) -> Volume:
-    """Image of SimpleITK's, with its place."""
-    import SimpleITK
-
-    if image.GetDimension() != 3:
-        raise ValueError(f"an image of {image.GetDimension()} dimensions; a volume has 3")
-    return _placed(
-        _array(SimpleITK.GetArrayFromImage(image)),
-        name,
-        np.array(image.GetSpacing(), np.float64),
-        np.array(image.GetOrigin(), np.float64),
-        np.array(image.GetDirection(), np.float64).reshape(3, 3),
-    )
-
-
-def _from_labeled(given: Any) -> Volume:
-    """Array of xarray's, with its coordinates."""
-    dims = tuple(map(str, given.dims))
-    named = {dim.lower(): dim for dim in dims}
-    if len(dims) != 3 or (set(AXES) & set(named) and set(named) != set(AXES)):
-        raise ValueError(
-            f"a volume has the dimensions z, y and x, or three of other names, not "
-            f"{', '.join(dims)}; take one of the others, such as .isel(time=0)"
-        )
-    order = tuple(named[axis] for axis in AXES) if set(named) == set(AXES) else given.dims
-    turned = given.transpose(*order)
-    values = _array(turned.values)
-    z, y, x = (_planes(turned, dim, n) for dim, n in zip(order, values.shape, strict=True))
-    if 0 in values.shape:
-        raise ValueError(f"a volume has voxels in it; got {values.shape}")
-    return rectilinear(values, x, y, z, str(given.name or "array"))
-
-
-def _planes(given: Any, dim: str, count: int) -> Doubles:
-    """Places of planes along a dimension; whole numbers where it has no coordinates."""
-    if dim not in given.coords:
-        return np.arange(count, dtype=np.float64)
-    along = np.asarray(given.coords[dim].values)
-    if along.dtype.kind not in "iuf" or not np.isfinite(along).all():
-        raise ValueError(f"coordinates along {dim} of {along.dtype}; they must be finite numbers")
-    return along.astype(np.float64)

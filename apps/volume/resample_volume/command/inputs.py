@@ -15,7 +15,7 @@ from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.command.choices import Source
-from resample_volume.files.readers import Raw, Reader, three_numbers
+from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
     find_reader,
     levels_of,
@@ -23,6 +23,7 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
+from resample_volume.files.steps import three_numbers
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level

@@ -37,12 +37,12 @@ from resample_volume.files.headers import (
 )
 from resample_volume.files.stacks import dicom, slices
 from resample_volume.files.stacks.pages import page_order
+from resample_volume.files.steps import Numbers, sizes_of, steps_of, three_numbers
 from resample_volume.files.vti import read_vti
 from resample_volume.media.recordings import alone, is_color
 from resample_volume.types import Recording, Volume
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
-Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
 class Reader(Protocol):
@@ -142,25 +142,30 @@ class Vti:
 
 @dataclass(frozen=True)
 class Vtk:
-    """VTK's legacy files: STRUCTURED_POINTS and RECTILINEAR_GRID, as text or binary.
+    """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
 
-    Values are at points or cells; several numbers at each are channels, or a color.
+    Values are at points or cells; several numbers at each are channels, or a color. Grids of cells
+    are resampled onto a lattice, with the extra vtk.
     """
 
     array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
 
+    spacing: Numbers = ""  # of that lattice, as 0.5 or 1x1x2; empty: the mean size of cells
+
     suffixes: ClassVar[tuple[str, ...]] = (".vtk",)
 
     def __post_init__(self) -> None:
         check_part(self.part)
+        steps_of(self.spacing)
 
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
         wanted = Wanted(self.array, self.part, "vtk")
-        return read_vtk(existing_file(path), wanted, stem(path, self.suffixes), check)
+        steps, name = steps_of(self.spacing), stem(path, self.suffixes)
+        return read_vtk(existing_file(path), wanted, steps, name, check)
 
 
 @dataclass(frozen=True)
@@ -266,7 +271,7 @@ class Raw:
     def __post_init__(self) -> None:
         three_numbers("spacing", self.spacing)
         if self.shape:
-            _sizes(self.shape)
+            sizes_of(self.shape)
         if self.endian not in ("", *BYTE_ORDERS.values()):
             raise ValueError(f"endian is little or big, not {self.endian!r}")
         if self.dtype:
@@ -298,7 +303,7 @@ class Raw:
             )
         sizes = self.shape or (found[2] if found else "")
         kind = self.dtype or (found[3] if found else "")
-        every = _sizes(sizes)
+        every = sizes_of(sizes)
         known = header(
             every[:3],
             _type(kind, self.endian),
@@ -344,42 +349,6 @@ class Npy:
             known = known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
         check(known)
         return recording(values, known, channels_first=not colored)
-
-
-def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
-    """Three positive numbers, given as such or as text like 1x1x1.4.
-
-    Raises
-    ------
-    ValueError
-        They are not.
-    """
-    found = _numbers(numbers)
-    if len(found) != 3 or not all(0 < number < float("inf") for number in found):
-        raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")
-    return found
-
-
-def _numbers(numbers: Numbers) -> tuple[float, ...]:
-    """Numbers, or none where some are not."""
-    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
-    try:
-        return tuple(float(piece) for piece in pieces)
-    except (TypeError, ValueError):
-        return ()
-
-
-def _sizes(shape: Numbers) -> tuple[int, ...]:
-    """Voxels along x, y, z, and times, where there are several."""
-    found = _numbers(shape)
-    if len(found) not in (3, 4) or not all(0 < number < float("inf") for number in found):
-        raise ValueError(
-            "shape is three positive numbers like 256x256x128 (x, y, z), or four, with times, not "
-            f"{shape}"
-        )
-    if not all(number.is_integer() for number in found):
-        raise ValueError(f"shape is three whole numbers like 256x256x128 (x, y, z), not {shape}")
-    return tuple(map(int, found))
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:

@@ -12,6 +12,7 @@ from resample.reading.limits import check_unpacked
 from resample.reading.markup import check_xml_file
 from resample.reading.names import plain
 from resample.reading.silence import suppressed_output
+from resample_volume.files.cells.offsets import check_offsets
 from resample_volume.files.formats.choosing import (
     Named,
     Wanted,
@@ -28,6 +29,7 @@ from resample_volume.files.vtk_blocks import check_blocks
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Recording, Volume
 
+UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
@@ -45,9 +47,9 @@ def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing
     check
         Of what the file says.
     """
-    image = _grid(path, "vtkXMLImageDataReader")
+    image = grid_of(path, "vtkXMLImageDataReader")
     chosen, every, values = _values(image, wanted, path.name)
-    known = _header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
+    known = image_header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
     known = of_parts(known, chosen, every, wanted)
     check(known)
     return recording(part_of(values, chosen, wanted, name), known)
@@ -55,7 +57,7 @@ def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing
 
 def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
     """One array of values of a rectilinear grid; parameters as of `read_vti`."""
-    grid = _grid(path, "vtkXMLRectilinearGridReader")
+    grid = grid_of(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     chosen, every, values = _values(grid, wanted, path.name)
@@ -69,8 +71,21 @@ def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
     return rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
 
 
-def _grid(path: Path, reader_name: str) -> Any:
-    """What a reader of VTK makes of a file."""
+def grid_of(path: Path, reader_name: str) -> Any:
+    """What a reader of VTK makes of a file.
+
+    Parameters
+    ----------
+    path
+        A file that exists.
+    reader_name
+        Of a class of VTK's for files of XML.
+
+    Raises
+    ------
+    ValueError
+        VTK is not installed, or the file is damaged, cut off or too large.
+    """
     try:
         forms = import_module("vtkmodules.vtkIOXML")
     except ImportError:
@@ -80,6 +95,8 @@ def _grid(path: Path, reader_name: str) -> Any:
     _check_end(path)
     check_xml_file(path, "AppendedData")
     check_blocks(path)
+    if reader_name == UNSTRUCTURED:
+        check_offsets(path)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
@@ -97,7 +114,15 @@ def _values(grid: Any, wanted: Wanted, name: str) -> tuple[Named, list[Named], A
     """One array, all that there are, and the values: (N,), or (N, C) of several at each place."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    every = [
+    every = arrays_of(grid)
+    names = [named for named, _ in every]
+    chosen = choose(names, wanted, name)
+    return chosen, names, vtk_to_numpy(every[names.index(chosen)][1])  # keeps VTK's memory alive
+
+
+def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
+    """Arrays of numbers at the points and cells of a data set of VTK's."""
+    return [
         (
             Named(
                 str(held.GetArrayName(n)),
@@ -111,13 +136,24 @@ def _values(grid: Any, wanted: Wanted, name: str) -> tuple[Named, list[Named], A
         for n in range(held.GetNumberOfArrays())
         if held.GetArray(n)  # texts are none
     ]
-    names = [named for named, _ in every]
-    chosen = choose(names, wanted, name)
-    return chosen, names, vtk_to_numpy(every[names.index(chosen)][1])  # keeps VTK's memory alive
 
 
-def _header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
-    """Header of image data, whose first voxel need not have index 0."""
+def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
+    """Header of image data, whose first voxel need not have index 0.
+
+    Parameters
+    ----------
+    image
+        Of VTK's.
+    dtype
+        Of the values.
+    spacing
+        In place of the image's; None: as it says.
+    name
+        For messages.
+    is_of_cells
+        Whether voxels are its cells.
+    """
     points = image.GetDimensions()
     known = header(
         cells_between(points) if is_of_cells else points,
@@ -141,7 +177,10 @@ def _spacing(path: Path) -> list[float] | None:
 def _require_memory(reader: Any, path: Path) -> None:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-    extent = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    told = reader.GetOutputInformation(0)
+    if not told.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
+        return  # of no lattice; see `check_counts`
+    extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
     require_memory(count, path.name)  # a byte per voxel at the least
@@ -169,4 +208,4 @@ def _check_end(path: Path) -> None:
 
 def _refuse(failures: list[str], name: str) -> None:
     if failures:
-        raise ValueError(f"{name} is damaged or not VTK image data; get the file again")
+        raise ValueError(f"{name} is damaged or not what its suffix says; get the file again")

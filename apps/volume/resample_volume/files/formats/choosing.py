@@ -21,7 +21,7 @@ class Wanted(NamedTuple):
 
     array: str  # its name; empty: the active one, or the only one that it can be
     part: str  # one of PARTS
-    reader: str  # which is asked
+    reader: str  # which is asked; empty: none, a caller has the data
 
 
 class Named(NamedTuple):
@@ -53,10 +53,9 @@ def choose(known: Sequence[Named], wanted: Wanted, file: str) -> Named:
         found = next((one for one in (active, some, scalars) if len(one) == 1), [])
     if not found:
         names = ", ".join(each.name + " (cells)" * each.is_of_cells for each in shown)
-        raise ValueError(
-            f"{file}: choose an array, --reader {wanted.reader}:array=NAME "
-            f"({wanted.array or 'none'} given): {names or 'there is none'}"
-        )
+        how = f"--reader {wanted.reader}:array=NAME" if wanted.reader else "part=NAME"
+        given, known_names = wanted.array or "none", names or "there is none"
+        raise ValueError(f"{file}: choose an array, {how} ({given} given): {known_names}")
     return found[0]
 
 

@@ -1,15 +1,18 @@
 """What is where in a legacy file of VTK: its words, and the arrays behind them."""
 
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.reading.limits import check_items
 from resample.types import Doubles
 from resample_volume.files.formats.choosing import Named
 from resample_volume.files.formats.numbers import numbers, skip_numbers
+from resample_volume.files.memory import require_memory
 
+Numbers = NDArray[Any]
 LONGEST = 4096  # bytes of a line
 TYPES = {
     "unsigned_char": "u1",
@@ -86,16 +89,37 @@ class Sections:
 
     def coordinates(self, words: list[str]) -> Doubles:
         """Coordinates of planes, whose line is given."""
-        array = self._array(Named("", 1, False, False), self._whole(words, 1), self._word(words, 2))
+        return np.asarray(self.block(words, 1, self.word(words, 2)), np.float64)
+
+    def block(self, words: list[str], place: int, kind: str, parts: int = 1) -> Numbers:
+        """Numbers that follow a line, whose word at a place tells how many; then comes the next.
+
+        Parameters
+        ----------
+        words
+            Of the line.
+        place
+            Of the count.
+        kind
+            Type of the numbers, as the format names it.
+        parts
+            Numbers for each one counted.
+        """
+        count = parts * self.whole(words, place)
+        array = self._array(Named("", 1, False, False), count, kind)
         end = self.file.tell()
+        found = self.values(array)
+        self.file.seek(end)
+        return found
+
+    def values(self, array: Array) -> Numbers:
+        """Numbers of an array, read into memory."""
+        require_memory(array.size * array.dtype.itemsize, self.name)
         self.file.seek(array.start)
         if self.is_text:
-            found = numbers(self.file, array.size, np.dtype(np.float64), self.name)
-        else:
-            data = self.file.read(array.size * array.dtype.itemsize)
-            found = np.frombuffer(data, array.dtype)
-        self.file.seek(end)
-        return np.asarray(found, np.float64)
+            return numbers(self.file, array.size, array.dtype, self.name)
+        data = self.file.read(array.size * array.dtype.itemsize)
+        return np.frombuffer(data, array.dtype).astype(array.dtype.newbyteorder("="))
 
     def arrays(self, points: int, cells: int) -> list[Array]:
         """All arrays with a value for each point, or cell."""
@@ -106,7 +130,7 @@ class Sections:
             if key in ("point_data", "cell_data"):
                 is_of_cells = key == "cell_data"
                 wanted = cells if is_of_cells else points
-                if self._whole(words, 1) != wanted:
+                if self.whole(words, 1) != wanted:
                     raise ValueError(
                         f"{self.name} is damaged: {words[1]:.20} values of {wanted} {key[:-5]}s"
                     )
@@ -126,46 +150,46 @@ class Sections:
 
     def _field(self, words: list[str], wanted: int, is_of_cells: bool) -> list[Array]:
         found = []
-        count = self._whole(words, 2)
+        count = self.whole(words, 2)
         check_items(self.name, count, "arrays")
         for _ in range(count):
             words = self.line()
             if words[:1] == ["NULL_ARRAY"]:
                 continue
-            parts, rows = self._whole(words, 1), self._whole(words, 2)
+            parts, rows = self.whole(words, 1), self.whole(words, 2)
             named = Named(unquote(words[0]), parts, is_of_cells, is_active=False)
-            array = self._array(named, parts * rows, self._word(words, 3))
+            array = self._array(named, parts * rows, self.word(words, 3))
             found += [array] if rows == wanted and parts else []
         return found
 
     def _attribute(
         self, words: list[str], wanted: int, is_of_cells: bool, is_first: bool
     ) -> list[Array]:
-        key, label = words[0].lower(), unquote(self._word(words, 1))
+        key, label = words[0].lower(), unquote(self.word(words, 1))
         if key == "lookup_table":
             kind = "float" if self.is_text else "unsigned_char"
-            size = self._whole(words, 2)
+            size = self.whole(words, 2)
             self._array(Named(label, SHADES, is_of_cells, False), SHADES * size, kind)
             return []
         if key == "scalars":
-            parts = self._whole(words, 3) if len(words) > 3 else 1
+            parts = self.whole(words, 3) if len(words) > 3 else 1
             here = self.file.tell()
             if self.line()[:1] not in (["LOOKUP_TABLE"], ["lookup_table"]):
                 self.file.seek(here)
             named = Named(label, parts, is_of_cells, is_first)
-            array = self._array(named, parts * wanted, self._word(words, 2))
+            array = self._array(named, parts * wanted, self.word(words, 2))
         elif key == "color_scalars":
-            parts = self._whole(words, 2)
+            parts = self.whole(words, 2)
             kind = "float" if self.is_text else "unsigned_char"
             array = self._array(Named(label, parts, is_of_cells, is_first), parts * wanted, kind)
             array = array._replace(is_shade=self.is_text)
         elif key == "texture_coordinates":
-            parts = self._whole(words, 2)
+            parts = self.whole(words, 2)
             named = Named(label, parts, is_of_cells, False)
-            array = self._array(named, parts * wanted, self._word(words, 3))
+            array = self._array(named, parts * wanted, self.word(words, 3))
         elif key in PARTS:
             named = Named(label, PARTS[key], is_of_cells, False)
-            array = self._array(named, PARTS[key] * wanted, self._word(words, 2))
+            array = self._array(named, PARTS[key] * wanted, self.word(words, 2))
         else:
             raise ValueError(f"{self.name} is damaged: {words[0]!r:.40} is no word of its format")
         return [array] if array.named.parts else []
@@ -190,13 +214,15 @@ class Sections:
         self.file.seek(end)
         return array
 
-    def _whole(self, words: list[str], place: int) -> int:
-        word = self._word(words, place)
+    def whole(self, words: list[str], place: int) -> int:
+        """Count that is a word of a line."""
+        word = self.word(words, place)
         if not (word.isascii() and word.isdecimal() and len(word) < 19):
             raise ValueError(f"{self.name} is damaged: {word!r:.40} is no count of numbers")
         return int(word)
 
-    def _word(self, words: list[str], place: int) -> str:
+    def word(self, words: list[str], place: int) -> str:
+        """Word of a line, which must be there."""
         if len(words) <= place:
             told = " ".join(words)
             raise ValueError(f"{self.name} is damaged: {told!r:.60} has too few words")

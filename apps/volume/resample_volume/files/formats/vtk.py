@@ -1,4 +1,4 @@
-"""Legacy files of VTK (`.vtk`) with a lattice: image data and rectilinear grids, text or binary.
+"""Legacy files of VTK (`.vtk`), text or binary: image data, rectilinear grids, grids of cells.
 
 The form is that of "VTK File Formats" (docs.vtk.org): numbers of binary files are big-endian.
 """
@@ -11,6 +11,8 @@ import numpy as np
 
 from resample.reading.limits import check_size
 from resample.types import Doubles
+from resample_volume.files.cells.legacy import GRIDS, legacy_grid
+from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.formats.choosing import (
     Wanted,
     cells_between,
@@ -29,10 +31,7 @@ from resample_volume.media.recordings import alone
 from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Recording
 
-RESAMPLE = "resample it to image data (vtkResampleToImage, ParaView's Resample To Image) first"
 OTHERS = {
-    "structured_grid": f"points of a curved grid; {RESAMPLE}",
-    "unstructured_grid": f"cells of any shape; {RESAMPLE}",
     "polydata": "a surface; write it as PLY or STL and show it with --mesh beside a volume",
     "field": "arrays without a place; write them as image data",
 }
@@ -48,8 +47,12 @@ class _Lattice(NamedTuple):
     planes: list[Doubles]  # coordinates along x, y, z where these are not even; else none
 
 
-def read_vtk(path: Path, wanted: Wanted, name: str, check: Check) -> Recording:
+def read_vtk(
+    path: Path, wanted: Wanted, spacing: tuple[float, ...], name: str, check: Check
+) -> Recording:
     """One array, at points or cells, whose numbers at each are its channels, or a color.
+
+    Steps are for grids of cells, which are resampled; see `cells.resampling.resampled`.
 
     Raises
     ------
@@ -60,6 +63,13 @@ def read_vtk(path: Path, wanted: Wanted, name: str, check: Check) -> Recording:
         found = Sections(file, path.name)
         if found.is_text:
             check_size(path.name, path.stat().st_size)
+        if found.dataset in GRIDS:
+            return resampled([legacy_grid(found)], wanted, spacing, name, check)
+        if spacing:
+            raise ValueError(
+                f"{found.name} is no grid of cells, which spacing of the reader {wanted.reader} is "
+                "for: leave it out, or give --spacing, which takes the place of the file's"
+            )
         lattice = _lattice(found)
         points = lattice.points
         arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
@@ -109,7 +119,7 @@ def _lattice(found: Sections) -> _Lattice:
 def _check_dataset(found: Sections) -> None:
     kind = found.dataset
     if kind not in ("structured_points", "rectilinear_grid"):
-        known = "nothing that is known; known are STRUCTURED_POINTS and RECTILINEAR_GRID"
+        known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
         told = OTHERS.get(kind, known)
         raise ValueError(f"{found.name} holds {kind.upper()[:40]!r}, {told}")
 

@@ -22,7 +22,7 @@ from resample_volume.files.headers import (
     stem,
 )
 from resample_volume.files.memory import require_memory
-from resample_volume.files.readers import Numbers, three_numbers
+from resample_volume.files.steps import Numbers, three_numbers
 from resample_volume.files.stores.chunks import Chunked
 from resample_volume.media.recordings import alone
 from resample_volume.types import Recording, Volume

@@ -1,0 +1,1 @@
+"""Grids of cells of any shape, or of several blocks, resampled onto a lattice by VTK."""

@@ -1,0 +1,73 @@
+"""Files of VTK's that name others, the pieces of one grid: `.vtm` and `.vthb`.
+
+They are read here, not by VTK, which would open whatever they name.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from resample.reading.limits import check_items, check_size
+from resample.reading.markup import check_xml_file
+from resample.reading.neighbours import neighbour
+from resample_volume.files.cells.needs import require_vtk
+from resample_volume.files.headers import existing_file
+from resample_volume.files.memory import require_memory
+from resample_volume.files.vti import UNSTRUCTURED, grid_of
+
+READERS = {  # class of VTK's, by suffix
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtu": UNSTRUCTURED,
+}
+KIB = 1024
+
+
+def read_grid(path: Path) -> Any:
+    """Grid of one piece, by the suffix of its file; errors as of `vti.grid_of`."""
+    return grid_of(existing_file(path), READERS[path.suffix.lower()])
+
+
+def read_pieces(path: Path) -> list[Any]:
+    """All pieces that a file names which fill space; surfaces are left out.
+
+    Raises
+    ------
+    ValueError, OSError
+        VTK is not installed; the file is damaged; or a piece is damaged, missing, or lies outside
+        of the folder of the file.
+    """
+    require_vtk(path.name)
+    names = list(_names(path))
+    check_items(path.name, len(names), "pieces")
+    pieces, held = [], 0
+    for name in names:
+        file = neighbour(path, name)
+        if file.suffix.lower() not in READERS:
+            if file.suffix.lower() == ".vtp":
+                continue
+            known = ", ".join(READERS)
+            raise ValueError(f"{path.name} names {name!r:.100}; pieces are {known} and .vtp")
+        if not file.is_file():
+            raise FileNotFoundError(f"{path.name} wants {name!r:.100}, which is not beside it")
+        pieces.append(read_grid(file))
+        held += KIB * pieces[-1].GetActualMemorySize()
+        require_memory(held, path.name)
+    if not pieces:
+        raise ValueError(f"{path.name} names no grid that fills space: {', '.join(READERS)}")
+    return pieces
+
+
+def _names(path: Path) -> Iterator[str]:
+    """Names of files, as they stand there."""
+    check_size(path.name, path.stat().st_size, "tree")
+    check_xml_file(path)
+    try:
+        tree = ElementTree.parse(path)  # noqa: S314 - defines nothing, as was checked
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise ValueError(f"{path.name} is damaged: {str(error)[:80]}; get the file again") from None
+    for element in tree.iter("DataSet"):
+        if "file" in element.attrib:
+            yield element.attrib["file"]

@@ -1,0 +1,151 @@
+"""Grids of cells in legacy files of VTK, which are read here: VTK's own reader trusts their counts.
+
+The form is that of "VTK File Formats" (docs.vtk.org), in its versions up to 5.1.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample_volume.files.cells.needs import require_vtk
+from resample_volume.files.formats.choosing import cells_between
+from resample_volume.files.formats.sections import Array, Sections
+
+GRIDS = ("structured_grid", "unstructured_grid")
+Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
+
+
+def legacy_grid(found: Sections) -> Any:
+    """Data set of VTK's of all that a file holds.
+
+    Parameters
+    ----------
+    found
+        A file of one of `GRIDS`, of which the first lines were read.
+
+    Raises
+    ------
+    ValueError
+        VTK is not installed, or the file is damaged or cut off.
+    """
+    require_vtk(found.name)
+    is_structured = found.dataset == "structured_grid"
+    grid, cells = (_structured if is_structured else _unstructured)(found)
+    points = grid.GetNumberOfPoints()
+    for array in found.arrays(points, cells):
+        held = _held(found.values(array).reshape(-1, array.named.parts), array)
+        where = grid.GetCellData() if array.named.is_of_cells else grid.GetPointData()
+        where.AddArray(held)
+        if array.named.is_active:
+            where.SetActiveScalars(array.named.name)
+    return grid
+
+
+def _held(values: NDArray[Any], array: Array) -> Any:
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    made = numpy_to_vtk(values, deep=True)
+    made.SetName(array.named.name)
+    return made
+
+
+def _points(values: NDArray[Any]) -> Any:
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+
+    kind = np.float64 if values.dtype.itemsize > 4 else np.float32
+    made = vtkPoints()
+    made.SetData(numpy_to_vtk(values.astype(kind).reshape(-1, 3), deep=True))
+    return made
+
+
+def _structured(found: Sections) -> tuple[Any, int]:
+    """Grid whose cells lie in rows, without its arrays, and how many cells it has."""
+    from vtkmodules.vtkCommonDataModel import vtkStructuredGrid
+
+    shape, points = [], None
+    while (words := found.line()) and not _begins_arrays(words):
+        key = words[0].lower()
+        if key == "dimensions":
+            shape = [found.whole(words, place) for place in (1, 2, 3)]
+        elif key == "points":
+            points = found.block(words, 1, found.word(words, 2), 3)
+        elif key == "field":
+            found.skip_field(words)
+        else:
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of a structured grid")
+    found.back()
+    if points is None or len(points) != 3 * math.prod(shape) or not shape:
+        raise ValueError(f"{found.name} is damaged: its points are not as many as its DIMENSIONS")
+    grid = vtkStructuredGrid()
+    grid.SetDimensions(shape)
+    grid.SetPoints(_points(points))
+    return grid, math.prod(cells_between(shape))
+
+
+def _unstructured(found: Sections) -> tuple[Any, int]:
+    """Grid of cells of any shape, without its arrays, and how many cells it has."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
+
+    points, cells, kinds = np.empty(0), None, np.empty(0)
+    while (words := found.line()) and not _begins_arrays(words):
+        key = words[0].lower()
+        if key == "points":
+            points = found.block(words, 1, found.word(words, 2), 3)
+        elif key == "cells":
+            cells = _cells(found, words)
+        elif key == "cell_types":
+            kinds = found.block(words, 1, "int")
+        elif key == "field":
+            found.skip_field(words)
+        else:
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of an unstructured grid")
+    found.back()
+    if cells is None or len(cells[0]) != len(kinds) + 1 or not len(points):
+        raise ValueError(f"{found.name} is damaged: its points, cells or their kinds are missing")
+    if kinds.size and not (kinds.min() >= 0 and kinds.max() <= 255 and 42 not in kinds):
+        raise ValueError(
+            f"{found.name} has cells of kinds that are not read from legacy files; write it as .vtu"
+        )
+    grid, held = vtkUnstructuredGrid(), vtkCellArray()
+    first, corners = (numpy_to_vtkIdTypeArray(each, deep=True) for each in cells)
+    held.SetData(first, corners)
+    grid.SetPoints(_points(points))
+    grid.SetCells(numpy_to_vtk(kinds.astype(np.uint8), deep=True), held)
+    return grid, len(kinds)
+
+
+def _cells(found: Sections, words: list[str]) -> Cells:
+    """Where each cell's corners begin, and the corners; in the new form, or the old."""
+    here = found.file.tell()
+    following = found.line()
+    if following[:1] == ["OFFSETS"]:
+        first = found.block(words, 1, found.word(following, 1))
+        following = found.line()
+        corner = found.block(words, 2, found.word(following, 1))
+        if following[0] != "CONNECTIVITY" or not first.size:
+            raise ValueError(f"{found.name} is damaged: its OFFSETS have no CONNECTIVITY")
+        return first.astype(np.int64), corner.astype(np.int64)
+    found.file.seek(here)
+    count, stored = found.whole(words, 1), found.block(words, 2, "int")
+    return _unlisted(stored.astype(np.int64), count, found.name)
+
+
+def _unlisted(stored: NDArray[np.int64], count: int, name: str) -> Cells:
+    """Cells of the old form, in which each tells first how many corners it has."""
+    heads, place, every = [], 0, stored.tolist()
+    while place < len(every) and every[place] >= 0:
+        heads.append(place)
+        place += every[place] + 1
+    if place != len(every) or len(heads) != count:
+        raise ValueError(f"{name} is damaged: its cells do not fill the numbers that they have")
+    head = np.array(heads, np.int64)
+    counts = stored[head] if count else head
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), np.delete(stored, head)
+
+
+def _begins_arrays(words: list[str]) -> bool:
+    return words[0].lower() in ("point_data", "cell_data")

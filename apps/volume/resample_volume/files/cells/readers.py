@@ -1,0 +1,85 @@
+"""Readers of VTK's files of grids of cells and of blocks, which are resampled onto a lattice."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from resample_volume.files.cells.blocks import read_grid, read_pieces
+from resample_volume.files.cells.resampling import resampled
+from resample_volume.files.formats.choosing import Wanted, check_part
+from resample_volume.files.headers import Check, check_alone, check_nothing, existing_file, stem
+from resample_volume.files.steps import Numbers, steps_of
+from resample_volume.media.recordings import alone
+from resample_volume.types import Recording, Volume
+
+
+@dataclass(frozen=True)
+class Vts:
+    """VTK structured grid, whose cells lie in curved rows; values at points or cells."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of cells
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vts",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+        steps_of(self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        wanted, steps = Wanted(self.array, self.part, "vts"), steps_of(self.spacing)
+        grid = read_grid(existing_file(path))
+        return resampled([grid], wanted, steps, stem(path, self.suffixes), check)
+
+
+@dataclass(frozen=True)
+class Vtu:
+    """VTK unstructured grid, of cells of any shape; values at points or cells."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of cells
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtu",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+        steps_of(self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        wanted, steps = Wanted(self.array, self.part, "vtu"), steps_of(self.spacing)
+        grid = read_grid(existing_file(path))
+        return resampled([grid], wanted, steps, stem(path, self.suffixes), check)
+
+
+@dataclass(frozen=True)
+class Vtm:
+    """VTK multiblock and AMR files, whose pieces lie in or under their folder.
+
+    Where pieces overlap, those with the smallest cells are shown.
+    """
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: that of the finest piece
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtm", ".vthb")
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+        steps_of(self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        wanted, steps = Wanted(self.array, self.part, "vtm"), steps_of(self.spacing)
+        pieces = read_pieces(existing_file(path))
+        return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)

@@ -1,0 +1,120 @@
+"""Grids of OpenVDB's files (`.vdb`), as dense volumes over the box of their active voxels.
+
+They are read by `tinyvdb`, which is an extra. It knows grids of floats, and no tiles: parts of a
+grid that have one value and no voxels. A file that has some is refused, not shown with holes.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from resample.reading.limits import check_items, check_unpacked
+from resample.reading.names import plain
+from resample.words import one_line
+from resample_volume.files.headers import Header, check_shape, existing_file, header, stem, volume
+from resample_volume.files.memory import require_memory
+from resample_volume.types import Volume
+
+FLOATS = "Tree_float"  # begins names of types that are read
+USUAL = "density"  # name of the grid that is meant where there are several
+LEVEL_SET = "level set"
+DENSE = "write it as .npy or .nrrd from OpenVDB's Python (grid.copyToArray) or from Houdini"
+
+
+@dataclass(frozen=True)
+class Vdb:
+    """A grid of floats of an OpenVDB file, dense over the box of its active voxels.
+
+    Other voxels have its background; of a level set they have no value.
+    """
+
+    part: str = ""  # name of the grid; empty: the only one of floats, or density
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vdb",)
+
+    def __call__(self, path: Path) -> Volume:
+        name = stem(existing_file(path), self.suffixes)
+        try:
+            library: Any = import_module("tinyvdb")
+        except ImportError:
+            raise ValueError(
+                f"{path.name}: .vdb is read by tinyvdb; pip install 'hybrid-resample[vdb]', or "
+                f"{DENSE}"
+            ) from None
+        try:
+            with library.open(plain(path)) as file:
+                check_items(path.name, file.grid_count, "grids")
+                file.read_grids()
+                return _volume(_chosen(file, self.part, path.name), path, name)
+        except (library.VDBError, MemoryError, SystemError, UnicodeDecodeError) as error:
+            raise ValueError(
+                f"{path.name} is damaged or no OpenVDB file: {one_line(error) or 'cut off'}"
+            ) from None
+
+
+def _chosen(file: Any, part: str, name: str) -> Any:
+    """Grid of that name."""
+    grids = [file.grid(n) for n in range(file.grid_count)]
+    floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
+    found = [grid for grid in floats if grid.name == (part or USUAL)]
+    if not part and len(floats) == 1:
+        found = floats
+    if not found:
+        known = ", ".join(f"{grid.name} ({grid.type_name.split('_')[1:2][0]})" for grid in grids)
+        raise ValueError(
+            f"{name}: choose a grid of floats, --reader vdb:part=NAME ({part or 'none'} given): "
+            f"{known or 'there is none'}"
+        )
+    return found[0]
+
+
+def _volume(grid: Any, path: Path, name: str) -> Volume:
+    """Dense volume of a grid."""
+    told = grid.metadata
+    sparse = grid.to_sparse()
+    place = np.frombuffer(sparse["coords"], np.int32).reshape(-1, 3).astype(np.int64)
+    value = np.frombuffer(sparse["values"], np.float32)
+    active = told.get("file_voxel_count", len(value))
+    if isinstance(active, int) and active > len(value):
+        raise ValueError(
+            f"{path.name}: {grid.name} has {active} active voxels, of which "
+            f"{active - len(value)} lie in tiles, which tinyvdb does not read; {DENSE}"
+        )
+    if not len(value):
+        raise ValueError(f"{path.name} is empty: {grid.name} has no active voxels")
+    low, high = place.min(axis=0), place.max(axis=0)
+    shape = tuple((high - low + 1).tolist())
+    check_shape(shape, name)
+    check_unpacked(path.name, path.stat().st_size, 4 * int(np.prod(shape, dtype=object)))
+    known = _header(grid.transform, low, shape, path.name)
+    require_memory(known.size, name)
+    is_level_set = told.get("class", "") == LEVEL_SET
+    beside = np.nan if is_level_set else grid.float_background()
+    values = np.full(shape[::-1], beside, np.float32)
+    x, y, z = (place - low).T
+    values[z, y, x] = value
+    share = 100 * len(value) / values.size
+    rest = "have no value" if is_level_set else f"are its background, {beside:.4g}"
+    note = f"{grid.name}: {share:.3g} % of the voxels are active, others {rest}"
+    return volume(values, known._replace(name=name))._replace(note=note)
+
+
+def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> Header:
+    """Place of voxels by a grid's map from whole numbers to the world."""
+    kind = transform["type"]
+    if kind == "affine":  # of rows
+        matrix = np.array(transform["matrix"], np.float64)
+        steps, start = matrix[:3, :3].T, matrix[3, :3]
+    elif kind in ("uniform_scale", "uniform_scale_translate", "scale", "scale_translate"):
+        steps = np.diag(np.array(transform["scale"], np.float64))
+        start = np.array(transform["translation"], np.float64)
+    elif kind == "translation":
+        steps, start = np.eye(3), np.array(transform["translation"], np.float64)
+    else:
+        raise ValueError(f"{name} has a map {kind!r:.40} of space, which is not known; {DENSE}")
+    with np.errstate(all="ignore"):  # numbers that make no sense are refused, not warned of
+        origin = steps @ low + start
+    return header(shape, np.float32, name, origin=origin, direction=steps)

@@ -1,0 +1,60 @@
+"""Small files that OpenVDB 10 wrote, packed: grids of two maps, a level set, tiles."""
+
+import base64
+import zlib
+
+# density: x, y, z 3 x 4 x 5 from (-1, 6, 2), 0 to 59, in steps (0.5, 1, -2); heat: these + 1, on an
+# oblique lattice; wind: one vector. The background of heat is 1.5.
+_GRIDS = """
+eNrt3D1sG2Ucx3E7FJqiAEaiEkMHDx0iQSRTOzQVlWxHHRhaFCnhZUByzvYdOel8juxrcCQPGZEYYKSIISMjI0yNYClbRkaP
+HTOyhd/ju/PLNW5MUgelfD/qT3/38XOvdk5R++ifXb33WUp6yuupUPq2U8jnbt1xlvL55TtLhQ/s3JJVvZVfclZW7GXnds0p
+5PJm4ivKVaVu+2032M3o5UbLtiuO17SCynKlUOlP60b7vXo/rJ9/EtbXos3fUBzXsyvVarNTaVidVzWwY9fy7oI5G+VaNDsx
+0/XHZh6LmTWnZOKZtWZju2W3227TN++1g5brf3Vdr6pes13Lvpe1aoG7Y2d3LO+h3X473qxue9auXa/oSurmqJV4xAzkNHAl
+Ne5uVEtR3UrUN+M9N+xGpbob2G1z7q4ffFiY14sn/rX+tMF57zQ7tqezf+gHYxM/ivZnju9bDXt4USOfhLmM9Zrl2Rsty297
+VmA/sLbD7Y6K4yc6H9VeMfH+wYTx0niNx3uPw5pJjB8mto/3d/g4PXL35vpTjo9TAAAAAADgwqS5BQAAAAAAYNYyUZ1L5/sr
+LdIjY3h5pfmnJ1z8g6HTPeuW3e5JX2IAAAAAAAAAAAAAAHDpTVqkwOoWgAfDhNVL8Vqi7r9ejXT2LV+ETjdVGLmwm6om4die
+afhU0h9lT9lXDpSekirr8stnPezgYldGDr6oujgYy2rnOaWkrCmbyrayp3yjfK/8UD73PdwcOYE11bXB2L52/rPyi/KrcqA8
+UQ6Vv5Se8lTJruqeKYvK+0pOKSgryl2lpNxbPffHPPlEj3QSf5s7oQNdUeaVBSWjvKO8q9xQPlbuK2vKhvKF8qWyqdSVLcVb
+NV/uLdsKJrWE+y5qAXf8KKzrP4X1pWoJV0rUWbWEi1vPPdsSLv4YzI7KjuP6wz5wveKPj4zfis//xhxNfD/c/s9kX7jkdtF4
+3GfuqBj+CnTQf5++bwAAAAAAXDz+ewIAAAAAAMwcfd/+n1gZi//gwdCl7xsAAAAAAAAAAAAAABhH3zcAUz8YQpe175uOOrn1
+2jR937Kz7P02Td+3/Vn2fpum75tpu3Z63zfTdm2Gvd+m6fuWnarvm+5yv/fb165fH/R+M93Y2sPeb99Gvd6e/h7WB3+Edbre
+b6Oe3/st+fM3s95v11OJpX83o3pKg7f98pQN3uKdn9zgzdzrt1Q/9V2n2Wqs1yxv2OYtbsM2q9p7pp70m076lL8DAAAAAAAA
+AAAAAIBLaPJCSQA8GF7wg+HcD5YbIydmVpctDMaGCx3/AWpkvZU=
+"""
+# A level set of radius 2 with 250 active voxels in a band of 2, from -3 to 3.
+_BALL = """
+eNrt3c9LI2cYwPE3G9ts1+2OxXUpngRpDxZBN+5KLkkpXktLa0sPhZDEcRuYJKvJikIPgwi6p+7BP2CRPXhaevBSAptchB5W
+sLf2InPyKDmJlBb7PjOZOImuxlWX7eb7kZdn8s47k/fHzHvQ15mBLya+V5qj0w3lCUUz6fHx8dGR4VhsJD08dvee3oqa5nA6
+ZkZj91NmbDQ24hbUqUundMqyenScnDXN5LRVSJWS95JjyaiUWaif9JdPQ26cH/bi+zpd1+k9nTJWqliUjGJpNpt/8IHessw5
+0xoomqUP9YfprGUm0+nCfDKXmpcD5sxMNHtTb4QDqaVkNt9U8t/Dw0M/9fglM4Xcw1mzWMwW8kdf3yctsgrFzMBnA6lMKTtn
+DsylrEdm8SP/sCnTSi2YU0nd0in51qSfIxkT9YYFhKW3roVGu2wdJcnn2zp9rNPMj+pn/bPepb5aV3/pPv3ha/egW/635cxc
+Mr1QMovSnmy+dH9MTv/nT5+4xRptmSvMm5Zu0aN8qang3/VKyEDlUznzqKH+0Bk6fpfPThdmc99mUpb5Zeqhd0gtcbXRORa9
+a0N9rvxOrB0eNhIAAAAAAHjX2XQBAAAAAAAdoKcer4WisnTBXX7SQ7d0OpsuYGK4hInBrtaD48aq47DyCAAAAACAzhGiCwAA
+AAAA6AysPsJx/GqIieFSJoZwpB4MN0YMo7HyiBVIAAAAAAC8KTZdAAAAAAAArhSrjzqUTRfgCieGatW7whzH23D0hpvBqiMA
+AAAAAN4o/skMAAAAAABcOVYfdSZ+8YQrnRgikbAbDcPbMPRGY+fb8fY1m1EGAAAAAAAAAAAAAOASvOYiA5ueAzp1Yqg6TlO0
+q059Xqi2dfK34PlHLL8DAAAAAAAAAAAAAOCSvN7qI/50D3TuxBAxjKYYjnhRb7T9Bd4KJJueBgAAAAAAAAAAAADgf+6Viwxs
++gZgYmiZGBzHqaqmWHWnimr1/DMGixgBAAAAAAAAAAAAAHgHvGqRAQsDACaGYxPDLcNwn29kNGIkLDHihUtWf5Ob/2Y3edPb
+ZKBiEzpKkry1vZ2EpKHldTc+f1BO6CPdbYkrg7vx4H4/Tz5LfDby+MX5Kld/0JP/4Cd5EFQpULkpHSVJ3sbilvulS5urjQr4
+eS97J93KSIW3yzNxqYxf8WD51n39+30VqbTfiHar7a8T89eN+evITq28VCTYe5InFZdKBXsz2OtyjOyXigZ7+aQRabfy/mXm
+X3b+ZaieBir/RMcnjTzbrYjfiNbelxJSSWmM5LX2cnB0jo6xK9IoKSvnbB2J00axcR0H43neXHjWKAVHJjgCZ137p90zTaN0
+kQeftTNKrSPS2tvnuSfaucdOujcvvMbytIbWh7oSHJ3gqPkjeZ77p5378aT7+KLTebhWqx0cakfx4B+JB1440x+Njhrt+l1H
+SZJ3W6ffpOdlZ//2ktp+uaGWNrrVr/3PVoa2V9Ta0tDaHaW69Q71fGNN79MZG2t3Ve3GfnlTlXsX1eai0pv7I4PL5UG1t7m8
+55av3exVDxb39F6ds7hnK9vum1lVM5Nb9uqWPn/f4931mV17Z3V9xyt/fdIub+3onTpna6eiEpVKPKHiiZDs/abyIp6I6zvg
+jgp3q6eJhv8AYY8czw==
+"""
+# 16 x 16 x 16 active voxels in tiles, and one more.
+_TILES = """
+eNrt2stOwkAUBmCKeInxggnsXHSlC9ME2orsJMYtKy/bybSdmia9kLY04FP4CL6Cb8Qj+AieoS0UTGRBXJD8Hzk5w3A6PR2S
+rkZ9eHytkRnFcS2n3HWFbnddQ3N63NDMvq1r/Y5wNFN3dMtwDccxOvNCin2K1PNF0qTBcywEc/2Ip+yWmcyQRe/Fqt9XeR5e
+5/mA4pDilMKlBZhlRRMW8IlcMRO24Z3QoEVxXsRapReuVFY1y0o7CkaxSBIvCuX9kjT2wrc2jSw/Smz1RuV26mVCzbg/FslF
+eZkjfD4VDqMnceRdWTkjJ9rFky9cFvmsvDwQAbOmqUhkg16Y9swjGnx8NVaby6KJ8KnFcZiuFCrNfD1ZHvJALDtfbLbcjpfQ
+c6M4eLK5L4Z8VOzy/f/m2a9c3Qpl7X9Y/w4AAAAAAAAAAAAAAAAAAAA7qDjJUKsrxvzwg1KZ2wYOFuy2Pfps8zvsuE7lxaBS
+Vpdzgw2xSX3L1v6+vlVpXL7SGou5z8EP3fV1rA==
+"""
+
+
+def _unpacked(text: str) -> bytes:
+    return zlib.decompress(base64.b64decode(text))
+
+
+GRIDS, BALL, TILES = (_unpacked(text) for text in (_GRIDS, _BALL, _TILES))
