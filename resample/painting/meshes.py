@@ -19,7 +19,7 @@ def mesh_of(
     corner
         (V, 3) scene units.
     normal
-        (V, 3) of any length; where it has none, a surface has no highlight.
+        (V, 3) of any length; where it has none, a surface is not lit and its color is what is seen.
     color
         (V, 3) straight linear RGB.
     face

@@ -254,7 +254,15 @@ def test_projections_of_values_refuse_meshes(projection):
 
 def test_splats_refuse_meshes_and_say_what_to_take():
     with pytest.raises(ValueError, match="classification post"):
-        render(EVEN, Appearance(fog(0.1), meshes=(wall(1.0),)))
+        render(EVEN, Appearance(fog(0.1), classification="pre", meshes=(wall(1.0),)))
+
+
+@pytest.mark.parametrize("gradient", ["central", "sobel"])  # of which the latter is of voxels
+def test_rays_that_are_the_default_meet_meshes(gradient):
+    look = Appearance(fog(0.05), None, gradient, meshes=(wall(15.5),))
+    found = render(EVEN, look, ahead(), size=(64, 64)).rgba[32, 32, :3]
+    left = np.exp(-0.05 * 16)
+    np.testing.assert_allclose(found, left * np.array(RED) + (1 - left) * np.array(FOG), atol=2e-3)
 
 
 @pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "glb"])
@@ -293,7 +301,8 @@ def test_colors_of_corners_are_kept(tmp_path):
             "unknown size; known are color and opacity",
         ),
         (["--mesh", "BALL:opacity=2", "--classify", "post"], "opacity 2.0 of a mesh; give 0 to 1"),
-        (["--mesh", "BALL"], "classification post"),
+        (["--mesh", "BALL", "--classify", "pre"], "classification post"),
+        (["--mesh", "BALL", "--order", "every-sample"], "classification post"),
         (["--mesh", "BALL", "--projection", "maximum"], "projection composite or first-hit"),
     ],
 )

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
+    from resample_volume.space.image_planes import ImagePlane
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.viewing import picture
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Annotations": "space.annotations",
     "Appearance": "media.appearance",
+    "ImagePlane": "space.image_planes",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",
@@ -56,6 +58,7 @@ _HOMES = {
 __all__ = [
     "Annotations",
     "Appearance",
+    "ImagePlane",
     "Light",
     "Orbit",
     "Scene",

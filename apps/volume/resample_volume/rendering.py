@@ -47,7 +47,9 @@ from resample_volume.media.appearance import (
 from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
-from resample_volume.space.meshes import placed
+from resample_volume.space.image_planes import settled as settled_plane
+from resample_volume.space.meshes import SceneMesh, placed
+from resample_volume.space.plane_meshes import plane_mesh
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.cropping import faced, keep, planes
@@ -229,6 +231,14 @@ def _reached(
     return voxels._replace(reached=voxels_reached(voxels, light))
 
 
+def _pictures(volume: Volume, appearance: Appearance, voxels: Visible) -> list[SceneMesh]:
+    """Planes of a look as meshes, in the volume's own scene."""
+    if not isinstance(voxels, Gathered):
+        return []
+    planes = [settled_plane(plane, volume) for plane in appearance.planes]
+    return [plane_mesh(plane, volume, voxels) for plane in planes]
+
+
 def lit_samples(
     voxels: Voxels, light: Light | None, camera: AnyCamera, steepest: Floats | None = None
 ) -> Samples:
@@ -299,7 +309,8 @@ class Subject:
             voxels = faced(keep(voxels, clip, radius), clip)
         if appearance.light is not None and appearance.light.is_blocked:
             voxels = _reached(voxels, scene, resampler, clip, appearance.light)
-        mesh = placed(appearance.meshes, middle)
+        pictures = _pictures(volume, appearance, voxels)
+        mesh = placed((*appearance.meshes, *pictures), middle)
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
@@ -395,7 +406,7 @@ class Subject:
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to see."""
-        return not self.seen
+        return not self.seen and not len(self.mesh.face)
 
     @property
     def seen(self) -> int:

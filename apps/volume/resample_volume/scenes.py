@@ -22,6 +22,7 @@ from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, kept_look
+from resample_volume.space.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import as_array
 
@@ -283,14 +284,17 @@ class Scene:
         if paint.projection is Projection.XRAY:
             look = replace(look, xray=settled(look.xray or XRay(), self.volume))
         kept = kept_look(self.volume, replace(look, labels=None))
+        pictures = tuple(settled_plane(plane, self.volume) for plane in look.planes)
         labels = None if look.labels is None else merged_labels(look.labels, per)
         cuts = kept_cuts(self.volume, self._coarse, look.crop, look.cuts)
         slab = None if look.section is None or look.section.normal else look.slab
-        return self._coarse, replace(kept, labels=labels, crop=None, clip=cuts, slab=slab)
+        kept = replace(kept, labels=labels, crop=None, clip=cuts, slab=slab, planes=pictures)
+        return self._coarse, kept
 
     def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
         """Look and renderer of previews: voxels, where it is not said; it keeps its tables."""
-        is_auto = look.classification is Classification.AUTO and not look.meshes
+        is_auto = look.classification is Classification.AUTO
+        is_auto = is_auto and not (look.meshes or look.planes)
         if is_auto and paint.projection is Projection.COMPOSITE:
             look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
         if paint.subpixels is not None:

@@ -1,7 +1,7 @@
 """Volumes in a page: what `resample-volume view` shows, and `picture` makes without a page."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -238,13 +238,12 @@ class VolumePainter:
     def _appearance(self, look: Look, resampler: Resampler, beside: Beside) -> Appearance:
         """Look of the voxels, found once while only the camera moves."""
         still = {name: getattr(STILL, name) for name in STEERED}
-        key = look.model_copy(update=still), resampler, beside.mesh
+        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane
         appearance = self._looks.get(key)
         if appearance is None:
             with keeping(self._found):
                 appearance = look.appearance(self.volume, resampler)
-            if meshes := beside.with_meshes(look, resampler):
-                appearance = replace(appearance, meshes=meshes)
+            appearance = beside.met(look, resampler).beside(appearance)
             before = list(self._looks.items())[1 - LOOKS :]  # replaced whole: picks ask meanwhile
             self._looks = {**dict(before), key: appearance}
         return appearance

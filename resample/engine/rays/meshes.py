@@ -145,13 +145,16 @@ def _mean(of: Doubles, mesh: Triangles, hit: Hit) -> Vector:
 
 @inner_step
 def _sent(medium: Medium, hit: Hit, at: Vector, place: Vector) -> Light:
-    """Straight color of a triangle where a ray meets it, lit as the field is, and its opacity."""
+    """Straight color of a triangle where a ray meets it, and its opacity.
+
+    It is lit as the field is, but for what has no normals: that is seen as it is.
+    """
     mesh, lamp, cells = medium.mesh, medium.look.lamp, medium.space.cells
     normal, color = _mean(mesh.normal, mesh, hit), _mean(mesh.color, mesh, hit)
     length = math.sqrt(dot(normal, normal))
-    own, highlight = lamp.diffuse, 0.0
-    if length > 0.0:
-        own, highlight = reflect(scaled(1.0 / length, normal), at, medium.look)
+    if length == 0.0:
+        return color[0], color[1], color[2], mesh.opacity[hit[1]]
+    own, highlight = reflect(scaled(1.0 / length, normal), at, medium.look)
     of_lamp, of_all = 1.0, 1.0
     if (
         0.0 < place[0] < cells[0] and 0.0 < place[1] < cells[1] and 0.0 < place[2] < cells[2]

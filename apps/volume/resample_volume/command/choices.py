@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
-    from resample_volume.media.appearance import Appearance
+    from resample_volume.media.appearance import Appearance, Met
     from resample_volume.space.annotations import Annotations
-    from resample_volume.space.meshes import SceneMesh
     from resample_volume.types import Volume
 
 Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
@@ -404,8 +403,17 @@ class Beside(Choices):
         Several,
         Field(
             description="Mesh in the volume's scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, "
-            ".stl, .glb). It needs the order rays: classify post, or first-hit. Planes do not cut "
+            ".stl, .glb). It needs the order rays, in composite or first-hit. Clip does not cut "
             "it, and the fit visible has it in the picture."
+        ),
+    ] = ()
+    plane: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Plane that shows values as they are: z=40 (voxels), x=50%, or 1/0/-1/20 "
+            "as clip; after a colon window=40/400 (or -160..240), colors=gray (or a matplotlib "
+            "colormap), opacity=1. It needs what a mesh needs, and clip does not cut it."
         ),
     ] = ()
 
@@ -417,20 +425,24 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def with_meshes(self, look: Look, resampler: "Resampler") -> "tuple[SceneMesh, ...]":
-        """Meshes that are read, where a renderer shows them.
+    def met(self, look: Look, resampler: "Resampler") -> "Met":
+        """Meshes and planes that are read, where a renderer shows them.
 
         Raises
         ------
         ValueError, OSError
             The renderer shows none, or a file cannot be read.
         """
-        from resample_volume.media.appearance import Classification, check_together
+        from resample_volume.media.appearance import Classification, Met, check_together
+        from resample_volume.space.image_planes import ImagePlane
         from resample_volume.space.meshes import read_mesh
 
-        if self.mesh:
-            check_together(resampler, Classification(look.classify), ["mesh"])
-        return tuple(read_mesh(text) for text in self.mesh)
+        given = {"mesh": self.mesh, "plane": self.plane}
+        names = [name for name, texts in given.items() if texts]
+        if names:
+            check_together(resampler, Classification(look.classify), names)
+        planes = tuple(ImagePlane.of(text) for text in self.plane)
+        return Met(tuple(read_mesh(text) for text in self.mesh), planes)
 
 
 class BesidePicture(Beside):

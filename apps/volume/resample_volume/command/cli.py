@@ -92,7 +92,7 @@ def render(
     from resample.files.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
-    from resample_volume.command.media import media, with_meshes
+    from resample_volume.command.media import media, with_met
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         doing_by,
@@ -109,7 +109,7 @@ def render(
     check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling)
     beside.check(output, resampler, size[0])
-    meshes = beside.with_meshes(look, resampler)
+    met = beside.met(look, resampler)
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
@@ -117,7 +117,7 @@ def render(
         check_targets(output, stats)
         with session.stage("read"):
             shown = media(source, volume, look, added, resampler, hire=doing.hire)
-            shown = with_meshes(shown, meshes)
+            shown = with_met(shown, met)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
         scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
@@ -275,7 +275,7 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling)
-    beside.with_meshes(look, resampler)
+    beside.met(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.Paint(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)

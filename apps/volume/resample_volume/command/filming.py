@@ -42,7 +42,7 @@ from resample_volume.command.media import (
     media,
     others,
     times_of,
-    with_meshes,
+    with_met,
 )
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import say_missed, scene_of, spent_here
@@ -84,7 +84,7 @@ class KnownOfTimes(NamedTuple):
     """What has been found in all times of a volume together."""
 
     survey: Survey  # without its levels
-    look: Appearance  # without labels and meshes
+    look: Appearance  # without labels, meshes and planes
     sphere: Sphere
 
 
@@ -226,8 +226,8 @@ class Scenes:
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> Scenes:
     """What a script shows at each time, by a look of all of them."""
-    meshes = script.beside.with_meshes(script.look, resampler)
-    own = replace(labelled(look, series, script.look), meshes=meshes)
+    met = script.beside.met(script.look, resampler).within(series.known.span)
+    own = met.beside(labelled(look, series, script.look))
     further = beside(others(script.added.also, script.source), script.look, resampler)
     return Scenes(series, own, further, resampler, script.look.fit)
 
@@ -252,10 +252,10 @@ def scene_for(
 ) -> ReadScene:
     """What a script shows in frames (height, width); errors as of `film_of`."""
     look, resampler = script.look, script.look.renderer(script.resampling)
-    meshes = script.beside.with_meshes(look, resampler)
+    met = script.beside.met(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, hire=hire)
-    shown = with_meshes(given, meshes)
+    shown = with_met(given, met)
     try:
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True

@@ -23,11 +23,10 @@ from resample_volume.files.stores.chunks import Chunked
 from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
-from resample_volume.media.appearance import Appearance, Medium
+from resample_volume.media.appearance import Appearance, Medium, Met
 from resample_volume.media.recordings import volume_at, with_times_first
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
-from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
@@ -109,10 +108,10 @@ def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Mediu
     return found
 
 
-def with_meshes(shown: list[Medium], meshes: tuple[SceneMesh, ...]) -> list[Medium]:
-    """Volumes with meshes in the scene of the first."""
+def with_met(shown: list[Medium], met: Met) -> list[Medium]:
+    """Volumes with meshes and planes in the scene of the first."""
     (volume, look), *others = shown
-    return [(volume, replace(look, meshes=meshes)), *others] if meshes else shown
+    return [(volume, met.beside(look)), *others]
 
 
 def times_of(source: Source, recording: Recording) -> Recording | None:

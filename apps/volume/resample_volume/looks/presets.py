@@ -297,6 +297,24 @@ def _colormap(name: str) -> TransferFunction:
             f"{', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values such as "
             "300..900, points such as 40/red/0,90/white/0.5, or a .json or .toml file will also do"
         )
+    return colormap(name)
+
+
+def colormap(name: str) -> TransferFunction:
+    """Colors of matplotlib by name, over the range of the data.
+
+    Raises
+    ------
+    ValueError
+        There are none of that name.
+    """
+    import matplotlib
+
+    if name not in matplotlib.colormaps:
+        raise ValueError(
+            f"colors {name!r}; give the name of a matplotlib colormap, such as gray, viridis or "
+            "coolwarm"
+        )
     position = np.linspace(0, 1, 256)
     color = np.asarray(matplotlib.colormaps[name](position))[:, :3]
     return TransferFunction(position, color, position, normalized=True)

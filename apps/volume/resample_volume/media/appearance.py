@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
@@ -16,6 +16,7 @@ from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.xrays import XRay
+from resample_volume.space.image_planes import ImagePlane
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.space.sections import Section
 from resample_volume.types import Volume
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 GRADIENT = "central"  # if none is asked for
+MET = ("mesh", "plane")  # what rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
@@ -65,13 +67,16 @@ class Appearance:
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
-    meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; planes do not cut them
+    meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; cuts leave them whole
+    planes: tuple[ImagePlane, ...] = ()  # that show values as they are; cuts leave them whole
     slab: str | None = None  # outside of which nothing is shown, see `Section.of`
     xray: XRay | None = None  # of the projection xray, which it chooses; None: the usual one
     invert: bool = False  # black and white are exchanged, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
+        given = (ImagePlane.of(one) if isinstance(one, str) else one for one in self.planes)
+        object.__setattr__(self, "planes", tuple(given))
         if self.slab is not None:
             Section.of(self.slab)
 
@@ -93,6 +98,7 @@ class Appearance:
             "gradient-opacity": self.gradient_opacity,
             "depth-cue": self.cue,
             "mesh": self.meshes or None,
+            "plane": self.planes or None,
             "xray": self.xray,
             "invert": self.invert or None,
         }
@@ -105,6 +111,21 @@ class Appearance:
 
 
 Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
+
+
+class Met(NamedTuple):
+    """What rays meet besides the volume."""
+
+    meshes: tuple[SceneMesh, ...]
+    planes: tuple[ImagePlane, ...]
+
+    def within(self, span: tuple[float, float]) -> "Met":
+        """The same, planes without a window with one of this least and greatest value."""
+        return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
+
+    def beside(self, look: Appearance) -> Appearance:
+        """The same look, with these."""
+        return replace(look, meshes=self.meshes, planes=self.planes) if any(self) else look
 
 
 def transfer_of(
@@ -153,8 +174,7 @@ def check_together(
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     _check_values(projection, extras)
-    if "mesh" in extras:
-        _check_meshes(resampler, classification)
+    _check_met([name for name in MET if name in extras], resampler, classification)
     if is_composite and _in_effect(classification, resampler) is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
@@ -203,18 +223,21 @@ def _check_values(projection: Projection, extras: Collection[str]) -> None:
         )
 
 
-def _check_meshes(resampler: Resampler, classification: Classification) -> None:
-    """Refuse meshes where no ray ends on them."""
+def _check_met(names: list[str], resampler: Resampler, classification: Classification) -> None:
+    """Refuse meshes and planes where no ray ends on them."""
+    if not names:
+        return
+    name = names[0]
     if resampler.projection in MEASURING:
         raise ValueError(
-            "a mesh is seen through the volume, so it needs the projection composite or first-hit, "
-            f"not {resampler.projection}"
+            f"a {name} is seen through the volume, so it needs the projection composite or "
+            f"first-hit, not {resampler.projection}"
         )
-    is_pre = classification is not Classification.POST and resampler.iso is None
+    is_pre = _in_effect(classification, resampler) is Classification.PRE and resampler.iso is None
     if is_pre or resampler.order.summing is not Summing.RAYS:
         raise ValueError(
-            "a mesh ends rays through the field, so it needs the classification post and the "
-            "order rays"
+            f"a {name} ends rays through the field, so it needs the order rays and the "
+            "classification post or auto"
         )
 
 
@@ -242,7 +265,7 @@ def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium]
 
     A field along rays is truer to the scene at any size on screen. Of several volumes together, of
     what memory does not hold as a field, and where gradients of voxels are asked for (`sobel`),
-    voxels are painted.
+    voxels are painted; but where a mesh or a plane is among them, rays have to meet it.
 
     Parameters
     ----------
@@ -259,6 +282,7 @@ def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium]
         is_of_field = True
     else:
         is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
+        is_of_field = is_of_field or any(look.meshes or look.planes for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

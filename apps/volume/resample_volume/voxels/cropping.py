@@ -24,7 +24,9 @@ CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
 CLIP_FORM = "give a normal, and how far from the middle along it, such as 1/0/-1 or 1/0/-1/20"
 
 
-def planes(volume: Volume, crop: str | None = None, clip: Sequence[str] = ()) -> Doubles:
+def planes(
+    volume: Volume, crop: str | None = None, clip: Sequence[str] = (), name: str = "clip"
+) -> Doubles:
     """Planes that bound what is shown.
 
     Parameters
@@ -39,6 +41,8 @@ def planes(volume: Volume, crop: str | None = None, clip: Sequence[str] = ()) ->
         Each `nx/ny/nz` or `nx/ny/nz/offset`: a plane through the volume's middle with that normal
         along the scene's axes, moved by as many scene units along it. What the normal points to
         is kept.
+    name
+        Of the option that the latter are from, for messages.
 
     Returns
     -------
@@ -50,7 +54,7 @@ def planes(volume: Volume, crop: str | None = None, clip: Sequence[str] = ()) ->
         A text is not of these forms, a range is empty, or a normal has no length.
     """
     rows = [] if crop is None else _box(volume, crop)
-    rows += [_plane(volume, text) for text in clip]
+    rows += [_plane(volume, text, name) for text in clip]
     return np.array(rows, np.float64).reshape(-1, 4)
 
 
@@ -234,17 +238,17 @@ def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
     return np.append(axis, -axis @ origin - least) / np.linalg.norm(axis)
 
 
-def _plane(volume: Volume, text: str) -> Doubles:
+def _plane(volume: Volume, text: str, name: str) -> Doubles:
     """Plane through the middle of the volume, or beside it."""
     try:
         numbers = [float(part) for part in text.split("/")]
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
-        raise ValueError(f"clip {text!r}; {CLIP_FORM}")
+        raise ValueError(f"{name} {text!r}; {CLIP_FORM}")
     largest = max(map(abs, numbers[:3]))
     if not largest:
-        raise ValueError(f"clip {text!r}: the normal must not be 0/0/0; {CLIP_FORM}")
+        raise ValueError(f"{name} {text!r}: the normal must not be 0/0/0; {CLIP_FORM}")
     normal = np.array(numbers[:3]) / largest
     normal /= np.linalg.norm(normal)
     last = np.array(volume.values.shape[::-1]) - 1.0
