@@ -206,6 +206,28 @@ def test_a_preview_shows_the_plane_where_it_is_in_its_window():
     assert not quick[~within(TURNED, voxel, -3.0)].any()
 
 
+@pytest.mark.parametrize("perspective", [True, False])
+def test_a_pointer_is_on_the_voxel_that_a_plane_shows(perspective):
+    scene, look = Scene(TURNED), Appearance(NOTHING, planes=("1/2/3",))
+    camera, voxel = straight(TURNED, "1/2/3", perspective=perspective)
+    ids = scene.sample_ids(look, camera, size=(96, 96))
+    inside = within(TURNED, voxel)
+    np.testing.assert_array_equal(ids[inside], np.floor(voxel[inside] + 0.5)[:, ::-1])
+    assert (ids[~inside] == -1).all()
+    thin = Appearance(NOTHING, planes=("1/2/3:opacity=0.2",))
+    assert (scene.sample_ids(thin, camera, size=(96, 96)) == -1).all()
+    assert scene.pick(48, 48, thin, camera, size=(96, 96)) is None
+
+
+def test_a_pointer_is_on_what_is_before_a_plane():
+    volume = EVEN._replace(values=np.where(np.indices((32, 32, 32))[0] >= 16, 100.0, 0.0))
+    scene, camera = Scene(volume), ahead()
+    for where, index in (("z=8", 8), ("z=24", 15)):
+        look = Appearance("50..150", None, planes=(where,))
+        found = scene.pick(32, 32, look, camera, size=(64, 64))
+        assert abs(found.voxel[0] - index) <= 1
+
+
 def test_a_camera_around_what_is_seen_has_all_of_a_plane():
     look = Appearance(NOTHING, planes=("z=50%",))
     subject = Subject.of(EVEN_VOLUME, look)

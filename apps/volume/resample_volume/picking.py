@@ -12,6 +12,7 @@ from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, View
 from resample_volume.rendering import Subject
+from resample_volume.space.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.visible import Voxels, lattice_of
@@ -68,7 +69,8 @@ def voxels_at(
     -------
     Flat indices (N,) of the voxels with which more than that share is gone on the way from the
     eye, voxel after voxel by their depth, or the one around which a field's ray has lost it, meets
-    the surface or has its extreme; -1 where there is none. And the share (N,) that comes through.
+    the surface, a plane of values that takes more than that share, or has its extreme; -1 where
+    there is none. And the share (N,) that comes through.
 
     Raises
     ------
@@ -91,8 +93,37 @@ def voxels_at(
         splatted = _splatted(voxels, scene, camera.view(), resampler)
         find_among_voxels(splatted, rays, level, voxel, kept)
     else:
+        depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
+        rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
         find_in_field(_looked(voxels, resampler), rays, level, voxel, kept)
+        is_plane = (voxel < 0) & np.isfinite(depth)
+        voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
     return voxel, kept
+
+
+def _on_planes(
+    subject: Subject, volume: Volume, view: View, pixels: Doubles, level: float
+) -> tuple[Doubles, Indices]:
+    """Depths (N,) at which rays meet planes of values, inf if they do not, and voxels there."""
+    depth, voxel = np.full(len(pixels), np.inf), np.full(len(pixels), -1, np.int64)
+    eye, way = _lines(view, pixels)
+    eye, to_lattice = eye + subject.middle, np.linalg.inv(lattice_of(volume)).T
+    shape = volume.values.shape
+    for plane in subject.appearance.planes:
+        if plane.opacity <= level:
+            continue
+        *normal, distance = settled(plane, volume).where
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (float(distance) - eye @ np.array(normal, float)) / (way @ np.array(normal, float))
+            place = (eye + at[:, np.newaxis] * way - volume.origin) @ to_lattice
+            is_nearer = (at >= view.near) & (at < np.minimum(depth, view.far))
+        near = np.flatnonzero(is_nearer & np.isfinite(place).all(axis=1))
+        x, y, z = np.floor(place[near] + 0.5).astype(np.int64).T
+        inside = (x >= 0) & (y >= 0) & (z >= 0) & (x < shape[2]) & (y < shape[1]) & (z < shape[0])
+        near, found = near[inside], (z[inside] * shape[1] + y[inside]) * shape[2] + x[inside]
+        is_known = np.isfinite(volume.values.reshape(-1)[found])
+        depth[near[is_known]], voxel[near[is_known]] = at[near[is_known]], found[is_known]
+    return depth, voxel
 
 
 def picked(volume: Volume, voxel: int) -> Picked:
@@ -110,11 +141,7 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
     """Rays of pixels, as far as they are near a volume, by voxels, and planes keep them."""
     from resample_volume.voxels.kernels.picking import Rays
 
-    on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.zeros(len(pixels))])
-    ahead = np.array([0.0, 0.0, 1.0])
-    start = np.zeros_like(on_plane) if view.perspective else on_plane
-    along = on_plane + ahead if view.perspective else np.broadcast_to(ahead, on_plane.shape)
-    eye, direction = (start - view.translation) @ view.rotation, along @ view.rotation
+    eye, direction = _lines(view, pixels)
     to_lattice = np.linalg.inv(lattice_of(scene)).T
     origin, speed = (eye - scene.origin) @ to_lattice, direction @ to_lattice
     first = np.full(len(pixels), view.near if view.perspective else -np.inf)
@@ -128,6 +155,15 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
     length = np.linalg.norm(direction, axis=1)
     arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
     return Rays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+
+
+def _lines(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
+    """Places (N, 3) of rays at depth 0, and what they go on by per depth; scene axes."""
+    on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.zeros(len(pixels))])
+    ahead = np.array([0.0, 0.0, 1.0])
+    start = np.zeros_like(on_plane) if view.perspective else on_plane
+    along = on_plane + ahead if view.perspective else np.broadcast_to(ahead, on_plane.shape)
+    return (start - view.translation) @ view.rotation, along @ view.rotation
 
 
 def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
