@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-Behind = Sequence[float] | None  # 3 values of linear light
+# 3 values of linear light, or what the commands' --background takes: white, #rrggbb, none...
+Behind = Sequence[float] | str | None
 
 
 def _results() -> Any:
@@ -40,13 +41,14 @@ class Showable:
         bits
             8 or 16 per channel of PNG, 8, 16 or 32 of TIFF.
         background
-            What is behind the picture, 3 values of linear light; None keeps it transparent, which
-            JPEG cannot be.
+            What is behind the picture: a color's name, #rrggbb or 3 values of linear light. None
+            keeps it transparent, which JPEG cannot be; commands take black if nothing is said.
 
         Raises
         ------
         ValueError
-            The suffix or the number of bits is not known, or the result is no one picture.
+            The suffix, the number of bits or the background is not known, or the result is no one
+            picture.
         OSError
             The file cannot be written.
         """
@@ -60,7 +62,7 @@ class Showable:
         of
             Part that is shown; all but `color` are drawn in false colors, unknown is black.
         background
-            What is behind the color, 3 values of linear light; None keeps it transparent.
+            What is behind the color, as of `save`; None keeps it transparent.
 
         Raises
         ------

@@ -54,6 +54,42 @@ def test_levels_are_those_that_are_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(tmp_path / "frame.exr"), seen.rgba)
 
 
+@pytest.mark.parametrize(
+    ("name", "light"),
+    [("white", (1, 1, 1)), ("#808080", (0.21586, 0.21586, 0.21586)), ("none", None)],
+)
+def test_backgrounds_have_the_names_of_commands(name: str, light: object, tmp_path: Path) -> None:
+    seen = frame()
+    seen.save(tmp_path / "frame.png", background=name)
+    found = np.asarray(Image.open(tmp_path / "frame.png"))
+    np.testing.assert_array_equal(found, seen.to_uint8(background=light))
+    np.testing.assert_array_equal(found, np.asarray(seen.to_image(background=name)))
+
+
+@pytest.mark.parametrize("background", ["nocolor", (1, 1), (1, 1, 1, 1)])
+def test_what_is_no_background_is_refused(background: object, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="#rrggbb or a color's name"):
+        frame().save(tmp_path / "frame.png", background=background)
+    assert not (tmp_path / "frame.png").exists()
+
+
+def test_half_of_white_is_light_here_and_a_level_where_others_blend() -> None:
+    """Browsers and Pillow mix levels; a picture with its background mixes light."""
+    half = Frame(
+        *(np.full(part, 0.5, np.float32) for part in ((1, 1, 4), *[(1, 1)] * 3)), NO_COUNTS
+    )
+    black = Image.new("RGBA", (1, 1), (0, 0, 0, 255))
+    theirs = np.asarray(Image.alpha_composite(black, half.to_image()))[0, 0, 0]
+    assert theirs == 128
+    of_light = 255 * (1.055 * 0.5 ** (1 / 2.4) - 0.055)
+    assert half.to_uint8(background="black")[0, 0, 0] == round(of_light) == 188
+    whole = half._replace(rgba=np.ones_like(half.rgba))
+    np.testing.assert_array_equal(
+        np.asarray(Image.alpha_composite(black, whole.to_image()))[..., :3],
+        whole.to_uint8(background="black"),
+    )
+
+
 def test_results_are_saved_as_tiff_and_jpeg_too(tmp_path: Path) -> None:
     seen = frame()
     seen.save(tmp_path / "frame.tif", bits=32)

@@ -112,9 +112,10 @@ def _on_planes(
     for plane in subject.appearance.planes:
         if plane.opacity <= level:
             continue
-        *normal, distance = settled(plane, volume).where
+        *numbers, distance = settled(plane, volume).numbers
+        normal = np.array(numbers)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (float(distance) - eye @ np.array(normal, float)) / (way @ np.array(normal, float))
+            at = (distance - eye @ normal) / (way @ normal)
             place = (eye + at[:, np.newaxis] * way - volume.origin) @ to_lattice
             is_nearer = (at >= view.near) & (at < np.minimum(depth, view.far))
         near = np.flatnonzero(is_nearer & np.isfinite(place).all(axis=1))

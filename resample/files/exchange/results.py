@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import Background, from_srgb, mapped
+from resample.colors import from_srgb, mapped
+from resample.command.settings import Color, linear_color
 from resample.files.frames import write_frame
 from resample.files.images import screen_levels
+from resample.showable import Behind
 from resample.types import Floats, Frame, Statistics
 
 if TYPE_CHECKING:
@@ -23,25 +25,35 @@ HOLE_COLORS = "tab10"
 MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification", "confidence")
 
 
-def save(result: Any, path: str | Path, *, bits: int, background: Background | None) -> None:
+def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:
     """Write a result; see `resample.showable.Showable.save`."""
     frame = result if isinstance(result, Frame) else _as_frame(result)
-    behind = None
-    if background is not None:
-        red, green, blue = map(float, background)
-        behind = red, green, blue
-    write_frame(Path(path), frame, bits, behind)
+    write_frame(Path(path), frame, bits, _behind(background))
 
 
-def levels_of(result: Any, of: str, *, background: Background | None = None) -> NDArray[np.uint8]:
+def _behind(background: Behind) -> Color | None:
+    """Linear light of what is behind a picture; None where it is transparent."""
+    if background is None or isinstance(background, str):
+        return None if background is None else linear_color(background)
+    light = [float(part) for part in background]
+    if len(light) != 3:
+        raise ValueError(
+            f"a background of {len(light)} values; give 3 of linear light, #rrggbb or a color's "
+            "name"
+        )
+    red, green, blue = light
+    return red, green, blue
+
+
+def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.uint8]:
     """Levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
     if of != "color":
         light = _false_colors(result, of)
         return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
-    return screen_levels(light_of(result), background=background)
+    return screen_levels(light_of(result), background=_behind(background))
 
 
-def image_of(result: Any, of: str, *, background: Background | None = None) -> "Image":
+def image_of(result: Any, of: str, *, background: Behind = None) -> "Image":
     """A result as Pillow's image."""
     from PIL import Image
 

@@ -56,6 +56,13 @@ class ImagePlane:
         self.palette  # noqa: B018 - refuses unknown colors
 
     @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Normal and distance of a settled plane."""
+        if isinstance(self.where, str):
+            raise TypeError(f"the plane {self.where} is one of a volume; settle it first")
+        return self.where
+
+    @property
     def palette(self) -> TransferFunction:
         """Colors of values, of fractions of the window."""
         return GRAY if self.colors == "gray" else colormap(self.colors)

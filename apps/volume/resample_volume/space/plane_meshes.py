@@ -28,13 +28,13 @@ def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
     field
         Of the volume: what is interpolated as rays see it. Where it is not known is a hole.
     """
-    if isinstance(plane.where, str) or plane.window is None:
-        raise TypeError("a plane is settled before it becomes a mesh")
-    place, face = _grid(outline(volume, plane.where))
+    place, face = _grid(outline(volume, plane.numbers))
     face = face[_is_known(field, place[face].mean(axis=1))]
-    color = plane.palette.colors(values_at(field, place), plane.window).astype(np.float64)
+    color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0)).astype(
+        np.float64
+    )
     corner = np.asarray(volume.origin, np.float64) + place @ field.lattice.T
-    return SceneMesh(corner, np.zeros_like(corner), color, face, plane.opacity)
+    return SceneMesh(corner, np.zeros_like(corner), color.astype(np.float64), face, plane.opacity)
 
 
 def values_at(field: Gathered, place: Doubles) -> Doubles:
