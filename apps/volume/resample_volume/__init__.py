@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.image_planes import ImagePlane
+    from resample_volume.space.measuring import measure
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.viewing import picture
@@ -46,6 +47,7 @@ _HOMES = {
     "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "looks.presets",
+    "measure": "space.measuring",
     "open_volume": "files.source",
     "read_mesh": "space.meshes",
     "picture": "viewing",
@@ -69,6 +71,7 @@ __all__ = [
     "annotate",
     "as_volume",
     "load_transfer",
+    "measure",
     "open_volume",
     "picture",
     "read_mesh",

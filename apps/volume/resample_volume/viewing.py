@@ -33,9 +33,11 @@ from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
+from resample_volume.space.measuring import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
@@ -91,6 +93,7 @@ class VolumePainter:
 
     _found: Kept = field(default_factory=dict)
     _looks: dict[Any, Appearance] = field(default_factory=dict)  # what was asked for last
+    _picks: tuple[Picked, ...] = ()  # the last ones, of which the next is measured
     _vtk: "VtkBeside | None" = None
 
     def __post_init__(self) -> None:
@@ -203,7 +206,11 @@ class VolumePainter:
         )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Voxel that is seen at a place, see `resample.view.views.Painter`."""
+        """Voxel that is seen at a place, see `resample.view.views.Painter`.
+
+        How far it is from the last one, and the angle there to the one before, are told, too;
+        beside the volume that begins anew.
+        """
         wish = self._wish(settings)
         found = self._scene.pick(
             *(x, y, wish.appearance, wish.look.viewpoint()),
@@ -212,11 +219,14 @@ class VolumePainter:
             fit=wish.look.fit,
         )
         if found is None:
+            self._picks = ()
             return {}
+        self._picks = picks = (*self._picks[-2:], found)
         return {
             "voxel": "{2}, {1}, {0}".format(*found.voxel),  # along x, y and z
             "value": f"{found.value:.6g}",
             "position": ", ".join(f"{part:.6g}" for part in found.position),
+            **_measured(picks, self.volume),
         }
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
@@ -295,7 +305,11 @@ class VolumeView:
                 "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
                 **{option: names(group) for option, group in NAMED.items()},
             },
-            "box": {"voxels": size, "lattice": lattice_of(self.volume).tolist()},
+            "box": {
+                "voxels": size,
+                "lattice": lattice_of(self.volume).tolist(),
+                "middle": centered(self.volume)[1].tolist(),
+            },
             "histogram": _histogram(self.volume, known.span),
         }
 
@@ -318,6 +332,17 @@ class VolumeView:
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
+
+
+def _measured(picks: Sequence[Picked], volume: Volume) -> dict[str, str]:
+    """What the last two or three voxels that were picked tell of lengths and angles."""
+    if len(picks) < 2:
+        return {}
+    length = measure(*picks[-2:], volume=volume)
+    told = {"distance": f"{length.distance:.6g} {length.unit}".rstrip()}
+    if len(picks) == 3 and length.distance and measure(*picks[:2]).distance:
+        told["angle"] = f"{measure(*picks).angle:.4g}°"
+    return told
 
 
 def _absence() -> str:

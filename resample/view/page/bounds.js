@@ -1,6 +1,7 @@
 // Handles by which a volume is cut: six on the sides of a box of voxels (`crop`), and two on each
 // plane (`clip`), one that moves it along its normal and one that turns it. Scene units are
-// around the volume's middle; a frame tells how they come to its pixels (`view`).
+// around the volume's middle; a frame tells how they come to its pixels (`view`). And lines between
+// the last voxels that were picked.
 
 import { between, made, rounded } from "./elements.js";
 
@@ -82,6 +83,7 @@ export function bounds(page) {
   const add = button("clip-add", "One more plane", "+ plane", () => added());
   const remove = button("clip-remove", "Take a plane away", "− plane", () => removed());
   let view = null, chosen = 0;
+  let measured = []; // places of the last picks
   let sides = [], grips = []; // handles of the box, and pairs of those of planes
   lines.classList.add("lines");
   lines.append(path);
@@ -243,7 +245,7 @@ export function bounds(page) {
 
   function stroke(...points) {
     const found = points.map((point) => projected(point)?.at);
-    return found.every(Boolean) ? `M${found.map((at) => at.map((one) => one.toFixed(1)).join(" ")).join("L")}` : "";
+    return found.length > 1 && found.every(Boolean) ? `M${found.map((at) => at.map((one) => one.toFixed(1)).join(" ")).join("L")}` : "";
   }
 
   function drawnBox(now) {
@@ -276,7 +278,7 @@ export function bounds(page) {
 
   function placed() {
     if (!box() || !view) return;
-    const parts = drawnBox(isOn(crop) ? ranges() : null) + drawnPlanes(isOn(clip) ? planes() : []);
+    const parts = drawnBox(isOn(crop) ? ranges() : null) + drawnPlanes(isOn(clip) ? planes() : []) + stroke(...measured);
     path.setAttribute("d", parts);
   }
 
@@ -293,5 +295,13 @@ export function bounds(page) {
     placed();
   }
 
-  return { buttons: [crop, clip, add, remove], begin, placed, framed };
+  // A voxel was picked, or nothing: then lines begin anew
+  function picked({ position }) {
+    if (!box()) return;
+    const at = position?.split(",").map((word, axis) => Number(word) - box().middle[axis]);
+    measured = at ? [...measured.slice(-2), at] : [];
+    placed();
+  }
+
+  return { buttons: [crop, clip, add, remove], begin, placed, framed, picked };
 }

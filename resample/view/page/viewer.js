@@ -174,6 +174,7 @@ export function show(el, connect) {
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
+      cuts.picked(given.found);
     }
     if (given.kind === "told" && given.what === "points") look.curve(given.told);
     if (given.kind === "exported") exports.exported(given.texts);

@@ -13,6 +13,7 @@ from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines
+from resample_volume.space.measuring import unit_of_space
 from resample_volume.space.text import letters, put_mask, type_size
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
@@ -200,8 +201,7 @@ def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) 
     mask[:, -1] *= across - math.floor(across) or 1.0
     left, top = width - margin - mask.shape[1], height - margin - tall
     put_mask(rgba, mask, left, top, is_dark=given.is_dark)
-    unit = " mm" if volume.space == "lps" else ""
-    words = letters(f"{length:g}{unit}", size)
+    words = letters(f"{length:g} {unit_of_space(volume)}".rstrip(), size)
     middle = left + mask.shape[1] / 2
     left, top = round(middle - words.shape[1] / 2), top - words.shape[0] - thick - 2
     put_mask(rgba, words, left, top, is_dark=given.is_dark)
