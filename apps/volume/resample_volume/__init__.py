@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.image_planes import ImagePlane
+    from resample_volume.space.iso_surfaces import IsoSurface
     from resample_volume.space.measuring import measure
     from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
@@ -37,6 +38,7 @@ _HOMES = {
     "Annotations": "space.annotations",
     "Appearance": "media.appearance",
     "ImagePlane": "space.image_planes",
+    "IsoSurface": "space.iso_surfaces",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",
@@ -61,6 +63,7 @@ __all__ = [
     "Annotations",
     "Appearance",
     "ImagePlane",
+    "IsoSurface",
     "Light",
     "Orbit",
     "Scene",

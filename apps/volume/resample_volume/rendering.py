@@ -50,6 +50,7 @@ from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, 
 from resample_volume.space.image_planes import settled as settled_plane
 from resample_volume.space.meshes import SceneMesh, placed
 from resample_volume.space.plane_meshes import plane_mesh
+from resample_volume.space.surface_meshes import surface_mesh
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.cropping import faced, keep, planes
@@ -232,11 +233,12 @@ def _reached(
 
 
 def _pictures(volume: Volume, appearance: Appearance, voxels: Visible) -> list[SceneMesh]:
-    """Planes of a look as meshes, in the volume's own scene."""
+    """Planes and surfaces of a look as meshes, in the volume's own scene."""
     if not isinstance(voxels, Gathered):
         return []
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
-    return [plane_mesh(plane, volume, voxels) for plane in planes]
+    made = [plane_mesh(plane, volume, voxels) for plane in planes]
+    return made + [surface_mesh(one, volume, voxels) for one in appearance.surfaces]
 
 
 def lit_samples(

@@ -294,7 +294,7 @@ class Scene:
     def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
         """Look and renderer of previews: voxels, where it is not said; it keeps its tables."""
         is_auto = look.classification is Classification.AUTO
-        is_auto = is_auto and not (look.meshes or look.planes)
+        is_auto = is_auto and not look.met
         if is_auto and paint.projection is Projection.COMPOSITE:
             look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
         if paint.subpixels is not None:

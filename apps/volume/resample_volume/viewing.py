@@ -248,7 +248,7 @@ class VolumePainter:
     def _appearance(self, look: Look, resampler: Resampler, beside: Beside) -> Appearance:
         """Look of the voxels, found once while only the camera moves."""
         still = {name: getattr(STILL, name) for name in STEERED}
-        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane
+        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
         appearance = self._looks.get(key)
         if appearance is None:
             with keeping(self._found):

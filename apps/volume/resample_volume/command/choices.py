@@ -416,6 +416,14 @@ class Beside(Choices):
             "colormap), opacity=1. It needs what a mesh needs, and clip does not cut it."
         ),
     ] = ()
+    surface: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Surface of a value beside the volume: 300:color=ivory,opacity=0.5. It "
+            "needs what a mesh needs, and the extra vtk; clip does not cut it."
+        ),
+    ] = ()
 
     def annotations(self, background: Color | None = None) -> "Annotations":
         """What is drawn, before a linear color."""
@@ -435,14 +443,16 @@ class Beside(Choices):
         """
         from resample_volume.media.appearance import Classification, Met, check_together
         from resample_volume.space.image_planes import ImagePlane
+        from resample_volume.space.iso_surfaces import IsoSurface
         from resample_volume.space.meshes import read_mesh
 
-        given = {"mesh": self.mesh, "plane": self.plane}
+        given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
         names = [name for name, texts in given.items() if texts]
         if names:
             check_together(resampler, Classification(look.classify), names)
         planes = tuple(ImagePlane.of(text) for text in self.plane)
-        return Met(tuple(read_mesh(text) for text in self.mesh), planes)
+        surfaces = tuple(IsoSurface.of(text) for text in self.surface)
+        return Met(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
 
 
 class BesidePicture(Beside):

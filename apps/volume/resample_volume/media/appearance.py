@@ -17,6 +17,7 @@ from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.xrays import XRay
 from resample_volume.space.image_planes import ImagePlane
+from resample_volume.space.iso_surfaces import IsoSurface
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.space.sections import Section
 from resample_volume.types import Volume
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 GRADIENT = "central"  # if none is asked for
-MET = ("mesh", "plane")  # what rays meet besides the volume
+MET = ("mesh", "plane", "surface")  # what rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
@@ -69,14 +70,17 @@ class Appearance:
     framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
     meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; cuts leave them whole
     planes: tuple[ImagePlane, ...] = ()  # that show values as they are; cuts leave them whole
+    surfaces: tuple[IsoSurface, ...] = ()  # of one value; cuts leave them whole
     slab: str | None = None  # outside of which nothing is shown, see `Section.of`
     xray: XRay | None = None  # of the projection xray, which it chooses; None: the usual one
     invert: bool = False  # black and white are exchanged, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
-        given = (ImagePlane.of(one) if isinstance(one, str) else one for one in self.planes)
-        object.__setattr__(self, "planes", tuple(given))
+        planes = (ImagePlane.of(one) if isinstance(one, str) else one for one in self.planes)
+        object.__setattr__(self, "planes", tuple(planes))
+        surfaces = (IsoSurface.of(one) if isinstance(one, str) else one for one in self.surfaces)
+        object.__setattr__(self, "surfaces", tuple(surfaces))
         if self.slab is not None:
             Section.of(self.slab)
 
@@ -99,10 +103,16 @@ class Appearance:
             "depth-cue": self.cue,
             "mesh": self.meshes or None,
             "plane": self.planes or None,
+            "surface": self.surfaces or None,
             "xray": self.xray,
             "invert": self.invert or None,
         }
         return [name for name, choice in chosen.items() if choice is not None]
+
+    @property
+    def met(self) -> list[str]:
+        """Names of what rays meet besides the volume."""
+        return [name for name in self.extras if name in MET]
 
     @property
     def needed_gradient(self) -> str | None:
@@ -118,6 +128,7 @@ class Met(NamedTuple):
 
     meshes: tuple[SceneMesh, ...]
     planes: tuple[ImagePlane, ...]
+    surfaces: tuple[IsoSurface, ...]
 
     def within(self, span: tuple[float, float]) -> "Met":
         """The same, planes without a window with one of this least and greatest value."""
@@ -125,7 +136,7 @@ class Met(NamedTuple):
 
     def beside(self, look: Appearance) -> Appearance:
         """The same look, with these."""
-        return replace(look, meshes=self.meshes, planes=self.planes) if any(self) else look
+        return replace(look, **self._asdict()) if any(self) else look
 
 
 def transfer_of(
@@ -282,7 +293,7 @@ def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium]
         is_of_field = True
     else:
         is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
-        is_of_field = is_of_field or any(look.meshes or look.planes for _, look in media)
+        is_of_field = is_of_field or any(look.met for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

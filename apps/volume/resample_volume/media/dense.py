@@ -91,9 +91,8 @@ def check_windows(media: Sequence[Medium]) -> None:
     """Refuse what depends on all visible voxels together, or is not in bricks."""
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
-        if look.meshes or look.planes or not is_pre:
-            met = "a mesh" if look.meshes else "a plane"
-            what = met if look.meshes or look.planes else "the classification post"
+        if look.met or not is_pre:
+            what = f"a {look.met[0]}" if look.met else "the classification post"
             raise ValueError(
                 f"{what} needs rays through a field, which cannot be painted window by window; "
                 "render it as a whole by classify post: a file holds the field if memory does not"

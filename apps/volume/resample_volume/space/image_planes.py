@@ -10,6 +10,7 @@ from resample.types import Doubles
 from resample_volume.looks.presets import colormap
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import TransferFunction, from_points
+from resample_volume.space.meshes import choices_of, chosen_opacity
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.visible import lattice_of
@@ -77,14 +78,8 @@ class ImagePlane:
             The text is not of this form, or a choice is unknown or not allowed.
         """
         where, _, rest = text.partition(":")
-        choices = dict(part.partition("=")[::2] for part in rest.split(",") if part)
-        unknown = [key for key in choices if key not in KEYS]
-        if unknown:
-            raise ValueError(f"plane {text!r}: unknown {', '.join(unknown)}; {FORM}")
-        try:
-            opacity = float(choices.get("opacity", "1"))
-        except ValueError:
-            raise ValueError(f"opacity {choices['opacity']!r} of a plane; give 0 to 1") from None
+        choices = choices_of("plane", text, rest, KEYS, FORM)
+        opacity = chosen_opacity("plane", choices)
         window = _window(choices["window"]) if "window" in choices else None
         return cls(where, window, choices.get("colors", "gray"), opacity)
 

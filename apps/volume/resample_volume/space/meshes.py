@@ -1,5 +1,6 @@
 """Meshes that stand in a volume's scene, read by trimesh."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -167,11 +168,54 @@ def _parsed(text: str) -> tuple[Path, dict[str, str]]:
     name, colon, tail = text.rpartition(":")
     if not colon or "=" not in tail:
         return Path(text), {}
-    choices = dict(part.partition("=")[::2] for part in tail.split(","))
-    unknown = [key for key in choices if key not in ("color", "opacity")]
+    return Path(name), choices_of("mesh", text, tail, ("color", "opacity"), f"known are {ALLOWED}")
+
+
+def choices_of(
+    kind: str, text: str, tail: str, known: Collection[str], form: str
+) -> dict[str, str]:
+    """Choices `a=b,c=d` by name, of the end of a text about something of a kind.
+
+    Raises
+    ------
+    ValueError
+        Some are not known; the message ends with the form.
+    """
+    choices = dict(part.partition("=")[::2] for part in tail.split(",") if part)
+    unknown = [key for key in choices if key not in known]
     if unknown:
-        raise ValueError(f"mesh {text!r}: unknown {', '.join(unknown)}; known are {ALLOWED}")
-    return Path(name), choices
+        raise ValueError(f"{kind} {text!r}: unknown {', '.join(unknown)}; {form}")
+    return choices
+
+
+def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
+    """Opacity among choices, else 1.
+
+    Raises
+    ------
+    ValueError
+        It is no number.
+    """
+    try:
+        return float(choices.get("opacity", "1"))
+    except ValueError:
+        raise ValueError(f"opacity {choices['opacity']!r} of a {kind}; give 0 to 1") from None
+
+
+def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
+    """Linear light of a color's name or of #rrggbb.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    from resample.command.settings import linear_color
+
+    color = linear_color(name)
+    if color is None:
+        raise ValueError(f"color 'none' of a {kind}; give a color's name or #rrggbb")
+    return color
 
 
 def _geometries(path: Path) -> list[Any]:
@@ -190,17 +234,10 @@ def _geometries(path: Path) -> list[Any]:
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
     """One of trimesh's meshes with the chosen look."""
-    from resample.command.settings import linear_color
-
-    try:
-        opacity = float(choices.get("opacity", "1"))
-    except ValueError:
-        raise ValueError(f"opacity {choices['opacity']!r} of a mesh; give 0 to 1") from None
+    opacity = chosen_opacity("mesh", choices)
     color: Any = (GRAY, GRAY, GRAY)
     if "color" in choices:
-        color = linear_color(choices["color"])
-        if color is None:
-            raise ValueError("color 'none' of a mesh; give a color's name or #rrggbb")
+        color = chosen_color("mesh", choices["color"])
     elif part.visual.kind is not None:
         color = _colors(part)
     corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
