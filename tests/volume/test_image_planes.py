@@ -1,5 +1,7 @@
 """Planes that show values: against SciPy's interpolation, formulas, and each other."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -18,7 +20,7 @@ from resample_volume.space import plane_meshes
 from resample_volume.space.image_planes import ImagePlane, outline, settled
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import lattice_of
-from tests.commands import refused
+from tests.commands import ended, refused
 from tests.volume.test_space_meshes import EVEN, FOG, ahead, fog, wall
 
 COARSE = pytest.mark.usefixtures("coarse")
@@ -309,3 +311,20 @@ def test_what_shows_no_planes_is_one_line(words, said, tmp_path, monkeypatch, ca
     output = "out.png"
     given = ("render", "checker-box", "-o", output, "--plane", "z=4", *words)
     assert said in refused(app, capsys, *given)
+
+
+@COARSE
+def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
+    from PIL import Image
+
+    from resample_volume.command.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    step = np.repeat([0.0, 30.0], 6).astype(np.float32) * np.ones((12, 12, 1), np.float32)
+    np.save("times.npy", np.stack([step, 3 * step]))
+    words = ("--path", "still", "--frames", "2", "--size", "32", "--transfer", NOTHING)
+    where = ("--plane", "z=50%", "--camera", "top", "--fov", "0")
+    assert ended(app, "animate", "times.npy", *words, *where, "-o", "film") == 0
+    frames = sorted(Path("film").glob("*.png"))
+    levels = [np.asarray(Image.open(path))[..., 0] for path in frames]
+    assert [int(np.percentile(frame, 95)) for frame in levels] == pytest.approx([85, 255], abs=8)

@@ -119,6 +119,19 @@ def test_the_command_shows_a_surface_of_what_is_not_shown_else(tmp_path, monkeyp
     np.testing.assert_array_equal(np.asarray(Image.open("out.png"))[16, 16, :3], [255, 99, 71])
 
 
+def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
+    from resample_volume.command.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    np.save("ball.npy", BALL.values)
+    assert ended(app, "convert", "ball.npy", "ball.zarr", "--chunk", "16") == 0
+    for name in ("ball.npy", "ball.zarr"):
+        words = (name, "--size", "32", "--surface", "60", "-o", f"{name}.png")
+        assert ended(app, "render", *words) == 0
+    one, two = ((tmp_path / f"ball.{kind}.png").read_bytes() for kind in ("npy", "zarr"))
+    assert one == two
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -232,13 +232,16 @@ def _reached(
     return voxels._replace(reached=voxels_reached(voxels, light))
 
 
-def _pictures(volume: Volume, appearance: Appearance, voxels: Visible) -> list[SceneMesh]:
-    """Planes and surfaces of a look as meshes, in the volume's own scene."""
+def _pictures(
+    volume: Volume, values: Any, appearance: Appearance, voxels: Visible
+) -> list[SceneMesh]:
+    """Planes and surfaces of a look as meshes, in the volume's own scene; its values are known."""
     if not isinstance(voxels, Gathered):
         return []
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
-    return made + [surface_mesh(one, volume, voxels) for one in appearance.surfaces]
+    known = volume._replace(values=values)
+    return made + [surface_mesh(one, known, voxels) for one in appearance.surfaces]
 
 
 def lit_samples(
@@ -311,7 +314,7 @@ class Subject:
             voxels = faced(keep(voxels, clip, radius), clip)
         if appearance.light is not None and appearance.light.is_blocked:
             voxels = _reached(voxels, scene, resampler, clip, appearance.light)
-        pictures = _pictures(volume, appearance, voxels)
+        pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = placed((*appearance.meshes, *pictures), middle)
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))

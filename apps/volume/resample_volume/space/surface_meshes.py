@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
+from resample_volume.files.memory import require_memory
 from resample_volume.space.iso_surfaces import IsoSurface
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.space.plane_meshes import values_at
@@ -14,6 +15,7 @@ from resample_volume.voxels.fields import check_iso
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.visible import finite_range, lattice_of
 
+BYTES_PER_VOXEL = 12  # of what VTK is given, and a surface of usual size
 STEP = 1 / 16  # voxels, over which slopes are differences
 FARTHEST = 0.5  # voxels that a corner is moved, at most at a time
 TURNS = 3  # of Newton's, by the slopes that there were at first
@@ -36,9 +38,10 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
     Raises
     ------
     ValueError
-        The data do not pass the value.
+        The data do not pass the value, or memory does not hold them.
     """
     check_iso(surface.value, volume, finite_range(volume.values))
+    require_memory(BYTES_PER_VOXEL * volume.values.size, f"a surface of {volume.name}")
     place, face = _corners(volume.values, surface.value)
     place, slope = _onto(place, field, surface.value)
     lattice = lattice_of(volume)
@@ -58,7 +61,7 @@ def _corners(values: NDArray[Any], value: float) -> tuple[Doubles, NDArray[np.in
     from vtkmodules.vtkCommonDataModel import vtkImageData
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
-    padded = np.pad(values, 1, mode="edge").astype(np.float32)
+    padded = np.pad(values.astype(np.float32), 1, mode="edge")
     image = vtkImageData()
     image.SetDimensions(*padded.shape[::-1])
     image.SetOrigin(-1.0, -1.0, -1.0)
