@@ -27,7 +27,7 @@ COARSE = pytest.mark.usefixtures("coarse")
 LEVEL = 1 / 255
 AWAY = 60.0  # scene units from a camera to a plane
 NOTHING = "2000..3000"  # shows none of VALUES
-VALUES = gaussian_filter(np.random.default_rng(1).normal(size=(16, 18, 20)), 2.0)
+VALUES = gaussian_filter(np.random.default_rng(1).normal(size=(10, 12, 14)), 2.0)
 VALUES = (1000 * (VALUES - VALUES.min()) / np.ptp(VALUES)).astype(np.float32)
 EVEN_VOLUME = as_volume(VALUES)
 TURN = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
@@ -35,7 +35,7 @@ TURN[:, 0] *= np.linalg.det(TURN)
 TURNED = EVEN_VOLUME._replace(
     spacing=np.array([0.5, 0.8, 2.0]), origin=np.array([40.0, -9.0, 7.0]), direction=TURN
 )
-HALF_KNOWN = EVEN_VOLUME._replace(values=np.where(np.indices(VALUES.shape)[2] < 10, VALUES, np.nan))
+HALF_KNOWN = EVEN_VOLUME._replace(values=np.where(np.indices(VALUES.shape)[2] < 7, VALUES, np.nan))
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def looking_along(normal):
     return np.stack([right, np.cross(normal, right), normal])
 
 
-def straight(volume, where, per_unit=8.0, size=80, perspective=False):
+def straight(volume, where, per_unit=8.0, size=48, perspective=False):
     """Camera straight before a plane, and voxels (H, W, 3) of it that pixels show."""
     plane = settled(ImagePlane(where), volume)
     middle = volume.origin + lattice_of(volume) @ outline(volume, plane.where).mean(axis=0)
@@ -87,7 +87,7 @@ def truth(volume, voxel, window=(100.0, 900.0)):
     return np.clip((value - window[0]) / (window[1] - window[0]), 0, 1)
 
 
-WHERES = ["z=7.3", "x=50%", "y=0", "1/0/-1", "1/2/3/2.5"]
+WHERES = ["z=4.3", "x=50%", "y=0", "1/0/-1", "1/2/3/2.5"]
 
 
 @pytest.mark.each_value
@@ -113,7 +113,7 @@ def test_a_perspective_camera_shows_the_same():
 def test_colors_are_those_of_matplotlib():
     import matplotlib
 
-    frame, voxel = seen_straight(EVEN_VOLUME, "z=7", colors="viridis")
+    frame, voxel = seen_straight(EVEN_VOLUME, "z=5", colors="viridis")
     inside = within(EVEN_VOLUME, voxel, 0.3)
     wanted = np.asarray(matplotlib.colormaps["viridis"](truth(EVEN_VOLUME, voxel)[inside]))[:, :3]
     found = to_srgb(frame.rgba[inside, :3])
@@ -150,11 +150,11 @@ def test_a_window_that_is_not_given_is_the_range_without_padding():
 
 
 def test_missing_voxels_are_holes():
-    frame, voxel = seen_straight(HALF_KNOWN, "z=7")
+    frame, voxel = seen_straight(HALF_KNOWN, "z=5")
     inside = within(HALF_KNOWN, voxel)
-    known = inside & (voxel[..., 0] < 9.2)
+    known = inside & (voxel[..., 0] < 6.2)
     np.testing.assert_allclose(frame.rgba[known & within(HALF_KNOWN, voxel, 0.3), 3], 1, atol=1e-6)
-    assert not frame.rgba[voxel[..., 0] > 9.8].any()
+    assert not frame.rgba[voxel[..., 0] > 6.8].any()
 
 
 @COARSE
@@ -213,7 +213,7 @@ def test_a_plane_before_the_first_surface_hides_it():
 def test_a_preview_shows_the_plane_where_it_is_in_its_window():
     scene, look = Scene(TURNED), Appearance(NOTHING, planes=("1/2/3",))
     camera, voxel = straight(TURNED, "1/2/3")
-    quick = scene.render(look, camera, size=(80, 80), quality="preview").rgba
+    quick = scene.render(look, camera, size=(48, 48), quality="preview").rgba
     inside = within(TURNED, voxel, 2.0)
     np.testing.assert_allclose(quick[inside, 3], 1, atol=1e-6)
     away = np.abs(to_srgb(quick[inside, :3]) - truth(TURNED, voxel, (0, 1000))[inside][:, None])
@@ -225,13 +225,13 @@ def test_a_preview_shows_the_plane_where_it_is_in_its_window():
 def test_a_pointer_is_on_the_voxel_that_a_plane_shows(perspective):
     scene, look = Scene(TURNED), Appearance(NOTHING, planes=("1/2/3",))
     camera, voxel = straight(TURNED, "1/2/3", perspective=perspective)
-    ids = scene.sample_ids(look, camera, size=(80, 80))
+    ids = scene.sample_ids(look, camera, size=(48, 48))
     inside = within(TURNED, voxel)
     np.testing.assert_array_equal(ids[inside], np.floor(voxel[inside] + 0.5)[:, ::-1])
     assert (ids[~inside] == -1).all()
     thin = Appearance(NOTHING, planes=("1/2/3:opacity=0.2",))
-    assert (scene.sample_ids(thin, camera, size=(80, 80)) == -1).all()
-    assert scene.pick(40, 40, thin, camera, size=(80, 80)) is None
+    assert (scene.sample_ids(thin, camera, size=(48, 48)) == -1).all()
+    assert scene.pick(24, 24, thin, camera, size=(48, 48)) is None
 
 
 @COARSE
