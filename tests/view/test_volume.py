@@ -41,6 +41,7 @@ WISHES: dict[str, dict[str, Any]] = {
     "sheets": {"order": "axis-sheets", "method": "splats", "transfer": "bone", "window": "128/150"},
     "points": {"transfer": "40/tomato/0,64/#4466aa/0.1,200/white/0.9", "background": "#204060"},
     "drawn into": {"box": True, "axes": True, "cube": True, "scale-bar": True, "fit": "visible"},
+    "planes": {"plane": ["z=50%:window=64/128", "1/1/0:colors=magma,opacity=0.5"]},
 }
 
 
