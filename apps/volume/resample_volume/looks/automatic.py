@@ -45,9 +45,12 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
     some = _codes(sampled(volume.values), known)
+    if not some.size:  # what is there lies between the samples
+        some = _codes(known.levels.value, known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     around = _codes(rim(volume.values), known)
-    if np.mean(around > threshold) >= SURROUNDING and np.mean(some <= threshold) >= LEAST_WITHIN:
+    is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
+    if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
         return _reversed(ramp(1 - threshold / 256))
     return ramp((threshold + 1) / 256)
 
