@@ -43,6 +43,7 @@ from resample_volume.media.appearance import (
 )
 from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.recordings import how
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
 from resample_volume.space.meshes import placed
 from resample_volume.types import Volume
@@ -170,7 +171,7 @@ def field_of(
     if volume.colors is not None:
         raise ValueError(
             f"{volume.name} has colors, which need the classification pre and the projection "
-            "composite; for a field choose one channel"
+            f"composite; for a field {how('channel', volume.colors.shape[-1])}"
         )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:

@@ -342,10 +342,11 @@ def info(
     as_json
         Print JSON instead of a table.
     """
-    from resample_volume.command.inputs import levels, opened
+    from resample_volume.command.inputs import levels, opened_of_several
     from resample_volume.files.source import describe
 
-    facts = describe(opened(source, volume, streamed=True), bins)
+    shown, (times, channels) = opened_of_several(source, volume, streamed=True)
+    facts = describe(shown, bins) | {"times": times, "channels": channels}
     if sizes := levels(source, volume):
         facts["levels"] = sizes
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))

@@ -15,6 +15,7 @@ from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
+from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Values, parts
 
@@ -22,7 +23,13 @@ if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
 
 
-def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
+def open_volume(
+    name: str | Path,
+    reader: Reader | None = None,
+    *,
+    time: int | None = None,
+    channel: int | None = None,
+) -> Volume:
     """Open what there is under a name.
 
     Parameters
@@ -33,6 +40,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
         `sample:vessel-tree`.
     reader
         Reads the file or folder; None finds one among all that are installed.
+    time, channel
+        Which of several, from 0 on, or from the end where negative.
 
     Returns
     -------
@@ -43,7 +52,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     OSError
         There is no such file, it must not be read, or a server does not answer.
     ValueError
-        No reader knows it, or what it holds is no volume.
+        No reader knows it, or what it holds is no volume, or several of which none is chosen.
 
     Examples
     --------
@@ -51,6 +60,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     >>> open_volume("checker-box:size=16,block=4").values.shape
     (16, 16, 16)
     """
+    if time is not None or channel is not None:
+        return volume_at(open_recording(name, reader), time, channel)
     if is_address(name):
         return _distant(reader)(Address(str(name)))
     name = _unprefixed(name)
@@ -173,9 +184,12 @@ def find_reader(path: str | Path) -> Reader:
         known = " ".join(sorted(readers))
         what = "holds no slices" if path.is_dir() else "has no known suffix"
         hint = "; ".join([f"{path} {what}; known are {known}", *broken])
-        raise ValueError(f"{hint}; rename it or choose a reader")
+        raise ValueError(f"{hint}; rename it or choose a reader (--reader NAME)")
     if len(readers[suffix]) > 1:
-        raise ValueError(f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix}")
+        raise ValueError(
+            f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix} "
+            f"(--reader {readers[suffix][0]})"
+        )
     built: Reader = registry.build("readers", readers[suffix][0])
     return built
 
