@@ -13,6 +13,7 @@ from resample_volume.files.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.media.recordings import in_color, is_color
 from resample_volume.media.rectilinear import rectilinear
+from resample_volume.media.scales import LINEAR, scaled
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 
@@ -23,7 +24,7 @@ TAKEN = (
 WIDE = np.iinfo(np.int32)
 
 
-def as_volume(given: Any, name: str = "array") -> Volume:
+def as_volume(given: Any, name: str = "array", *, scale: str = LINEAR) -> Volume:
     """Volume of what a caller has.
 
     Parameters
@@ -36,6 +37,10 @@ def as_volume(given: Any, name: str = "array") -> Volume:
         origin; or an image of SimpleITK's.
     name
         For titles and messages.
+    scale
+        `log` or `symlog:linear=0.01`: the field becomes that of its logarithms, and is
+        reconstructed, classified and lit as such. Looks by name or as a text still speak of the
+        values as they were.
 
     Returns
     -------
@@ -46,7 +51,7 @@ def as_volume(given: Any, name: str = "array") -> Volume:
     TypeError
         It is none of these, or its values are no real numbers.
     ValueError
-        It is of another shape, or has no voxels.
+        It is of another shape, or has no voxels; or no value that has a logarithm.
     OSError
         The file cannot be read.
 
@@ -55,9 +60,15 @@ def as_volume(given: Any, name: str = "array") -> Volume:
     >>> from resample_volume import as_volume
     >>> as_volume([[[0, 1], [2, 3]], [[4, 5], [6, 7]]]).values.shape
     (2, 2, 2)
+    >>> as_volume([[[1e-30, 1e-24]]], scale="log").values.tolist()
+    [[[-30.0, -24.0]]]
     >>> as_volume("checker-box:size=16,block=4").values.dtype
     dtype('uint8')
     """
+    return scaled(_as_it_is(given, name), scale)
+
+
+def _as_it_is(given: Any, name: str) -> Volume:
     if isinstance(given, Volume):
         return _checked(given)
     if isinstance(given, str | PathLike):

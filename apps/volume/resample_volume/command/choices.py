@@ -81,6 +81,14 @@ class Source(Choices):
         ),
     ] = None
 
+    scale: Annotated[
+        str,
+        Field(
+            description="Show values, or their logarithms: linear, log, or symlog:linear=0.01, "
+            "which is linear up to there at either side of 0. Looks and windows are in the "
+            "values' own units."
+        ),
+    ] = "linear"
     time: Annotated[
         int | None,
         Hyphen,
@@ -144,8 +152,8 @@ class Look(Choices):
         Hyphen,
         Field(
             description="Center and width of the values that auto, gray, bone, vessels, surfaces "
-            "and colormaps are spread over: 40/400; of an X-ray, its line integrals. The range "
-            "without padding and strays."
+            "and colormaps are spread over, or the ends of these: 40/400, -160..240; of an X-ray, "
+            "its line integrals. The range without padding and strays."
         ),
     ] = None
     opacity_unit: Annotated[
@@ -260,8 +268,8 @@ class Look(Choices):
         Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
     ] = None
 
-    def renderer(self, resampling: Resampling) -> "Resampler":
-        """Renderer that goes with this look.
+    def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
+        """Renderer that goes with this look, of values on a scale.
 
         Raises
         ------
@@ -269,10 +277,14 @@ class Look(Choices):
             A choice is unknown or not allowed, or two do not go together.
         """
         from resample_volume.media.appearance import Classification, check_together
+        from resample_volume.media.scales import scale_named
         from resample_volume.space.sections import Section
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
+        if (by := scale_named(scale)) is not None and resampling.iso is not None:
+            place = by.place(resampling.iso, "iso")
+            resampling = resampling.model_copy(update={"iso": place})
         resampler = resampling.resampler(of_field=self.classify == "post")
         chosen = {
             "labels": self.labels,
@@ -302,7 +314,7 @@ class Look(Choices):
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
-        window, xray = self._window(), None
+        window, xray = self._window(volume.scale), None
         if projection is Projection.XRAY:
             xray, window = XRay(self.mu_water or MU_WATER, window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
@@ -346,15 +358,22 @@ class Look(Choices):
             invert=self.invert,
         )
 
-    def _window(self) -> tuple[float, float] | None:
-        """Least and greatest value of the window."""
+    def _window(self, scale: str) -> tuple[float, float] | None:
+        """Least and greatest value of the window, on a scale."""
+        from resample_volume.media.scales import scale_named
+
         if self.window is None:
             return None
-        center, width = _numbers("window", self.window, 2)
-        low, high = center - width / 2, center + width / 2
+        if ".." in self.window:
+            low, high = _numbers("window", self.window, 2, "..")
+        else:
+            center, width = _numbers("window", self.window, 2)
+            low, high = center - width / 2, center + width / 2
         if not -math.inf < low < high < math.inf:
             raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40/400")
-        return low, high
+        if (by := scale_named(scale)) is None:
+            return low, high
+        return by.place(low, "the window's end"), by.place(high, "the window's end")
 
     def viewpoint(self) -> "Viewpoint":
         """Where the volume is seen from, as `resample.cameras.files.viewpoint` reads it."""
@@ -497,12 +516,12 @@ class Projecting(Choices):
         return self.resampling().model_copy(update={"order": order})
 
 
-def _numbers(name: str, text: str, count: int) -> list[float]:
+def _numbers(name: str, text: str, count: int, joint: str = "/") -> list[float]:
     try:
-        numbers = [float(part) for part in text.split("/")]
+        numbers = [float(part) for part in text.split(joint)]
     except ValueError:
         numbers = []
     if len(numbers) != count:
-        form = "/".join("abc"[:count])
+        form = joint.join("abc"[:count])
         raise ValueError(f"{name} {text!r}; give {count} numbers as {form}")
     return numbers

@@ -107,7 +107,7 @@ def render(
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
     check_frame(output, picture.bits, background)
-    resampler = look.renderer(resampling)
+    resampler = look.renderer(resampling, source.scale)
     beside.check(output, resampler, size[0])
     meshes = beside.with_meshes(look, resampler)
     viewpoint = look.viewpoint()
@@ -190,7 +190,7 @@ def compare(
     from resample_volume.voxels.framing import centered
 
     pixels = PictureFormat(size=size).height_and_width()
-    first = look.renderer(projection.painting(look))
+    first = look.renderer(projection.painting(look), source.scale)
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
@@ -273,7 +273,7 @@ def animate(
     flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    resampler = look.renderer(resampling)
+    resampler = look.renderer(resampling, source.scale)
     beside.with_meshes(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.Paint(resampler, shape, behind, threads)
@@ -524,9 +524,11 @@ def _listed(facts: dict[str, Any]) -> str:
 
 def _bars(facts: dict[str, Any]) -> list[str]:
     """Histogram as bars whose lengths are logarithms, so that what is rare is seen, too."""
+    from resample_volume.media.scales import edges_of
+
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)
-    edges = [low + (high - low) * n / len(counts) for n in range(len(counts) + 1)]
+    edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
     lines = ["values from   voxels; bars are logarithms"]
     for n, count in enumerate(counts):

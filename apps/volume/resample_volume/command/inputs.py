@@ -28,6 +28,7 @@ from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.recordings import SeveralTimesError, how, volume_at
+from resample_volume.media.scales import LINEAR, scaled
 from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
@@ -83,7 +84,7 @@ def opened_of_several(
         volume, held = _read(place, reader, source)
     parts = 1 if volume.colors is None else volume.colors.shape[-1]
     count = (1, parts) if held is None else held.values.shape[:2]
-    return volume._replace(**_changes(source)), count
+    return scaled(volume._replace(**_changes(source)), source.scale), count
 
 
 def _read(
@@ -209,6 +210,7 @@ def channels_in_chunks(source: Source, name: str) -> Recording | None:
 
 def stored(source: Source, name: str) -> Recording:
     """What `source` chooses of that name, whose values stay in their file where it has chunks."""
+    require_linear(source, "what is converted keeps its values")
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
@@ -280,6 +282,12 @@ def _surveyed(volume: Volume) -> Survey:
         return survey(volume)
     with progress_bar("looking at bricks", prod(values.count)) as progress, told(progress):
         return survey(volume)
+
+
+def require_linear(source: Source, why: str) -> None:
+    """Refuse a scale where values are taken as they are."""
+    if source.scale != LINEAR:
+        raise ValueError(f"{why}; leave the scale {source.scale} out")
 
 
 def require_values(volume: Volume, what: str) -> None:
