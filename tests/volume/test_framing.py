@@ -8,7 +8,8 @@ from resample.command.settings import Resampling
 from resample_volume.command.choices import Look
 from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import Subject
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject, render
 from resample_volume.voxels.framing import sphere_around
 from resample_volume.voxels.visible import classify
 
@@ -31,13 +32,13 @@ def projected(camera, point):
 @pytest.mark.each_value
 @pytest.mark.parametrize("fov", [0.0, 1.0, 30.0, 120.0])
 @pytest.mark.parametrize(("height", "width"), [(100, 100), (60, 200), (200, 60)])
-def test_the_ball_just_fits_at_zoom_one(fov, height, width, rng):
+def test_the_ball_leaves_a_pixel_at_zoom_one(fov, height, width, rng):
     camera = Orbit(20, 30, fov=fov).around(BALL, height, width)
     outward = rng.normal(size=(20000, 3))
     outward /= np.linalg.norm(outward, axis=1)[:, None]
     point = np.array([projected(camera, BALL.center + BALL.radius * out) for out in outward])
     away = np.linalg.norm(point - [width / 2, height / 2], axis=1).max()
-    assert away == pytest.approx(min(height, width) / 2, rel=2e-3)  # 20000 points of a sphere
+    assert away == pytest.approx(min(height, width) / 2 - 1, rel=2e-3)  # 20000 points of a sphere
 
 
 @pytest.mark.parametrize("fov", [0.0, 30.0])
@@ -85,7 +86,25 @@ def test_the_ball_is_around_what_is_seen():
     values[4:7, 5:8, 10:13] = 1.0
     ball = sphere_around(*voxels_of(values))
     assert ball.center == pytest.approx([11, 6, 5])
-    assert ball.radius == pytest.approx(np.sqrt(3) + 1)
+    assert ball.radius == pytest.approx(np.sqrt(3) + 2)
+
+
+def edge(picture):
+    """Largest opacity at the edges."""
+    opacity = picture.rgba[..., 3]
+    return max(side.max() for side in (opacity[0], opacity[-1], opacity[:, 0], opacity[:, -1]))
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("classification", ["pre", "post"])
+@pytest.mark.parametrize("size", [(32, 32), (90, 30), (24, 70)])
+@pytest.mark.parametrize("camera", [Orbit(0, 0), Orbit(0, 0, fov=0), Orbit(45, 35, fov=0)])
+def test_nothing_that_is_seen_is_cut_off_at_the_edge(classification, size, camera):
+    rod, plate = np.zeros((2, 12, 12, 30), np.float32)
+    rod[6, 6], plate[6] = 1, 1
+    look = Appearance("0.2/white/0,0.5/white/0.9", classification=classification)
+    for values in (rod, plate, plate.T):
+        assert edge(render(values, look, camera, size=size)) == 0
 
 
 @pytest.mark.parametrize("count", [1, 511, 512, 513, 3000])
@@ -100,7 +119,7 @@ def test_the_ball_is_centered_on_the_box_around_any_number_of_voxels(count, rng)
 def test_the_ball_is_around_the_volume_where_nothing_is_seen():
     ball = sphere_around(*voxels_of(np.zeros((3, 5, 9), np.float32)))
     assert ball.center == pytest.approx([4, 2, 1])
-    assert ball.radius == pytest.approx(np.linalg.norm([4, 2, 1]) + 1)
+    assert ball.radius == pytest.approx(np.linalg.norm([4, 2, 1]) + 2)
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")

@@ -27,6 +27,7 @@ ROW = 512  # places looked at together
 SOME = 64  # one of so many voxels is asked first whether there can be strays
 FEW, STRAY_SHARE = 4, 1e-4  # visible voxels that may be strays at one end of an axis
 STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of the extent, and voxels: so far are they from the others
+REACH = 2.0  # voxels, beyond the outermost, that what kernels make of them is seen
 BINS = 4096  # along an axis
 
 
@@ -154,7 +155,7 @@ def sphere_of(
             "give another spacing"
         )
     center = (low + high) / 2
-    return Sphere(center, farthest(center) + voxel)
+    return Sphere(center, farthest(center) + REACH * voxel)
 
 
 def farthest_from(position: Floats, center: Doubles) -> float:
