@@ -52,7 +52,7 @@ NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  #
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
-    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep"),
+    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "fill"),
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
+    from resample_volume.command.filling import Fitted
     from resample_volume.media.appearance import Appearance
     from resample_volume.space.annotations import Annotations
     from resample_volume.space.meshes import SceneMesh
@@ -452,6 +453,14 @@ class BesidePicture(Beside):
         Switch,
         Field(description="Add a bar to the right: of colors, opacities and values."),
     ] = False
+    fill: Annotated[
+        bool,
+        Switch,
+        Field(
+            description="Zoom and pan so that what is visible from there fills the picture, and "
+            "say the camera. The zoom of camera multiplies that."
+        ),
+    ] = False
     deep: Annotated[
         int | None,
         Field(
@@ -460,6 +469,10 @@ class BesidePicture(Beside):
             description="Write so many slabs of depth instead of one layer, to a deep .exr.",
         ),
     ] = None
+
+    def fit(self, look: Look) -> "Fitted":
+        """What the camera is placed by."""
+        return "picture" if self.fill else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Refuse a bar or a deep picture that cannot be, before any work is done.

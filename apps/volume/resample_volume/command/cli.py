@@ -120,7 +120,7 @@ def render(
             shown = with_meshes(shown, meshes)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
+        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, doing)
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
