@@ -35,7 +35,7 @@ from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
 from resample_volume.looks.transfer import from_points
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
@@ -146,6 +146,7 @@ def _composites(volume: Volume, shot: Shot, truth: Truth, options: Options) -> I
     for mode, (light, goal) in goals.items():
         post = Appearance(TRANSFER, light, classification=Classification.POST)
         draws = {
+            "default": _ours(volume, shot, post, BY_DEFAULT),
             "rays": _ours(volume, shot, post, Resampler(order=Rays())),
             "splats": _ours(volume, shot, Appearance(TRANSFER, light), Resampler()),
             "slabs": _ours(volume, shot, post, Resampler(order=ImageSheets(0.5))),

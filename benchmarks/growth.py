@@ -18,7 +18,7 @@ from resample_texture import warp
 from resample_texture.methods.forward import Hybrid
 from resample_volume.inputs import as_volume
 from resample_volume.looks.transfer import from_points
-from resample_volume.media.appearance import Appearance
+from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels
@@ -36,7 +36,10 @@ MOST_MEMORY = 24 * 1024  # MiB
 NOISE = 0.05  # that timing adds to an exponent of 1 and that counts as none
 TEXELS = 1024  # per side of the texture
 SAND = (0.9, 0.8, 0.6)
-LOOK = Appearance(from_points([(1, SAND, 0.0), (1, SAND, 0.5), (255, SAND, 0.5)]))
+LOOK = Appearance(
+    from_points([(1, SAND, 0.0), (1, SAND, 0.5), (255, SAND, 0.5)]),
+    classification=Classification.PRE,
+)
 DEPTHS = 512  # px per side of the depth image
 
 

@@ -146,12 +146,12 @@ def rendered(job: Job) -> dict[str, Any]:
 def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     """Picture by this process, of all visible voxels together where they fit."""
     from resample.resampler import Resampler
-    from resample_volume.media.appearance import Appearance
+    from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import Subject
     from resample_volume.voxels.streaming import TooManyVoxelsError
     from resample_volume.windows import Spent, render_in_windows
 
-    look = Appearance(job.look)
+    look = Appearance(job.look, classification=Classification.PRE)
     try:
         subject = Subject.of(volume, look, around=volume)
     except TooManyVoxelsError:

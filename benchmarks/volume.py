@@ -13,7 +13,7 @@ from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Field, LatticeField, Samples
 from resample.types import View as Perspective
-from resample_volume.media.appearance import Appearance
+from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing import timing
@@ -179,7 +179,8 @@ def _shown(name: str, opacity: float, options: Options) -> Shown:
     transfer = case.transfer
     if opacity != PAPER_OPACITY:
         transfer = transfer.thinned(opacity / PAPER_OPACITY)
-    return Shown(case, Subject.of(case.volume, Appearance(transfer, Light())))
+    look = Appearance(transfer, Light(), classification=Classification.PRE)
+    return Shown(case, Subject.of(case.volume, look))
 
 
 def workloads(options: Options) -> Sequence[Workload]:

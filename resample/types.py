@@ -435,6 +435,7 @@ class Statistics(NamedTuple):
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
     is_preview: bool = False  # whether the picture is of fewer samples than there are
+    rays: int = 0  # through a field, at most: of all sub-pixels on which it may be seen
 
     @property
     def splat_fraction(self) -> float:

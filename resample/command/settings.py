@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Color = tuple[float, float, float]
 
 COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
+OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
 # What descriptions begin with.
@@ -152,8 +153,21 @@ class Resampling(Choices):
         Field(description="What colors mean: what samples look like, or primitive, splats in red."),
     ] = "sample"
 
-    def resampler(self, *, of_field: bool = False) -> "Resampler":
+    @property
+    def is_of_samples(self) -> bool:
+        """Whether something is said of how samples are painted, which rays do not paint."""
+        own = type(self).model_fields
+        return any(getattr(self, name) != own[name].default for name in OF_SAMPLES)
+
+    def resampler(self, *, of_field: bool = False, quality: str = "best") -> "Resampler":
         """Renderer with these choices; fields are gathered along rays unless an order was chosen.
+
+        Parameters
+        ----------
+        of_field
+            Values get their colors after they are reconstructed.
+        quality
+            Of rays, if no order was chosen.
 
         Raises
         ------
@@ -165,7 +179,7 @@ class Resampling(Choices):
         from resample.resampler import Resampler
 
         is_of_field = of_field or self.projection != "composite"
-        own = "rays" if is_of_field else "every-sample"
+        own = f"rays:quality={quality}" if is_of_field else "every-sample"
         return Resampler(
             primitive=Primitive(self.method),
             footprint=None if self.footprint is None else Footprint(self.footprint),

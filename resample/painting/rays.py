@@ -60,7 +60,7 @@ class _Effort(NamedTuple):
 
 EFFORTS = {
     "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06),
-    "usual": _Effort(0.7, 4, 2 / 3, 0.05, 0.15),
+    "usual": _Effort(0.7, 16, 2 / 3, 0.05, 0.15),
     "fast": _Effort(0.0, 1, 2 / 3, 0.05, 0.15),
 }
 
@@ -92,8 +92,9 @@ def paint_field(
     fineness, apart = _rays_of(field, view, how)
     effort = EFFORTS[how.quality]
     tile = TILE if fineness <= FEW_RAYS else SMALL_TILE
-    rows, columns = -(-size[0] // tile), -(-size[1] // tile)
-    painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
+    left, top, right, bottom = _tiles_of(medium, view, size, how.tables.pixel_margin, tile)
+    count = (right - left) * (bottom - top)
+    painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
     is_sum = style.projection == ADDITIVE
     output = Output(
         view,
@@ -108,15 +109,55 @@ def paint_field(
         ),
         apart,
         tile,
-        columns,
+        right - left,
+        left * tile,
+        top * tile,
     )
     painted.tally[:, 3] = fineness
     with told(progress):
-        paint_rays(rows * columns, fineness, way, medium, output)
+        paint_rays(count, fineness, way, medium, output)
     if fineness == 1 and how.quality != "best" and how.tables.pixel_margin == 0:
         _mean_from_middles(painted.film)
     clock.lap("paint")
-    return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
+    counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
+    return painted, counts._replace(rays=count * (tile * fineness) ** 2)
+
+
+def _tiles_of(
+    medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
+) -> tuple[int, int, int, int]:
+    """Tiles of a picture (height, width) on which something can be seen.
+
+    Returns
+    -------
+    The first column and row of them, and those after the last.
+    """
+    from resample.engine.rays.coefficients import BRICK
+
+    height, width = size
+    whole = (0, 0, -(-width // tile), -(-height // tile))
+    bricks = medium.bricks
+    seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
+    if len(medium.mesh.face):
+        return whole
+    if not seen.any():
+        return (0, 0, 0, 0)
+    axes = [np.flatnonzero(seen.any(axis=others)) for others in ((0, 1), (0, 2), (1, 2))]
+    ends = np.array([[axis[0] * BRICK, (axis[-1] + 1) * BRICK] for axis in axes])
+    place = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
+    position = medium.origin + place @ medium.lattice.T
+    x, y, z = (position @ view.rotation.T + view.translation).T
+    away = z if view.perspective else np.ones_like(z)
+    if away.min() <= max(view.near, NEAREST):
+        return whole
+    across = view.focal[0] * x / away + view.principal[0]
+    down = view.focal[1] * y / away + view.principal[1]
+    reach = margin + 1
+    low = np.floor((np.array([across.min(), down.min()]) - reach) / tile)
+    high = np.ceil((np.array([across.max(), down.max()]) + reach) / tile)
+    left, top = np.clip(low, 0, whole[2:]).astype(int)
+    right, bottom = np.clip(high, 0, whole[2:]).astype(int)
+    return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
 
 
 def _mean_from_middles(film: Film) -> None:

@@ -27,6 +27,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.shading import Light
+from tests.volume.of_voxels import of_voxels
 
 SIZE = (24, 32)
 SKY = Paint(size=SIZE, background=(0.0, 0.0, 0.5))
@@ -103,10 +104,10 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
         ),
     ],
 )
-def test_across_the_threshold_splats_become_points(primitive, subject):
-    share = []
-    for camera in cameras_of(subject, Flight("threshold", 5), SIZE):
-        painted = Resampler(primitive)(subject.seen_by(camera), camera, height=24, width=32)
+def test_across_the_threshold_splats_become_points(primitive):
+    share, voxels = [], Subject.of(vessel_tree(16), of_voxels())
+    for camera in cameras_of(voxels, Flight("threshold", 5), SIZE):
+        painted = Resampler(primitive)(voxels.seen_by(camera), camera, height=24, width=32)
         share.append(painted.statistics.splat_fraction)
     assert (share[0], share[-1]) == (1, 0)
     assert share == sorted(share, reverse=True)
@@ -222,13 +223,14 @@ def test_equal_choices_are_the_same_job():
 
 
 def test_whatever_changes_the_frames_changes_the_job():
-    volume, look, path, paint = vessel_tree(16), Appearance(), Flight("orbit", 3), SKY
+    volume, look, path, paint = vessel_tree(16), of_voxels(), Flight("orbit", 3), SKY
     others = [
         (vessel_tree(16, seed=8), look, path, paint),
         (volume._replace(spacing=np.array([1.0, 1.0, 2.0])), look, path, paint),
-        (volume, Appearance("bone"), path, paint),
-        (volume, Appearance(light=Light(ambient=0.5)), path, paint),
-        (volume, Appearance(light=None), path, paint),
+        (volume, Appearance(), path, paint),
+        (volume, of_voxels("bone"), path, paint),
+        (volume, of_voxels(light=Light(ambient=0.5)), path, paint),
+        (volume, of_voxels(light=None), path, paint),
         (volume, look, Flight("zoom", 3), paint),
         (volume, look, Flight("orbit", 3, Orbit(31)), paint),
         (volume, look, path, replace(paint, size=(32, 24))),

@@ -4,7 +4,7 @@ from pydantic import ValidationError
 
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
-from resample.painting.choices import MEASURING, Projection
+from resample.painting.choices import MEASURING, Primitive, Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample_volume.command.choices import Look, Projecting, Source
@@ -14,7 +14,7 @@ from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.labels import Rule
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer
-from resample_volume.media.appearance import Appearance
+from resample_volume.media.appearance import BY_DEFAULT, Appearance
 from resample_volume.media.xrays import XRay
 from resample_volume.voxels.shading import DepthCue, Light
 
@@ -71,13 +71,16 @@ def test_cuts_labels_and_depth_cues_arrive(tmp_path):
     assert appearance.labels.rules == {1: Rule(opacity=0), 0: Rule(color=(1, 0, 0))}
     assert (appearance.crop, appearance.clip) == ("1:,:,:", ("1/0/0", "0/-1/0/2"))
     assert appearance.cue == DepthCue(0.25)
-    assert look.renderer(Resampling()) == Resampler()
+    assert look.renderer(Resampling()) == BY_DEFAULT
+    assert look.renderer(Resampling(method="points")) == Resampler(Primitive.POINTS)
 
 
 def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     post = Look(classify="post")
     assert post.renderer(Resampling()).order == Rays()
-    assert Look().renderer(Projecting(projection="maximum").resampling()).order == Rays()
+    maximum = Projecting(projection="maximum").resampling()
+    assert Look().renderer(maximum).order == Rays(quality="usual")
+    assert post.renderer(maximum).order == Rays()
     assert post.renderer(Resampling(order="image-sheets:thickness=2")).order == ImageSheets(2)
     assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
 

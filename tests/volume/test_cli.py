@@ -124,9 +124,10 @@ def test_a_picture_is_replaced_whole():
 
 
 def test_stats_count_every_sample_and_time_every_stage():
-    assert ended("render", BOX, "-o", "box.png", *SMALL, "--stats", "s.json") == 0
+    words = (*SMALL, "--classify", "pre", "--stats", "s.json")
+    assert ended("render", BOX, "-o", "box.png", *words) == 0
     stats = json.loads(Path("s.json").read_text())
-    assert stats["samples"] == 16**3
+    assert (stats["classify"], stats["samples"], stats["rays"]) == ("pre", 16**3, 0)
     assert stats["points"] + stats["splats"] == stats["samples"]
     assert stats["splat_fraction"] == pytest.approx(stats["splats"] / stats["samples"])
     assert 0 <= stats["hidden"] <= stats["samples"]
@@ -207,7 +208,7 @@ def test_footprints_differ_where_perspective_is_strong(footprint):
 
 def test_exact_is_the_footprint_and_every_sample_the_order_if_none_is_chosen():
     chosen = rendered("--footprint", "exact", "--order", "every-sample", "--kernel", "gaussian")
-    assert np.array_equal(rendered(), chosen)
+    assert np.array_equal(rendered("--classify", "pre"), chosen)
 
 
 def test_an_orders_parameter_is_used():

@@ -110,7 +110,7 @@ def test_labels_recolor_and_hide():
     values = np.zeros((16, 16, 16), np.uint8)
     values[:, :, 8:] = 1
     np.save("labels.npy", values)
-    front = ["--camera", "0/0/1", "--fov", 0]
+    front = ["--camera", "0/0/1", "--fov", 0, "--classify", "pre"]
     plain = shown(*front)
     half = shown(*front, "--labels", "labels.npy", "--label", "1:hidden").max(axis=2) > 0.1
     red = shown(*front, "--labels", "labels.npy", "--label", "1:color=red")
@@ -178,10 +178,13 @@ def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, caps
 
 
 def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
-    assert not shown("--clip", "1/0/0/100").any()
-    assert "nothing to see: all voxels are transparent, missing or cut away" in (
-        capsys.readouterr().err
-    )
+    cut = ("--clip", "1/0/0/100")
+    for words, said in (
+        ((), "the picture is empty: no ray meets what is shown"),
+        (("--classify", "pre"), "nothing to see: all voxels are transparent, missing or cut away"),
+    ):
+        assert not shown(*cut, *words).any()
+        assert said in capsys.readouterr().err
 
 
 def test_a_normal_may_be_of_any_length(capsys):
@@ -201,7 +204,7 @@ def test_a_normal_may_be_of_any_length(capsys):
         ([*POST, "--order", "rays:step=0"], "a step of 0"),
         ([*POST, "--order", "rays:sharpness=2"], "the sharpness is 2"),
         ([*POST, "--order", "rays", "--method", "splats"], "rays paint no samples"),
-        (["--order", "rays"], "so it needs the classification post"),
+        (["--classify", "pre", "--order", "rays"], "so it needs the classification post"),
         ([*POST, "--labels", "labels.npy"], "need the classification pre and the projection comp"),
         (["--projection", "maximum", "--labels", "labels.npy"], "labels color voxels"),
         (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order rays or"),

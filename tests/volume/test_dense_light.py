@@ -5,12 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from resample_volume.media.appearance import Appearance
 from resample_volume.voxels import reaching
 from resample_volume.voxels.reaching import LightCells, cells_around, exact_in_sums
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.windows import Spent, paint_unseen, unseen_together
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
+from tests.volume.of_voxels import of_voxels
 
 CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",), "cue": DepthCue(0.5)}
 BOTH = Light((1, -1, 2), shadows=True, occlusion=True)
@@ -27,9 +27,9 @@ def painted(media, fit, spent):
 @pytest.mark.parametrize(
     ("look", "fit", "memory"),
     [
-        (Appearance("60..190", Light((1, -1, 2), shadows=True), **CUT), "visible", 1_100_000),
-        (Appearance("60..190", Light(occlusion=True)), "volume", 1_100_000),
-        (Appearance("30..190", BOTH, gradient_opacity=(0.1, 0.6)), "visible", 1 << 30),
+        (of_voxels("60..190", Light((1, -1, 2), shadows=True), **CUT), "visible", 1_100_000),
+        (of_voxels("60..190", Light(occlusion=True)), "volume", 1_100_000),
+        (of_voxels("30..190", BOTH, gradient_opacity=(0.1, 0.6)), "visible", 1 << 30),
     ],
 )
 def test_blocked_light_has_the_bits_of_a_volume_in_memory(
@@ -55,7 +55,7 @@ def test_volumes_shade_each_other_whoever_paints_them(workers, rng, tmp_path, mo
     monkeypatch.setattr(reaching, "FINEST", 12)
     volume = smoke(rng)
     moved = volume._replace(origin=volume.origin + volume.spacing * [3, 0, -5])
-    media = [(volume, Appearance("60..190", BOTH)), (moved, Appearance("0..40"))]
+    media = [(volume, of_voxels("60..190", BOTH)), (moved, of_voxels("0..40"))]
     with ThreadPoolExecutor(workers) as executor:
         found, _ = painted(media, "volume", Spent(1 << 30, 1, tmp_path, executor))
     assert_same(found, whole_of(media))
@@ -74,9 +74,9 @@ def test_sums_of_cells_do_not_depend_on_the_order(rng):
 
 
 def test_a_grid_of_light_that_does_not_fit_is_refused(rng):
-    look = Appearance("60..190", BOTH)
+    look = of_voxels("60..190", BOTH)
     with pytest.raises(ValueError, match="are allowed; give more memory, or leave shadows"):
         painted([(smoke(rng), look)], "volume", Spent(500_000))
-    nothing = Appearance("250..255", BOTH)
+    nothing = of_voxels("250..255", BOTH)
     frame, _ = painted([(smoke(rng), nothing)], "volume", Spent(500_000))
     assert not frame.coverage.any()

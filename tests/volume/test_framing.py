@@ -273,7 +273,8 @@ def test_what_is_visible_fills_the_picture_and_is_not_cut_off(classification, si
         values[z, y, 2 * x] = 1
     look = Appearance("0.2/white/0,0.5/white/0.9", classification=classification)
     volume, shape = as_volume(values), size[::-1]
-    subject = Subject.of(volume, Appearance("0.2/white/0,0.5/white/0.9"))
+    samples = Appearance("0.2/white/0,0.5/white/0.9", classification="pre")
+    subject = Subject.of(volume, samples)
     orbit = filling(Orbit(30, 20, fov=fov), subject.sphere, subject.voxels, shape)
     opacity = render(volume, look, orbit, size=size).rgba[..., 3] > 1 / 510
     row, column = np.nonzero(opacity)

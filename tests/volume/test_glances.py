@@ -117,7 +117,8 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(kept, "LEAST", 0)
     stored(tmp_path, noise((40, 24, 16), "uint8"))
-    common = ["render", "noise.zarr", "--size", "24", "--transfer", "150..190", "--fit", "volume"]
+    common = ["render", "noise.zarr", "--size", "24", "--transfer", "150..190"]
+    common += ["--classify", "pre", "--fit", "volume"]
     assert ended(app, *common, "-o", "one.exr") == 0
     for file in Path().glob(".noise.zarr.survey-*"):
         file.unlink()

@@ -12,7 +12,6 @@ from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.looks.labels import Labels, Rule
-from resample_volume.media.appearance import Appearance
 from resample_volume.media.recordings import volume_at
 from resample_volume.types import Recording
 from resample_volume.voxels import windowed
@@ -20,8 +19,9 @@ from resample_volume.voxels.dense import known
 from resample_volume.voxels.dense.known import known_of, looked_at_before
 from resample_volume.windows import Spent, paint_unseen, unseen_together
 from tests.volume.dense import SIZE, assert_same, whole_of
+from tests.volume.of_voxels import of_voxels
 
-SOLID = Appearance("100/white/0,180/white/0.95")
+SOLID = of_voxels("100/white/0,180/white/0.95")
 LABELS = Labels(np.ones((32, 32, 32), np.uint8), {1: Rule((1, 0, 0))})
 
 
@@ -125,7 +125,7 @@ def test_looks_that_depend_on_more_have_the_same_bits(look, store):
 
 def test_other_looks_are_looked_at_themselves(store):
     painted(store, SOLID, Orbit(10, 20, 1.5))
-    other = Appearance("100/white/0,240/white/0.2")
+    other = of_voxels("100/white/0,240/white/0.2")
     again, read = painted(store, other, Orbit(10, 20, 1.5))
     assert_same(again, in_memory(store, other, Orbit(10, 20, 1.5)))
     assert len(set(read)) == 2 * 2 * 2

@@ -20,6 +20,7 @@ from resample_volume.rendering import Subject, render
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import classify, lattice_of
+from tests.volume.of_voxels import of_voxels
 
 RED, BLUE = (0.9, 0.2, 0.1), (0.1, 0.3, 0.95)
 C, S = np.cos(0.4), np.sin(0.4)
@@ -194,7 +195,7 @@ def test_the_order_of_volumes_does_not_matter(light):
 
 def test_each_of_several_is_lit_by_its_own_surfaces():
     media = [(TREE, Appearance("vessels")), (TREE, Appearance(from_points([(0, BLUE, 0.0)])))]
-    alone = Subject.of(TREE, Appearance("vessels"))
+    alone = Subject.of(TREE, of_voxels("vessels"))
     camera = alone.camera(Orbit(), *SIZE)
     both = Subject.of_several(media).seen_by(camera)
     for found, wanted in zip(both[:3], alone.seen_by(camera)[:3], strict=True):

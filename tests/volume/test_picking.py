@@ -20,6 +20,7 @@ from resample_volume.looks.transfer import from_points
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels
+from tests.volume.of_voxels import of_voxels
 
 SIZE = (14, 11)  # px
 LOOK = from_points(
@@ -103,8 +104,8 @@ def naive_voxel(
 )
 def test_samples_are_those_of_a_loop_over_all_voxels(volume: Volume, which: int) -> None:
     camera = cameras(volume)[which]
-    found = Scene(volume).sample_ids(Appearance(LOOK), camera, size=SIZE).reshape(-1, 3)
-    subject = Subject.of(volume, Appearance(LOOK))
+    found = Scene(volume).sample_ids(of_voxels(LOOK), camera, size=SIZE).reshape(-1, 3)
+    subject = Subject.of(volume, of_voxels(LOOK))
     truth = [naive_voxel(subject, volume, ray, camera) for ray in rays(camera)]
     assert 0.1 < np.mean(found[:, 0] >= 0) < 0.95
     np.testing.assert_array_equal(found, truth)

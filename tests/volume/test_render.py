@@ -277,7 +277,7 @@ def test_a_camera_that_looks_away_sees_nothing(primitive):
 def test_an_invisible_volume_is_an_empty_picture():
     frame = render(TREE, Appearance(from_points([(0, (1, 1, 1), 0)])), size=SQUARE)
     assert not frame.rgba.any()
-    assert frame.statistics.samples == 0
+    assert frame.statistics.rays == 0
 
 
 def test_parallel_and_perspective_light_agree_from_afar():

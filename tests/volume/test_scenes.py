@@ -20,9 +20,10 @@ from resample_volume.media.appearance import Classification
 from resample_volume.previews import merged
 from resample_volume.types import Volume
 from resample_volume.voxels import gathered, visible
+from tests.volume.of_voxels import of_voxels
 
 LOOK = from_points([(60.0, (0.9, 0.4, 0.1), 0.0), (140.0, (0.2, 0.6, 1.0), 0.2)])
-PRE = Appearance(LOOK)
+PRE = of_voxels(LOOK)
 POST = Appearance(LOOK, classification=Classification.POST)
 
 
@@ -56,14 +57,14 @@ def test_a_look_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for azimuth in (0, 40, 80):
         scene.render(PRE, (azimuth, 10), size=(20, 20))
     assert counts[0] == 1
-    scene.render("bone", size=(20, 20))
+    scene.render(of_voxels("bone"), size=(20, 20))
     assert counts[0] == 2
 
 
 def test_the_view_stays_when_a_look_shows_less() -> None:
     scene = Scene(blob())
-    thin = Appearance(from_points([(180.0, (1.0, 1.0, 1.0), 0.0), (190.0, (1.0, 1.0, 1.0), 0.9)]))
-    cut = Appearance(LOOK, clip=("1/0/0",))
+    thin = of_voxels(from_points([(180.0, (1.0, 1.0, 1.0), 0.0), (190.0, (1.0, 1.0, 1.0), 0.9)]))
+    cut = of_voxels(LOOK, clip=("1/0/0",))
     spread = [scene.render(look, size=(60, 60)).coverage > 0.01 for look in (PRE, thin, cut)]
     assert spread[1].sum() < 0.7 * spread[0].sum()
     assert not (spread[1] & ~spread[0]).any()
@@ -86,7 +87,8 @@ def test_fractions_of_the_range_stay_those_of_the_volume_in_previews() -> None:
     values[32, 32, 32] = 255
     scene = Scene(values)
     final, preview = (
-        scene.render("gray", size=(60, 60), quality=quality) for quality in ("final", "preview")
+        scene.render(of_voxels("gray"), size=(60, 60), quality=quality)
+        for quality in ("final", "preview")
     )
     assert preview.rgba[..., 3].mean() == pytest.approx(final.rgba[..., 3].mean(), rel=0.05)
 

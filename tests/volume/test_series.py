@@ -16,11 +16,11 @@ from resample_volume.command.choices import Look, Source
 from resample_volume.command.inputs import held
 from resample_volume.command.media import labelled, look_over_time, times_of
 from resample_volume.looks.transfer import from_points
-from resample_volume.media.appearance import Appearance
 from resample_volume.media.series import Series, around
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 from tests import commands
+from tests.volume.of_voxels import of_voxels
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 RAMP = from_points([(0.1, (1, 0.5, 0.2), 0.0), (1.0, (0.2, 0.5, 1), 0.9)], normalized=True)
@@ -63,11 +63,11 @@ def still_ones(subject):
 @pytest.mark.parametrize(
     "look",
     [
-        Appearance(RAMP),
-        Appearance("auto"),
-        Appearance("gray:gradient=0.1/0.5"),
-        Appearance("surfaces"),
-        Appearance(RAMP, gradient_opacity=(0.1, 0.6)),
+        of_voxels(RAMP),
+        of_voxels("auto"),
+        of_voxels("gray:gradient=0.1/0.5"),
+        of_voxels("surfaces"),
+        of_voxels(RAMP, gradient_opacity=(0.1, 0.6)),
     ],
     ids=["fractions", "auto", "faded", "regions", "gradient opacity"],
 )
@@ -86,7 +86,7 @@ def test_what_does_not_change_looks_the_same_at_all_times(look):
 def test_looks_are_of_the_range_of_all_times():
     series = Series.of(BEATS)
     assert series.known.span == (0, pytest.approx(BEATS.values.max()))
-    brightest = series.look(Appearance(RAMP)).transfer.looks(
+    brightest = series.look(of_voxels(RAMP)).transfer.looks(
         np.array([series.known.high]), None, (0, 1), 0
     )
     assert brightest[1][0] == pytest.approx(0.9, abs=1e-3)
@@ -104,7 +104,7 @@ def test_padding_is_that_of_all_times():
 
 def test_a_camera_sees_the_ball_around_all_times():
     series = Series.of(BEATS)
-    look = series.look(Appearance(RAMP))
+    look = series.look(of_voxels(RAMP))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     for n in range(TIMES):
         away = np.linalg.norm(course[n].voxels.position - course.sphere.center, axis=1)
@@ -120,13 +120,13 @@ def test_times_without_anything_to_see_do_not_frame():
     values = BEATS.values.copy()
     values[1:] = 0
     series = Series.of(BEATS._replace(values=values))
-    look = series.look(Appearance(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
+    look = series.look(of_voxels(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     assert course.sphere.radius == pytest.approx(Subject.of(series[0], look).sphere.radius)
 
 
 def test_a_film_has_a_frame_for_each_time(capsys):
-    words = ("--path", "still", "--transfer", "auto", *SMALL)
+    words = ("--path", "still", "--transfer", "auto", "--classify", "pre", *SMALL)
     assert ended("animate", "beats.npy", "-o", "f", *words) == 0
     frames = [read_image(path) for path in sorted(Path("f").glob("*.png"))]
     assert len(frames) == TIMES
@@ -196,7 +196,7 @@ def test_colors_of_several_times_are_filmed():
     known = BEATS._replace(values=values, is_color=True)
     series = Series.of(known)
     assert len(series) == 3
-    look = series.look(Appearance(light=None))
+    look = series.look(of_voxels(light=None))
     for n, volume in enumerate(series):
         color = Subject.of(volume, look).voxels.color
         np.testing.assert_allclose(color, np.tile(np.eye(3)[n], (len(color), 1)), atol=1e-6)

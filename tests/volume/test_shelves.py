@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample_volume.looks.surveys import survey, without_padding
-from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.glances import shelves
 from resample_volume.voxels.glances.shelves import Shelf
+from tests.volume.of_voxels import of_voxels
 
 SIDE = (4, 4, 4)
 
@@ -98,6 +98,6 @@ def test_a_shelf_gives_way_to_visible_voxels(rng):
     bricks.memory = 100 * values.size + 20_000  # 100 bytes for each voxel, and some bricks
     bricks.shelve(30_000)
     volume = Volume(bricks, np.ones(3), np.zeros(3), np.eye(3), "full")
-    Subject.of(volume, Appearance("0..100"))
+    Subject.of(volume, of_voxels("0..100"))
     assert bricks.shelved < 30_000
     assert len(read) < 2 * 8**3

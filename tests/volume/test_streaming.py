@@ -22,6 +22,7 @@ from resample_volume.voxels.streaming import (
     visible_bricks,
 )
 from resample_volume.voxels.visible import classify
+from tests.volume.of_voxels import of_voxels
 
 SIZE = (40, 36)
 SIDES = [(8, 8, 8), (16, 24, 8), (64, 64, 64), (5, 7, 9)]
@@ -68,18 +69,19 @@ def same_voxels(found, given):
 
 @pytest.mark.parametrize("side", SIDES)
 def test_pictures_are_the_same_for_any_size_of_bricks(side, volume):
-    same_frames(render(in_bricks(volume, side), size=SIZE), render(volume, size=SIZE))
+    look = of_voxels()
+    same_frames(render(in_bricks(volume, side), look, size=SIZE), render(volume, look, size=SIZE))
 
 
 @pytest.mark.parametrize(
     "look",
     [
-        Appearance("80..160", gradient="sobel"),
-        Appearance(SOLID, light=None),
-        Appearance("auto:gradient=0.1/0.5"),
-        Appearance(SOLID, gradient_opacity=(0.1, 0.4), crop="3:40,:,5:"),
-        Appearance("gray", clip=("1/0/-1",), light=Light((1, -1, 2), shadows=True)),
-        Appearance("surfaces"),
+        of_voxels("80..160", gradient="sobel"),
+        of_voxels(SOLID, light=None),
+        of_voxels("auto:gradient=0.1/0.5"),
+        of_voxels(SOLID, gradient_opacity=(0.1, 0.4), crop="3:40,:,5:"),
+        of_voxels("gray", clip=("1/0/-1",), light=Light((1, -1, 2), shadows=True)),
+        of_voxels("surfaces"),
     ],
     ids=["sobel", "unlit", "faded", "cropped", "shadows", "surfaces"],
 )
@@ -92,7 +94,7 @@ def test_every_look_is_the_same_in_bricks(look, volume):
 def test_labels_hold_in_bricks(volume, tmp_path):
     np.save(tmp_path / "a.npy", (volume.values > 130).astype(np.uint8))
     labels = read_labels(str(tmp_path / "a.npy"), ("1:color=tomato",), volume)
-    look = Appearance(SOLID, labels=labels)
+    look = of_voxels(SOLID, labels=labels)
     same_frames(
         render(in_bricks(volume, (8, 8, 8)), look, size=SIZE), render(volume, look, size=SIZE)
     )
@@ -141,7 +143,8 @@ def test_padding_is_left_out_of_bricks_too(kind, volume):
     found = as_array(without_padding(streamed, known)).values
     given = without_padding(whole, survey(whole)).values
     assert np.array_equal(found, given, equal_nan=kind == "float32")
-    same_frames(render(streamed, size=SIZE), render(whole, size=SIZE))
+    look = of_voxels()
+    same_frames(render(streamed, look, size=SIZE), render(whole, look, size=SIZE))
 
 
 @settings(max_examples=15)
@@ -200,7 +203,7 @@ def test_without_slopes_bricks_beside_are_not_read():
 
 def test_a_picture_reads_all_bricks_once_and_those_that_are_seen_once_more():
     volume = sparse()
-    render(volume, Appearance(SOLID), size=(16, 16))
+    render(volume, of_voxels(SOLID), size=(16, 16))
     assert len(volume.values.read.boxes) == 8**3 + 27 + 8
 
 
@@ -218,7 +221,7 @@ def test_voxels_that_do_not_fit_are_refused_with_a_remedy(volume):
     with pytest.raises(
         ValueError, match=r"blobs with \d+ visible voxels or more needs .* MiB are allowed"
     ):
-        render(in_bricks(volume, (8, 8, 8), memory=100_000), "auto")
+        render(in_bricks(volume, (8, 8, 8), memory=100_000), of_voxels())
 
 
 @pytest.mark.parametrize("beside", [0, 1 << 16])
@@ -229,7 +232,7 @@ def test_bytes_that_do_not_fit_are_refused_before_they_are_read_again(volume, be
     streamed.values.glance  # noqa: B018
     reads = streamed.values.reads
     with pytest.raises(TooManyVoxelsError, match=f"blobs with {visible} visible voxels or more"):
-        render(streamed, Appearance("80.5/white/0,81/white/0.5,255/white/0.9"))
+        render(streamed, of_voxels("80.5/white/0,81/white/0.5,255/white/0.9"))
     assert streamed.values.reads == reads
 
 
@@ -266,7 +269,7 @@ def test_an_error_while_bricks_are_read_ends_it(volume):
 
     streamed.values.read = broken
     with pytest.raises(ValueError, match="blobs is no zarr, or damaged"):
-        Subject.of(streamed, Appearance(SOLID))
+        Subject.of(streamed, of_voxels(SOLID))
 
 
 @pytest.mark.parametrize(

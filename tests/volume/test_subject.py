@@ -16,8 +16,10 @@ from resample_volume.looks.labels import Labels, Rule
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.fields import FieldVoxels
+from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import Voxels
+from tests.volume.of_voxels import of_voxels
 
 TREE = vessel_tree(16)
 PLAIN = Appearance()
@@ -34,7 +36,8 @@ PROJECTIONS = [
 
 
 def test_voxels_are_of_what_is_reconstructed():
-    assert isinstance(Subject.of(TREE, PLAIN).voxels, Voxels)
+    assert isinstance(Subject.of(TREE, PLAIN).voxels, Gathered)
+    assert isinstance(Subject.of(TREE, of_voxels()).voxels, Voxels)
     assert isinstance(Subject.of(TREE, PLAIN, SLABS).voxels, Voxels)
     assert isinstance(Subject.of(TREE, POST, SLABS).voxels, FieldVoxels)
     for resampler in PROJECTIONS:
@@ -104,8 +107,8 @@ def test_facts_change_with_the_values():
 
 def test_planes_are_carried_to_the_renderer():
     box = checker_box(16, 4)
-    look = replace(PLAIN, clip=("0/0/1",))
-    whole, upper = Subject.of(box, PLAIN), Subject.of(box, look)
+    look = of_voxels(clip=("0/0/1",))
+    whole, upper = Subject.of(box, of_voxels()), Subject.of(box, look)
     assert np.allclose(upper.clip, [[0, 0, 1, 0]])
     camera = whole.camera(Orbit(0, 0, fov=0), 32, 32)
     full, cut = (

@@ -37,6 +37,7 @@ from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
 from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
 from tests.killing import Killing
 from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
+from tests.volume.of_voxels import of_voxels
 
 WALLS = RegionTransfer(
     (
@@ -51,14 +52,14 @@ TISSUE = Labels(np.random.default_rng(3).integers(0, 5, (37, 26, 31)).astype(np.
 CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
 
 LOOKS = [
-    Appearance("60..190"),
-    Appearance("60..190", light=None),
-    Appearance("60..190", cue=DepthCue(0.6), **CUT),
-    Appearance(WALLS, **CUT),
-    Appearance(STEPS, light=None, gradient="sobel"),
-    Appearance("60..190", gradient_opacity=(0.2, 0.8)),
-    Appearance("20..190", labels=TISSUE),
-    Appearance(WALLS, labels=TISSUE, **CUT),
+    of_voxels("60..190"),
+    of_voxels("60..190", light=None),
+    of_voxels("60..190", cue=DepthCue(0.6), **CUT),
+    of_voxels(WALLS, **CUT),
+    of_voxels(STEPS, light=None, gradient="sobel"),
+    of_voxels("60..190", gradient_opacity=(0.2, 0.8)),
+    of_voxels("20..190", labels=TISSUE),
+    of_voxels(WALLS, labels=TISSUE, **CUT),
 ]
 BITS_ARE_KEPT = pytest.mark.sweep(kept_by="test_windows_have_the_bits_of_a_volume_in_memory")
 
@@ -101,8 +102,8 @@ def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
     volume, label = smoke(rng), TISSUE.values.astype(kind)
     label[8:24, :8] = 1
     bricks = in_bricks(volume._replace(values=label), side).values
-    whole = whole_of(volume, Appearance("20..190", labels=Labels(label, RULES)))
-    look = Appearance("20..190", labels=Labels(bricks, RULES))
+    whole = whole_of(volume, of_voxels("20..190", labels=Labels(label, RULES)))
+    look = of_voxels("20..190", labels=Labels(bricks, RULES))
     for spent in (Spent(850_000), Spent(1 << 30)):
         found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
         for name in LAYERS:
@@ -114,7 +115,7 @@ def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
 
 def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     volume, read = counted(smoke(rng), (8, 8, 8))
-    look = Appearance("60..190", labels=Labels(TISSUE.values[1:], RULES))
+    look = of_voxels("60..190", labels=Labels(TISSUE.values[1:], RULES))
     with pytest.raises(ValueError, match="labels of 31 x 26 x 36 voxels do not fit a volume of"):
         render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     assert not read
@@ -138,21 +139,21 @@ def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng)
 
 def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
-    look = Appearance("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
+    look = of_voxels("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
     with pytest.raises(ValueError, match="a mesh needs rays through a field"):
         render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     look = Appearance("60..190", classification=Classification.POST)
     with pytest.raises(ValueError, match="classification post needs rays through a field"):
         render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
     with pytest.raises(ValueError, match="fit in the memory that is allowed"):
-        render_in_windows(volume, Appearance("60..190"), EYE, SIZE, Spent(1000))
+        render_in_windows(volume, of_voxels("60..190"), EYE, SIZE, Spent(1000))
 
 
 @pytest.mark.parametrize("eye", [EYE, Orbit(200, -40, 6.0), Orbit(10, 5, fov=0)])
 @pytest.mark.parametrize("side", [8, 16])
 def test_blocks_are_where_their_footprints_are(eye, side, rng):
     volume = smoke(rng)
-    subject = Subject.of(volume, Appearance("60..190"), around=volume)
+    subject = Subject.of(volume, of_voxels("60..190"), around=volume)
     camera = subject.camera(eye, *SIZE)
     seen = subject.seen_by(camera)
     records = Resampler().footprints(seen, camera, height=SIZE[0], width=SIZE[1])
@@ -197,7 +198,7 @@ def stored(volume, path):
     ],
 )
 def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
-    volume, look = smoke(rng), Appearance("60..190")
+    volume, look = smoke(rng), of_voxels("60..190")
     whole = whole_of(volume, look)
     with ThreadPoolExecutor(workers) as executor:
         spent = Spent(700_000, 1, tmp_path, executor)
@@ -219,7 +220,7 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
 def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradient):
     values = np.random.default_rng(sum(shape)).integers(0, 200, shape).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "any")
-    look = Appearance("60..190", gradient=gradient)
+    look = of_voxels("60..190", gradient=gradient)
     with ThreadPoolExecutor(workers) as executor:
         spent = Spent(memory, workers, executor=executor)
         try:
@@ -246,7 +247,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
     ],
 )
 def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path):
-    volume, look = smoke(rng), Appearance("60..190")
+    volume, look = smoke(rng), of_voxels("60..190")
     whole, in_file = whole_of(volume, look), stored(volume, tmp_path / "smoke.zarr")
     for name in ("marks", "windows"):
         (tmp_path / name).mkdir()
@@ -283,7 +284,7 @@ def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
     values = rng.integers(0, 200, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "smoke")
     in_file, read = counted(volume, (8, 8, 8))
-    look, whole = Appearance("5..190"), whole_of(volume, Appearance("5..190"))
+    look, whole = of_voxels("5..190"), whole_of(volume, of_voxels("5..190"))
     with ThreadPoolExecutor(workers or 1) as executor:
         spent = Spent(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_file, look, EYE, SIZE, spent)
@@ -340,7 +341,7 @@ def counted(volume, side):
 )
 def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, monkeypatch):
     in_small_steps(monkeypatch)
-    steps, look = noted_steps(monkeypatch), Appearance("5..190")
+    steps, look = noted_steps(monkeypatch), of_voxels("5..190")
     values = rng.integers(0, 200, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
     subject = Subject.of(volume, look, around=volume)
@@ -359,7 +360,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     monkeypatch.setattr(windows, "SHARE", 1 << 40)  # nothing is on a shelf
     values = rng.integers(200, 255, (64, 64, 64)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
-    look, bricks = Appearance("100/white/0,180/white/0.95", light=None), 8**3
+    look, bricks = of_voxels("100/white/0,180/white/0.95", light=None), 8**3
     in_file, read = counted(volume, (8, 8, 8))
     camera = unseen(in_file, look).camera(EYE, *SIZE)
     by = [camera, SIZE, Spent(9_000_000)]
@@ -384,7 +385,7 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     in_small_steps(monkeypatch)
     values = rng.integers(200, 255, (48, 48, 48)).astype(np.uint8)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
-    look = Appearance("100/white/0,180/white/0.95", light=None)
+    look = of_voxels("100/white/0,180/white/0.95", light=None)
     in_file, read = counted(volume, (8, 8, 8))
     render_in_windows(in_file, look, EYE, SIZE, Spent(9_000_000))
     read.clear()
@@ -417,7 +418,7 @@ def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch)
     steps = noted_steps(monkeypatch)
     values = rng.integers(0, 200, (36, 100, 36)).astype(np.uint8)
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
-    look, (paint, eye) = Appearance("5..190"), PAINTERS[number]
+    look, (paint, eye) = of_voxels("5..190"), PAINTERS[number]
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
     whole = paint(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])

@@ -32,12 +32,15 @@ from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.media.appearance import (
+    BY_DEFAULT,
     Appearance,
     Classification,
     Medium,
     check_several,
     check_together,
+    decided,
     named_or_own,
+    of_voxels,
     resampler_for,
     transfer_of,
 )
@@ -275,6 +278,7 @@ class Subject:
         """
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
+        ((volume, appearance),), resampler = decided([(volume, appearance)], resampler)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.cuts)
         voxels: Visible
@@ -323,8 +327,9 @@ class Subject:
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
-        resampler = resampler or Resampler()
+        resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
+        media, resampler = decided(media, resampler)
         place = placement(media)
         whole, appearance = place.lattice, place.media[0][1]
         clip, scene = place.clip, whole.volume()
@@ -350,6 +355,10 @@ class Subject:
         """Camera for a picture of that size in px, which sees the volume around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
         return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
+
+    def painter(self, resampler: Resampler) -> Resampler:
+        """Renderer that goes with what was made ready for one; see `decided`."""
+        return resampler if isinstance(self.voxels, Gathered) else of_voxels(resampler)
 
     def cuts(self, camera: AnyCamera) -> Doubles:
         """Planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
@@ -449,7 +458,7 @@ def render(
     size
         Width and height, px.
     resampler
-        Renderer; None is the default `Resampler()`, along rays for the classification post.
+        Renderer; None goes along rays, or paints voxels where these cannot be (`decided`).
     progress
         Called with the share of the work done, 0 to 1.
 
@@ -470,7 +479,7 @@ def render(
     >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
     >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
     >>> frame
-    Frame(32 × 32 px, 66.2 % covered, depth from 26.59)
+    Frame(32 × 32 px, 41 % covered, depth from 26.23)
     >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
     (1.0, 0.0)
     """
@@ -480,6 +489,7 @@ def render(
     height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
     seen, cuts = subject.seen_by(eye), subject.cuts(eye)
+    paint = subject.painter(paint)
     frame = paint(seen, eye, height=height, width=width, progress=progress, clip=cuts)
     return subject.developed(frame)
 

@@ -17,7 +17,7 @@ from resample.watching import Cancel, Progress, cancellable
 from resample_volume.inputs import as_volume
 from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
-from resample_volume.media.appearance import Appearance, resampler_for
+from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
@@ -118,12 +118,12 @@ class Scene:
         paint = resampler or resampler_for(appearance)
         is_preview = quality == "preview"
         if is_preview:
-            paint = self._quickly(paint)
+            appearance, paint = self._quickly(appearance, paint)
         with cancellable(cancel), keeping(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
             eye = subject.camera(viewpoint_of(camera), height, width)
             per = PER if is_preview else 1
-            frame = paint(
+            frame = subject.painter(paint)(
                 subject.seen_by(eye),
                 Shrunk(eye, per) if is_preview else eye,
                 height=-(-height // per),
@@ -251,10 +251,11 @@ class Scene:
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         if is_preview:
-            paint = self._quickly(paint)
+            appearance, paint = self._quickly(appearance, paint)
         with keeping(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
-        return subject, subject.camera(viewpoint_of(camera), *shape_of(size)), paint
+        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
+        return subject, eye, subject.painter(paint)
 
     def _subject(
         self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool
@@ -287,8 +288,11 @@ class Scene:
         slab = None if look.section is None or look.section.normal else look.slab
         return self._coarse, replace(kept, labels=labels, crop=None, clip=cuts, slab=slab)
 
-    def _quickly(self, paint: Resampler) -> Resampler:
-        """Renderer of previews, which keeps its tables."""
+    def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
+        """Look and renderer of previews: voxels, where it is not said; it keeps its tables."""
+        is_auto = look.classification is Classification.AUTO and not look.meshes
+        if is_auto and paint.projection is Projection.COMPOSITE:
+            look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
         if paint.subpixels is not None:
-            return paint
-        return self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
+            return look, paint
+        return look, self._quick.setdefault(paint, replace(paint, subpixels=FINEST))

@@ -366,7 +366,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     Examples
     --------
     >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
-    Frame(32 × 24 px, 32.8 % covered, depth from 55.34)
+    Frame(32 × 24 px, 25.5 % covered, depth from 54.87)
     """
     source_keys = Source.model_fields
     of_source = {key: value for key, value in settings.items() if key in source_keys}

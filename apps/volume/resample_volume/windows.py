@@ -14,7 +14,7 @@ from resample.painting.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
-from resample_volume.media.appearance import BY_DEFAULT, Appearance, Medium
+from resample_volume.media.appearance import OF_VOXELS, Appearance, Medium, of_voxels
 from resample_volume.media.dense import Dense, check_windows, dense_of
 from resample_volume.media.mixing import Mixed, added
 from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
@@ -150,7 +150,7 @@ def paint_unseen(
     ValueError, OSError
         As of `render_in_windows`.
     """
-    painter, tell = resampler or BY_DEFAULT, progress or _unheard
+    painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
     looking = Looking(spent.executor, spent.threads, tell)
     _shelve(media, spent)
     scene, dense = dense_of(media, painter, spent.memory, looking)
@@ -266,7 +266,7 @@ def unseen_together(
         They cannot be painted window by window.
     """
     check_windows(media)
-    look, painter = media[0][1], resampler or BY_DEFAULT
+    look, painter = media[0][1], of_voxels(resampler or OF_VOXELS)
     if len(media) == 1:
         whole, middle = centered(media[0][0])
         clip, steps = planes(whole, look.crop, look.cuts), lattice_of(whole)

@@ -36,6 +36,8 @@ class Output(NamedTuple):
     apart: int  # sub-pixels from one that is looked at to the next, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
+    left: int  # px, of the first tile
+    top: int  # px, of the first tile
 
 
 @inner_kernel
@@ -140,7 +142,9 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -
 def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
     size, margin = output.size, output.tables.pixel_margin
     height, width = output.film.depth.shape
-    home = Home(tile % output.columns * size, tile // output.columns * size, size, width, height)
+    left = output.left + tile % output.columns * size
+    top = output.top + tile // output.columns * size
+    home = Home(left, top, size, width, height)
     rows = (min(size, height - home.top) + 2 * margin) * n
     columns = (min(size, width - home.left) + 2 * margin) * n
     fine = np.empty((rows, columns, NUMBERS), np.float32)

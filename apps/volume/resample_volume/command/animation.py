@@ -33,6 +33,7 @@ from resample.lazy import installed_version
 from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
+from resample_volume.media.appearance import BY_DEFAULT
 from resample_volume.media.series import around
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
@@ -226,7 +227,7 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
 class Paint:
     """How frames are made, and what is behind the volume."""
 
-    resampler: Resampler = field(default_factory=Resampler)
+    resampler: Resampler = BY_DEFAULT
     size: tuple[int, int] = (400, 400)  # height and width, px
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
     threads: int | None = None  # frames do not depend on it
@@ -265,7 +266,7 @@ def shots(
         Names of the above for the message that frames are of another animation, as JSON holds
         them: the volume's, the path's.
     """
-    job = _job(subject.facts(), cameras, paint, about)
+    job = _job(subject, {}, cameras, paint, about)
     return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
 
 
@@ -277,11 +278,12 @@ def shots_over_time(
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
     """Frames of a volume that changes, which are made by their number; see `shots`."""
-    job = _job(course[0].facts() | {"times": course.marks}, cameras, paint, about)
+    job = _job(course[0], {"times": course.marks}, cameras, paint, about)
     return Shots(len(cameras), made, job)
 
 
 def _job(
+    subject: Subject,
     facts: Mapping[str, Any],
     cameras: Sequence[AnyCamera],
     paint: Paint,
@@ -292,8 +294,9 @@ def _job(
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
-        "resampler": repr(paint.resampler),
+        "resampler": repr(subject.painter(paint.resampler)),
         **({} if paint.drawing is None else {"drawn": repr(paint.drawing.given)}),
+        **subject.facts(),
         **facts,
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
         "version": installed_version(),
@@ -303,7 +306,7 @@ def _job(
 def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
     """Frame (H, W, 3) as a screen takes it."""
     height, width = paint.size
-    painted = paint.resampler(
+    painted = subject.painter(paint.resampler)(
         subject.seen_by(camera),
         camera,
         height=height,

@@ -216,12 +216,14 @@ class Look(Choices):
     ] = None
 
     classify: Annotated[
-        Literal["pre", "post"],
+        Literal["auto", "pre", "post"],
         Field(
             description="Pre: voxels get colors, which are reconstructed. Post: the values are "
-            "reconstructed and get colors then, which is sharper."
+            "reconstructed and get colors then, which is sharper. Auto: post along rays; pre if a "
+            "method is given, and for colors, labels, several volumes and what memory does not "
+            "hold as a field."
         ),
-    ] = "pre"
+    ] = "auto"
     labels: Annotated[
         str | None,
         About.SOURCE,
@@ -269,6 +271,10 @@ class Look(Choices):
         Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
     ] = None
 
+    def of_voxels(self) -> "Look":
+        """The same look of voxels, unless it was said that it is the field's."""
+        return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
+
     def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
         """Renderer that goes with this look, of values on a scale.
 
@@ -286,7 +292,10 @@ class Look(Choices):
         if (by := scale_named(scale)) is not None and resampling.iso is not None:
             place = by.place(resampling.iso, "iso")
             resampling = resampling.model_copy(update={"iso": place})
-        resampler = resampling.resampler(of_field=self.classify == "post")
+        is_auto = self.classify == "auto"
+        is_of_field = self.classify == "post" or (is_auto and not resampling.is_of_samples)
+        quality = "usual" if is_auto else "best"
+        resampler = resampling.resampler(of_field=is_of_field, quality=quality)
         chosen = {
             "labels": self.labels,
             "gradient-opacity": self.gradient_opacity,

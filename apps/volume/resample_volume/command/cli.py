@@ -133,7 +133,7 @@ def render(
                     drawn = with_bar(drawn, *shown[0], resampler, background, subject.tone)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
-        write_json(stats, report(session, frame))
+        write_json(stats, report(session, frame, subject))
 
 
 @app.command
@@ -190,6 +190,7 @@ def compare(
     from resample_volume.voxels.framing import centered
 
     pixels = PictureFormat(size=size).height_and_width()
+    look = look.of_voxels()
     first = look.renderer(projection.painting(look), source.scale)
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:

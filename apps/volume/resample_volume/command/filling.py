@@ -68,5 +68,5 @@ def filled(
         return viewpoint
     found = filling(viewpoint, subject.sphere, shown, size)
     turned = (found.azimuth, found.elevation, found.zoom, *found.pan)
-    say(f"the camera {'/'.join(f'{number:.5g}' for number in turned)} fills the picture")
+    say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     return found

@@ -66,7 +66,7 @@ def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
 
 def can_stream(look: Look, resampler: Resampler) -> bool:
     """Whether a picture needs no more of a volume than its visible voxels."""
-    return resampler.projection is Projection.COMPOSITE and look.classify == "pre"
+    return resampler.projection is Projection.COMPOSITE and look.classify != "post"
 
 
 def media(

@@ -32,6 +32,7 @@ from resample_volume.media.appearance import (
     Medium,
     check_several,
     check_together,
+    fits_as_field,
 )
 from resample_volume.media.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject
@@ -78,6 +79,8 @@ def scene_of(
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     needs.require_room(media, size, subject, fit)
+    if in_bricks and subject.painter(resampler) != resampler and not fits_as_field(media[0][0]):
+        say("memory does not hold the volume as a field: voxels are painted (classify pre)")
     if missed := slab_missed(media, subject):
         say(missed)
     elif subject.is_empty:
@@ -213,11 +216,11 @@ def to_paint(
         return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
     viewpoint = filled(viewpoint, fit, subject, media[0], resampler, size)
     camera = subject.camera(viewpoint, *size)
-    seen = lit(session, subject, camera)
+    seen, painter = lit(session, subject, camera), subject.painter(resampler)
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
-        frame = painted(session, resampler, seen, eye, size, doing.threads, cuts)
+        frame = painted(session, painter, seen, eye, size, doing.threads, cuts)
         return subject.developed(frame)
 
     return Painting(subject, camera, paint)
@@ -354,15 +357,17 @@ def painted(
     return frame
 
 
-def report(session: Session, frame: Frame) -> dict[str, Any]:
+def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
     """Counts and times, for `--stats`."""
     counts = frame.statistics
     return {
+        "classify": str(subject.appearance.classification),
         "samples": counts.samples,
         "points": counts.points,
         "splats": counts.splats,
         "splat_fraction": counts.splat_fraction,
         "hidden": counts.hidden,
+        "rays": counts.rays,
         "subpixels": counts.subpixels,
         "seconds": session.times(),
     }

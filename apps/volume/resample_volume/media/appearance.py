@@ -1,12 +1,14 @@
 """What a volume looks like, and who paints it."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
-from resample.profiles.orders import OF_FIELDS, Rays, Summing
+from resample.painting.splines import LARGEST, bytes_of_field
+from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample_volume.looks.automatic import levels
 from resample_volume.looks.presets import Window, transfer_for
@@ -16,19 +18,24 @@ from resample_volume.media.xrays import XRay
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.space.sections import Section
 from resample_volume.types import Volume
+from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.visible import finite_range
 
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
 # Each keeps tables of its own.
-BY_DEFAULT, ALONG_RAYS = Resampler(), Resampler(order=Rays())
+OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
+BY_DEFAULT = Resampler(order=Rays(quality="usual"))
+GRADIENT = "central"  # if none is asked for
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
 class Classification(StrEnum):
     """When values get their color and opacity."""
 
+    AUTO = "auto"  # post where rays can go through the field, else pre; see `decided`
     PRE = "pre"  # voxels get them, and colors are reconstructed
     POST = "post"  # the field is reconstructed, and gets them after that
 
@@ -44,14 +51,14 @@ class Appearance:
     >>> values = np.random.default_rng(1).integers(0, 255, (12, 12, 12), np.uint8)
     >>> look = Appearance("120..400", Light(ambient=0.5), crop="2:10,:,:")
     >>> render(values, look, size=(32, 24))
-    Frame(32 × 24 px, 27.9 % covered, depth from 39.85)
+    Frame(32 × 24 px, 21.4 % covered, depth from 40.16)
     """
 
     transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
     light: Light | None = field(default_factory=Light)  # None: colors as they are
-    gradient: str = "central"  # or sobel
+    gradient: str = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
-    classification: Classification = Classification.PRE
+    classification: Classification = Classification.AUTO
     labels: "Labels | None" = None
     cue: DepthCue | None = None
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
@@ -147,6 +154,8 @@ def check_together(
     _check_values(projection, extras)
     if "mesh" in extras:
         _check_meshes(resampler, classification)
+    if classification is Classification.AUTO:
+        classification, extras = _of_auto(resampler, extras)
     if is_composite and classification is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
@@ -173,6 +182,17 @@ def check_together(
         )
 
 
+def _of_auto(
+    resampler: Resampler, extras: Collection[str]
+) -> tuple[Classification, Collection[str]]:
+    """What `auto` is for a renderer, and which extras limit that."""
+    if resampler.order.summing is not Summing.RAYS:
+        return Classification.PRE, extras
+    if resampler.projection is Projection.COMPOSITE:  # voxels are painted for these
+        extras = [name for name in extras if name != "labels"]
+    return Classification.POST, extras
+
+
 def _check_values(projection: Projection, extras: Collection[str]) -> None:
     """Refuse what is of projections of values, where these are not projected."""
     if "xray" in extras and projection is not Projection.XRAY:
@@ -193,7 +213,7 @@ def _check_meshes(resampler: Resampler, classification: Classification) -> None:
             "a mesh is seen through the volume, so it needs the projection composite or first-hit, "
             f"not {resampler.projection}"
         )
-    is_pre = classification is Classification.PRE and resampler.iso is None
+    is_pre = classification is not Classification.POST and resampler.iso is None
     if is_pre or resampler.order.summing is not Summing.RAYS:
         raise ValueError(
             "a mesh ends rays through the field, so it needs the classification post and the "
@@ -202,10 +222,70 @@ def _check_meshes(resampler: Resampler, classification: Classification) -> None:
 
 
 def resampler_for(appearance: Appearance) -> Resampler:
-    """Renderer by default: along rays where colors are given to the field, or for X-rays."""
+    """Renderer by default: along rays, but for voxels that have colors before they are summed."""
     if appearance.xray is not None:
         return X_RAYS
-    return ALONG_RAYS if appearance.classification is Classification.POST else BY_DEFAULT
+    return {
+        Classification.AUTO: BY_DEFAULT,
+        Classification.PRE: OF_VOXELS,
+        Classification.POST: ALONG_RAYS,
+    }[appearance.classification]
+
+
+def of_voxels(resampler: Resampler) -> Resampler:
+    """The same renderer for samples that have colors, if it is one for fields along rays."""
+    if resampler.order.summing is not Summing.RAYS:
+        return resampler
+    changed = replace(resampler, order=EverySample())
+    return OF_VOXELS if changed == OF_VOXELS else changed
+
+
+def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium], Resampler]:
+    """Looks in which `auto` has become pre or post, and the renderer that goes with them.
+
+    A field along rays is truer to the scene at any size on screen. Of colors, of labels, of several
+    volumes together, of what memory does not hold as a field, and where gradients of voxels are
+    asked for (`sobel`), voxels are painted.
+
+    Parameters
+    ----------
+    media
+        Volumes with their looks.
+    resampler
+        Renderer; of samples, if it is to paint voxels whatever they are.
+    """
+    looks = [look.classification for _, look in media]
+    if Classification.AUTO not in looks:
+        return list(media), resampler
+    is_by_rays = resampler.order.summing is Summing.RAYS
+    if resampler.projection is not Projection.COMPOSITE:
+        is_of_field = True
+    else:
+        is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
+        resampler = resampler if is_of_field else of_voxels(resampler)
+    found = Classification.POST if is_of_field else Classification.PRE
+    of_auto = {Classification.AUTO: found}
+    return [
+        (volume, replace(look, classification=of_auto.get(kind, kind)))
+        for (volume, look), kind in zip(media, looks, strict=True)
+    ], resampler
+
+
+def _suits_rays(volume: Volume, look: Appearance) -> bool:
+    """Whether a volume is one field that memory holds, lit by its own gradients."""
+    if volume.colors is not None or look.labels is not None or look.gradient != GRADIENT:
+        return False
+    return fits_as_field(volume) and max(map(abs, finite_range(volume.values))) < LARGEST
+
+
+def fits_as_field(volume: Volume) -> bool:
+    """Whether memory holds a volume as a field, and its values beside it if they are in a file."""
+    values: Values = volume.values
+    size = bytes_of_field(values.shape, values.dtype)
+    if isinstance(values, Bricks):
+        return values.memory is None or size + values.size * values.dtype.itemsize <= values.memory
+    free = available_memory()
+    return free is None or size <= free
 
 
 def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
@@ -217,8 +297,8 @@ def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
             f"several volumes are composited; the projection {resampler.projection} shows the "
             "values of one"
         )
-    if any(look.classification is not Classification.PRE for _, look in media):
+    if any(look.classification is Classification.POST for _, look in media):
         raise ValueError(
             "several volumes need the classification pre: post reconstructs the field of one"
         )
-    check_together(resampler, Classification.PRE, media[0][1].extras)
+    check_together(of_voxels(resampler), Classification.PRE, media[0][1].extras)

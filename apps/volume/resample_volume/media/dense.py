@@ -90,7 +90,7 @@ class Dense:
 def check_windows(media: Sequence[Medium]) -> None:
     """Refuse what depends on all visible voxels together, or is not in bricks."""
     for volume, look in media:
-        is_pre = look.classification is Classification.PRE
+        is_pre = look.classification is not Classification.POST
         if look.meshes or not is_pre:
             what = "a mesh" if is_pre else "the classification post"
             raise ValueError(

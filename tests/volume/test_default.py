@@ -1,0 +1,97 @@
+"""What paints a volume if nothing is said of it: rays, or voxels where these cannot be."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from resample.files.images import read_image
+from resample.resampler import Resampler
+from resample_volume import Appearance, Scene, as_volume, render
+from resample_volume.command.cli import app
+from resample_volume.files.generated import vessel_tree
+from resample_volume.looks.labels import Labels, Rule
+from resample_volume.media.appearance import BY_DEFAULT
+from tests import commands
+from tests.volume.test_streaming import in_bricks
+from tests.volume.of_voxels import of_voxels
+
+ended = partial(commands.ended, app)
+TREE, SIZE = vessel_tree(16), (32, 24)
+COLORED = as_volume(np.random.default_rng(3).integers(0, 255, (8, 8, 8, 3), np.uint8))
+LABELS = Labels(np.zeros(TREE.values.shape, np.uint8), {0: Rule(opacity=0.5)})
+
+
+def test_a_volume_is_a_field_along_rays():
+    found = render(TREE, size=SIZE)
+    assert found.statistics.rays > 0
+    assert np.array_equal(found.rgba, render(TREE, size=SIZE, resampler=BY_DEFAULT).rgba)
+
+
+@pytest.mark.parametrize(
+    ("volume", "look"),
+    [
+        (COLORED, Appearance()),
+        (TREE, Appearance(labels=LABELS)),
+        (TREE, Appearance(gradient="sobel")),
+        (TREE._replace(values=TREE.values * 1e40), Appearance("gray")),
+        (in_bricks(TREE, (8, 8, 8), memory=30_000), Appearance("100..200")),
+    ],
+    ids=["colors", "labels", "gradients of voxels", "huge", "more than memory holds"],
+)
+def test_voxels_are_painted_where_rays_cannot_be(volume, look):
+    found = render(volume, look, size=SIZE)
+    assert found.statistics.rays == 0
+    voxels = render(volume, replace(look, classification="pre"), size=SIZE)
+    assert np.array_equal(found.rgba, voxels.rgba)
+    assert found.rgba.any()
+
+
+def test_several_volumes_are_voxels():
+    media = [(TREE, Appearance("vessels")), (TREE, Appearance("200..255"))]
+    pre = [(volume, replace(look, classification="pre")) for volume, look in media]
+    assert np.array_equal(render(media, size=SIZE).rgba, render(pre, size=SIZE).rgba)
+
+
+def test_a_renderer_of_samples_paints_voxels():
+    found = render(TREE, size=SIZE, resampler=Resampler())
+    assert np.array_equal(found.rgba, render(TREE, of_voxels(), size=SIZE).rgba)
+
+
+def test_a_store_has_the_bits_of_an_array():
+    found = render(in_bricks(TREE, (8, 8, 8)), size=SIZE)
+    assert np.array_equal(found.rgba, render(TREE, size=SIZE).rgba)
+
+
+def test_previews_are_of_voxels():
+    scene = Scene(TREE)
+    found, voxels = (
+        scene.render(look, size=SIZE, quality="preview") for look in ("auto", of_voxels())
+    )
+    assert np.array_equal(found.rgba, voxels.rgba)
+
+
+@pytest.mark.parametrize(
+    ("words", "classified"),
+    [
+        ([], "post"),
+        (["--subpixels", 2], "post"),
+        (["--filter", "gaussian:sigma=0.6"], "post"),
+        (["--method", "points"], "pre"),
+        (["--kernel", "bspline"], "pre"),
+        (["--order", "every-sample"], "pre"),
+        (["--order", "rays:step=0.5"], "post"),
+        (["--gradient", "sobel"], "pre"),
+        (["--projection", "maximum"], "post"),
+    ],
+)
+def test_statistics_say_what_was_painted(words, classified, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("--size", 16, *words, "--stats", "s.json", "-o", "out.exr")
+    assert ended("render", "vessel-tree:size=16", *words) == 0
+    stats = json.loads(Path("s.json").read_text())
+    assert (stats["classify"], stats["rays"] > 0) == (classified, classified == "post")
+    assert read_image("out.exr").any()
