@@ -144,8 +144,8 @@ def test_nothing_at_all_is_a_picture_of_nothing() -> None:
 @pytest.mark.sweep(kept_by="test_sub_pixels_that_are_spared_are_as_rays_would_see_them")
 def test_automatic_sub_pixels_come_to_what_many_show() -> None:
     for size in ((12, 12), (40, 48), (160, 160)):
-        few = seen(blobs(), along_rays(), size=size)
-        many = seen(blobs(), along_rays(subpixels=16), size=size)
+        few = seen(blobs(), along_rays(), Orbit(30, 20, 1.4), size)
+        many = seen(blobs(), along_rays(subpixels=16), Orbit(30, 20, 1.4), size)
         assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.004
 
 
@@ -175,8 +175,9 @@ def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
     ],
 )
 def test_fewer_rays_come_close_to_many(quality: str, side: int, rays: int, least: float) -> None:
-    few = seen(blobs(), along_rays(order=Rays(quality=quality)), size=(side, side))
-    many = seen(blobs(), along_rays(subpixels=16), size=(side, side))
+    camera, size = Orbit(30, 20, 1.2 * side / (side - 2)), (side, side)
+    few = seen(blobs(), along_rays(order=Rays(quality=quality)), camera, size)
+    many = seen(blobs(), along_rays(subpixels=16), camera, size)
     assert few.statistics.subpixels == rays
     error = np.sqrt(np.mean((few.rgba - many.rgba) ** 2))
     assert -20 * np.log10(error) > least
