@@ -30,14 +30,16 @@ from resample.watching import Progress, told
 if TYPE_CHECKING:
     from resample.engine.rays.looks import SummedLook
     from resample.engine.rays.marching import Bricks
-    from resample.engine.rays.seeing import Medium, Way
+    from resample.engine.rays.media import Medium
+    from resample.engine.rays.seeing import Way
 
-TILE, SMALL_TILE = 32, 16  # px, side of a tile of few rays, and of many
+LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
+MANY = 32  # large tiles, so that all threads have some
 FEW_RAYS = 4  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels from one that is looked at to the next
 BENDS = 0.01  # of the range of values, that these may bend by where sub-pixels are spared
 OPAQUE = 1e-3  # transmittance that counts as none
-BENT = 0.06  # of the range of values, that a field may bend by within a step
+CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel of these; times as much, where voxels are smaller
 LARGE = 2.0  # px per voxel, of which one ray through a pixel's middle tells enough
 FEWEST_RAYS = 2  # per side of a pixel, of smaller voxels
 NEAREST = 1e-30  # scene units from the eye, of what may lie behind it
@@ -56,12 +58,13 @@ class _Effort(NamedTuple):
     spared: float  # samples between those that are looked at, at most, if sub-pixels are closer
     bend: float  # of colors, that is no edge
     share: float  # of them, besides
+    bent: float  # of the range of values, that a field may bend by within a step, close up
 
 
 EFFORTS = {
-    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06),
-    "usual": _Effort(0.7, 4, 2 / 3, 0.05, 0.15),
-    "fast": _Effort(0.0, 1, 2 / 3, 0.05, 0.15),
+    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06, 0.01),
+    "usual": _Effort(0.7, 4, 2 / 3, 0.03, 0.1, 0.03),
+    "fast": _Effort(0.0, 1, 2 / 3, 0.03, 0.1, 0.06),
 }
 
 
@@ -91,7 +94,7 @@ def paint_field(
     clock.lap("look")
     fineness, apart = _rays_of(field, view, how)
     effort = EFFORTS[how.quality]
-    tile = TILE if fineness <= FEW_RAYS else SMALL_TILE
+    tile = _tile_of(size, fineness)
     rows, columns = -(-size[0] // tile), -(-size[1] // tile)
     painted = nothing_painted(*size, rows * columns, has_values=style.projection in MEASURED)
     is_sum = style.projection == ADDITIVE
@@ -117,6 +120,13 @@ def paint_field(
         _mean_from_middles(painted.film)
     clock.lap("paint")
     return painted, painted.statistics(math.prod(field.spline.shape), clock.seconds)
+
+
+def _tile_of(size: tuple[int, int], fineness: int) -> int:
+    """Side of a tile, px: at its edge no rays are spared, so large ones need fewer."""
+    if fineness > FEW_RAYS:
+        return SMALL_TILE
+    return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
 
 
 def _mean_from_middles(film: Film) -> None:
@@ -202,7 +212,7 @@ def _way(field: LatticeField, style: Style) -> "Way":
 def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     """Field with its look, in columns of that."""
     from resample.engine.rays.marching import SampleSpace
-    from resample.engine.rays.seeing import Medium
+    from resample.engine.rays.media import Medium
     from resample.engine.rays.splines import PAD
 
     look, spline, lattice = field.classifier, field.spline, field.lattice
@@ -236,10 +246,26 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         float(1.0 / np.cbrt(abs(np.linalg.det(lattice)))),
         _cuts(how.clip, lattice),
         field.known,
-        BENT * columns,
+        _bent(field, view, how) * columns,
+        _is_from_eye(look, eye, view),
         field.reached,
         field.mesh,
     )
+
+
+def _bent(field: LatticeField, view: View, how: Gathering) -> float:
+    """Share of the range of values that a field may bend by: pixels are means over small voxels."""
+    bent = EFFORTS[how.quality].bent
+    if how.quality == "best":
+        return bent
+    spacing = spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+    return bent * min(MOST_BENT, max(1.0, CLOSE / spacing))
+
+
+def _is_from_eye(look: Classifier, eye: Doubles, view: View) -> bool:
+    """Whether places along a ray are all seen from the same direction by the lamp's viewer."""
+    viewer = look.lamp.viewer
+    return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
 def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Floats:

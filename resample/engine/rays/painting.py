@@ -6,8 +6,9 @@ import numpy as np
 
 from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
+from resample.engine.rays.media import Medium
 from resample.engine.rays.meshes import is_on_mesh, seen_with_mesh
-from resample.engine.rays.seeing import Medium, Way
+from resample.engine.rays.seeing import Way
 from resample.engine.rays.sparing import (
     ALPHA,
     COVER,
