@@ -226,6 +226,22 @@ def test_steps_and_sub_pixels_come_closer_to_each_other() -> None:
     assert errors[1] < 0.004
 
 
+def ringed_ball(count: int = 40) -> NDArray[np.float32]:
+    """A smooth ball with faint rings 2.5 voxels apart."""
+    axis = np.arange(count) - (count - 1) / 2
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    within = np.clip((0.4 * count - np.sqrt(x * x + y * y + z * z)) / 6 + 0.5, 0, 1)
+    return np.asarray(255 * within * (0.8 + 0.2 * np.cos(2 * np.pi * z / 2.5)), np.float32)
+
+
+@pytest.mark.parametrize("values", [ringed_ball(), blobs()], ids=["rings", "blobs"])
+def test_what_is_spared_is_what_rays_see(values: NDArray[np.generic]) -> None:
+    usual = Rays(quality="usual")
+    spared = seen(values, along_rays(order=usual), size=(160, 160))
+    all_of_it = seen(values, along_rays(order=usual, subpixels=1), size=(160, 160))
+    assert -10 * np.log10(np.mean((spared.rgba - all_of_it.rgba) ** 2)) > 60
+
+
 def test_a_picture_moves_with_its_volume() -> None:
     here = as_volume(blobs())
     there = here._replace(origin=np.array([1e5, -2e5, 3e5]))
