@@ -295,16 +295,16 @@ def test_a_zoom_multiplies_that_which_fills_the_picture():
 def test_the_camera_that_fills_the_picture_is_said(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = ("render", "checker-box:size=12,block=4", "--size", "48x32")
-    assert commands.ended(cli.app, *words, "-o", "a.exr", "--fill") == 0
+    assert commands.ended(cli.app, *words, "-o", "a.exr", "--zoom-in") == 0
     said = re.search(r"the camera (\S+) fills the picture", capsys.readouterr().err)
     assert commands.ended(cli.app, *words, "-o", "b.exr", "--camera", said[1]) == 0
     np.testing.assert_allclose(read_image("a.exr"), read_image("b.exr"), atol=2e-3)
     for more in (("--classify", "post"), ("--projection", "maximum")):
-        assert commands.ended(cli.app, *words, "-o", "c.exr", "--fill", *more) == 0
+        assert commands.ended(cli.app, *words, "-o", "c.exr", "--zoom-in", *more) == 0
     spot = "eye = [0, -40, 0]\ntarget = [0, 0, 0]"
     (tmp_path / "c.toml").write_text(spot)
     capsys.readouterr()
     refused = commands.refused(
-        cli.app, capsys, *words, "-o", "d.exr", "--fill", "--camera", "c.toml"
+        cli.app, capsys, *words, "-o", "d.exr", "--zoom-in", "--camera", "c.toml"
     )
     assert "leave it out where the camera stands at a place" in refused

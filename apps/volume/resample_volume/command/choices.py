@@ -461,7 +461,7 @@ class BesidePicture(Beside):
         Switch,
         Field(description="Add a bar to the right: of colors, opacities and values."),
     ] = False
-    fill: Annotated[
+    zoom_in: Annotated[
         bool,
         Switch,
         Field(
@@ -480,7 +480,7 @@ class BesidePicture(Beside):
 
     def fit(self, look: Look) -> "Fitted":
         """What the camera is placed by."""
-        return "picture" if self.fill else look.fit
+        return "picture" if self.zoom_in else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Refuse a bar or a deep picture that cannot be, before any work is done.

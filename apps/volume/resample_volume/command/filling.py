@@ -29,7 +29,7 @@ def whole_fit(fit: Fitted) -> Fit:
     """
     if fit == "picture":
         raise ValueError(
-            "fill looks at all that is visible at once, which is too much here; leave it out"
+            "zoom-in looks at all that is visible at once, which is too much here; leave it out"
         )
     return fit
 
@@ -53,7 +53,7 @@ def filled(
         return viewpoint
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
-            "fill zooms and pans a camera around the volume, such as 30/20/1; leave it out where "
+            "zoom-in zooms and pans a camera around the volume, such as 30/20/1; leave it out where "
             "the camera stands at a place"
         )
     volume, look = medium
