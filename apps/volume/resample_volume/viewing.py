@@ -52,7 +52,7 @@ NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  #
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
-    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "fill"),
+    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256

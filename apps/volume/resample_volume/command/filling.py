@@ -53,7 +53,7 @@ def filled(
         return viewpoint
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
-            "zoom-in zooms and pans a camera around the volume, such as 30/20/1; leave it out where "
+            "zoom-in moves a camera around the volume, such as 30/20/1; leave it out where "
             "the camera stands at a place"
         )
     volume, look = medium
