@@ -58,7 +58,7 @@ STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera a
 BINS = 256
 LITTLE = 16  # voxels and px of a side, of pictures that have kernels compiled
 KINDS: Sequence[Settings] = (  # that have kernels of their own
-    {"classify": "post"},
+    {"classify": "pre"},  # also of previews
     {"projection": "maximum"},
     {"projection": "average"},
     {"projection": "first-hit", "iso": LITTLE / 2},
